@@ -1,0 +1,1 @@
+"""The queryable record: tables, sessions and queries."""

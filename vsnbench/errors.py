@@ -1,0 +1,29 @@
+"""The errors that users see: one line that says what was wrong, where, and what to do."""
+
+
+class VsnbenchError(Exception):
+    """Anything that stops a command for a reason its user can do something about; exit code 1."""
+
+    exit_code = 1
+
+
+class UsageError(VsnbenchError):
+    """The command asked for something that does not exist or does not fit together; exit code 2."""
+
+    exit_code = 2
+
+
+class SiteError(VsnbenchError):
+    """A site file that cannot be read or breaks a rule of the site format."""
+
+
+class RobotError(VsnbenchError):
+    """The robot, simulated or real, cannot be used or stopped answering."""
+
+
+class ModelError(VsnbenchError):
+    """A policy or its weights cannot be used."""
+
+
+class RecordError(VsnbenchError):
+    """The results directory or its database cannot be used."""

@@ -1,0 +1,50 @@
+"""What every policy is: reset for a goal, then one decision an observation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCard:
+    """What a policy needs, and what the record keeps of it."""
+
+    name: str
+    goals: frozenset[str] | None = None
+    """The goal categories it knows; None for any."""
+    sensors: frozenset[Sensor] = frozenset()
+    """The sensors it cannot do without."""
+    weights_sha256: str = ""
+    weights_label: str = ""
+    """What the weights are, in words, for every table that shows the model."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """JSON-serialisable configuration that was used."""
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """A visual-semantic-navigation model."""
+
+    card: ModelCard
+
+    def reset(self, goal: str, seed: int) -> None:
+        """Start an episode: forget the last one; every random choice in it follows from `seed`."""
+        ...
+
+    def act(self, observation: Observation) -> Decision:
+        """Return the next action."""
+        ...
+
+
+@runtime_checkable
+class SurveyedPolicy(Policy, Protocol):
+    """A policy that is handed the site: an upper bound, never a competitor; its record says so."""
+
+    def survey(self, site: Site, start: Pose) -> None:
+        """Learn the whole site and where in it the episode starts; called before each `reset`."""
+        ...

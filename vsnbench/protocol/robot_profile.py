@@ -1,0 +1,63 @@
+"""What kind of robot it is: base, speeds, camera and ROS names. The YAML files live in `vsnbench/robots/profiles`."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vsnbench.protocol.camera import Camera
+
+
+class Base(BaseModel):
+    """A differential-drive base."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    radius_m: float = Field(gt=0.05, lt=1, description="radius of the round shell, metres")
+    height_m: float = Field(gt=0.05, lt=3, description="height of the whole robot, metres")
+    mass_kg: float = Field(gt=0.5, lt=200)
+    track_m: float = Field(gt=0.05, lt=2, description="distance between the wheels, metres")
+    wheel_radius_m: float = Field(gt=0.01, lt=0.5)
+    max_linear_m_s: float = Field(gt=0, lt=3)
+    max_angular_rad_s: float = Field(gt=0, lt=10)
+    odometry_rate_hz: float = Field(gt=0, le=1000)
+    has_bumper: bool = True
+
+
+class Speeds(BaseModel):
+    """How discrete_move drives this base (paper, Table 1)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    linear_m_s: float = Field(default=0.3, gt=0, lt=3)
+    angular_rad_s: float = Field(default=0.5, gt=0, lt=10)
+    acceleration_share: float = Field(default=1 / 3, gt=0, le=0.5, description="share of the way spent accelerating")
+
+
+class RosNames(BaseModel):
+    """The ROS topics and services of this robot; an empty name means the robot does not have it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    command: str = "/cmd_vel"
+    odometry: str = "/odom"
+    reset_odometry: str = ""
+    bumper: str = ""
+    cliff: str = ""
+    wheel_drop: str = ""
+    color: str = "/camera/color/image_raw"
+    color_info: str = "/camera/color/camera_info"
+    depth: str = "/camera/depth/image_raw"
+    depth_info: str = "/camera/depth/camera_info"
+    discrete_move: str = "/discrete_move"
+    camera_rate_hz: float = Field(default=30.0, gt=0, le=240)
+
+
+class RobotProfile(BaseModel):
+    """One kind of robot, complete."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    title: str
+    base: Base
+    speeds: Speeds = Field(default_factory=Speeds)
+    camera: Camera
+    ros: RosNames = Field(default_factory=RosNames)

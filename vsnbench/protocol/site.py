@@ -1,0 +1,275 @@
+"""A surveyed place: rooms, walls, doors, objects and numbered starting positions, read from one YAML file.
+
+World frame of a site: metres, x to the right and y up on the floor plan, headings in degrees counter-clockwise
+from x. The file is the only description of the place: the judge measures distances in it and the simulator builds
+its world from it.
+"""
+
+import hashlib
+import json
+import math
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from shapely import affinity
+from shapely.geometry import LineString, Polygon, box
+
+from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.pose import Pose
+from vsnbench.resources import resource_directory
+
+Point = tuple[float, float]
+Color = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Room(_Strict):
+    """A room's outline on the floor plan, and what its floor and walls are made of."""
+
+    name: str
+    polygon: list[Point] = Field(min_length=3)
+    floor: Literal["wood", "tiles", "carpet", "concrete"] = "wood"
+    floor_color: Color | None = None
+
+    @cached_property
+    def shape(self) -> Polygon:
+        """The outline as a polygon, metres."""
+        return Polygon(self.polygon)
+
+
+class Wall(_Strict):
+    """A straight wall between two points on its centre line; doors and windows on it are cut out of it."""
+
+    start: Point
+    end: Point
+    thickness_m: float = Field(default=0.10, gt=0.01, lt=1)
+    height_m: float | None = Field(default=None, gt=0.1, description="the site's ceiling height when absent")
+    color: Color | None = None
+
+    @property
+    def centre_line(self) -> LineString:
+        """The wall's centre line."""
+        return LineString([self.start, self.end])
+
+    @property
+    def length_m(self) -> float:
+        """Length of the centre line, metres."""
+        return math.dist(self.start, self.end)
+
+    @cached_property
+    def shape(self) -> Polygon:
+        """The wall's footprint with no opening cut out; square ends reach half a thickness past both points."""
+        return self.centre_line.buffer(self.thickness_m / 2, cap_style="square")
+
+
+class Door(_Strict):
+    """A doorway: the clear opening between two points on a wall's centre line; the leaf stands wide open."""
+
+    name: str
+    start: Point
+    end: Point
+    height_m: float = Field(default=2.0, gt=1.0, lt=4)
+
+    @property
+    def clear_width_m(self) -> float:
+        """Width of the opening, metres."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def centre_line(self) -> LineString:
+        """The opening along its wall."""
+        return LineString([self.start, self.end])
+
+
+class Window(_Strict):
+    """A window between two points on a wall's centre line; robots cannot pass it."""
+
+    start: Point
+    end: Point
+    sill_m: float = Field(default=0.9, ge=0, lt=3)
+    head_m: float = Field(default=2.1, gt=0, lt=4)
+
+
+class SiteObject(_Strict):
+    """A thing that stands in the site: goal instance or mere furniture.
+
+    Its local frame is centred on its footprint; x (heading) is the side it faces: where one sits down, the screen of
+    a monitor, the doors of a cabinet.
+    """
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    category: str
+    position: Point
+    heading_deg: float = 0.0
+    size_m: tuple[
+        Annotated[float, Field(gt=0, lt=20)], Annotated[float, Field(gt=0, lt=20)], Annotated[float, Field(gt=0, lt=5)]
+    ]
+    """Depth along the heading, width across it, height; metres."""
+    elevation_m: float = Field(default=0.0, ge=0, lt=4, description="underside above the floor, metres")
+    footprint: list[Point] | None = Field(default=None, min_length=3, description="surveyed outline, world frame")
+    model: str | None = Field(default=None, description="which look the simulator gives it; by category when absent")
+    color: Color | None = None
+    solid: bool = Field(default=True, description="whether a robot can collide with it (a rug is not)")
+
+    @property
+    def pose(self) -> Pose:
+        """Centre and heading in the site's frame."""
+        return Pose.from_degrees(*self.position, self.heading_deg)
+
+    @cached_property
+    def shape(self) -> Polygon:
+        """The footprint on the floor plan: the surveyed outline, else the box of `size_m`."""
+        if self.footprint is not None:
+            return Polygon(self.footprint)
+        depth, width, _ = self.size_m
+        upright = box(-depth / 2, -width / 2, depth / 2, width / 2)
+        turned = affinity.rotate(upright, self.heading_deg, origin=(0, 0))
+        return affinity.translate(turned, *self.position)
+
+
+class StartingPosition(_Strict):
+    """A numbered place and heading from which episodes start (paper, Figure 3: the floor plan)."""
+
+    number: int = Field(ge=1)
+    position: Point
+    heading_deg: float
+    note: str = ""
+
+    @property
+    def pose(self) -> Pose:
+        """Place and heading in the site's frame."""
+        return Pose.from_degrees(*self.position, self.heading_deg)
+
+
+class Site(_Strict):
+    """A whole surveyed place."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    title: str = ""
+    ceiling_height_m: float = Field(default=2.5, gt=1.5, lt=10)
+    rooms: list[Room] = Field(min_length=1)
+    walls: list[Wall] = Field(min_length=1)
+    doors: list[Door] = []
+    windows: list[Window] = []
+    objects: list[SiteObject] = []
+    starts: list[StartingPosition] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> "Site":
+        given: list[tuple[str, list[str]]] = [
+            ("object id", [thing.id for thing in self.objects]),
+            ("starting position", [str(start.number) for start in self.starts]),
+            ("room", [room.name for room in self.rooms]),
+        ]
+        for what, names in given:
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{what} {', '.join(twice)} is given more than once")
+        return self
+
+    @property
+    def area_m2(self) -> float:
+        """Floor area of all rooms, square metres."""
+        return float(sum(room.shape.area for room in self.rooms))
+
+    @property
+    def categories(self) -> frozenset[str]:
+        """The categories of the objects that stand here."""
+        return frozenset(thing.category for thing in self.objects)
+
+    def instances(self, category: str) -> list[SiteObject]:
+        """Return the objects of a category; empty when there are none."""
+        return [thing for thing in self.objects if thing.category == category]
+
+    def start(self, number: int) -> StartingPosition:
+        """Return the starting position with that number.
+
+        Raises:
+            UsageError: there is none.
+        """
+        for start in self.starts:
+            if start.number == number:
+                return start
+        known = ", ".join(str(start.number) for start in self.starts)
+        raise UsageError(f"site {self.name} has no starting position {number}; it has {known}")
+
+    def content(self) -> dict[str, Any]:
+        """Return the site as plain JSON values: what the database keeps."""
+        return self.model_dump(mode="json")
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the content, independent of comments and formatting in the file."""
+        return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
+
+
+def embedded_sites() -> dict[str, Path]:
+    """Return the sites that ship with vsnbench, by name."""
+    return {path.stem: path for path in sorted(resource_directory("sites").glob("*.yaml"))}
+
+
+def load_site(name_or_path: str | Path) -> Site:
+    """Read an embedded site by its name, or any site by the path of its YAML file.
+
+    Raises:
+        UsageError: there is no such site.
+        SiteError: the file cannot be read or breaks the format; the message names the line and the field.
+    """
+    path = embedded_sites().get(str(name_or_path), Path(name_or_path))
+    if not path.is_file():
+        known = ", ".join(embedded_sites())
+        raise UsageError(f"no site {str(name_or_path)!r}: name an embedded one ({known}) or the path of a site file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SiteError(f"cannot read site file {path}: {error}") from error
+    return parse_site(text, origin=str(path))
+
+
+def parse_site(text: str, origin: str) -> Site:
+    """Read a site from YAML text; `origin` names it in errors.
+
+    Raises:
+        SiteError: the text breaks the format; the message names the line and the field.
+    """
+    try:
+        tree = yaml.compose(text, Loader=yaml.SafeLoader)
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{origin}:{mark.line + 1}" if mark else origin
+        problem = getattr(error, "problem", None) or "not YAML"
+        raise SiteError(f"{where}: not valid YAML: {problem}") from error
+    if not isinstance(content, dict):
+        raise SiteError(f"{origin}:1: a site file is a mapping with name, rooms, walls, objects and starts")
+    try:
+        return Site.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or "site"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise SiteError(f"{origin}:{_line_of(tree, first['loc'])}: {field}: {first['msg']}{more}") from error
+
+
+def _line_of(node: yaml.Node | None, location: tuple[int | str, ...]) -> int:
+    """Return the 1-based line of the deepest node on the way to `location`."""
+    line = 1
+    for part in location:
+        found: yaml.Node | None = None
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                if key.value == part:
+                    found, line = value, key.start_mark.line + 1
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = node.value[part]
+            line = found.start_mark.line + 1
+        if found is None:
+            break
+        node = found
+    return line

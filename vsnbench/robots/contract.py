@@ -1,0 +1,53 @@
+"""What every robot, simulated or real, can do; the runner knows no more about it than this."""
+
+from types import TracebackType
+from typing import Protocol, Self, runtime_checkable
+
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.site import StartingPosition
+
+
+@runtime_checkable
+class Robot(Protocol):
+    """A mobile base with a camera that carries out one discrete action at a time.
+
+    Every method may raise RobotError. `halt` must be safe to call at any time, more than once, and on every way out.
+    """
+
+    profile: RobotProfile
+    sensors: frozenset[Sensor]
+    simulated: bool
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        """Stand at `start` with odometry zeroed there; a real robot waits until a person has put it there."""
+        ...
+
+    def observe(self) -> Observation:
+        """Return fresh measurements, taken after the last motion ended."""
+        ...
+
+    def execute(self, action: Action) -> MotionResult:
+        """Carry out one action to its end, and say what was measured; STOP stands still."""
+        ...
+
+    def locate(self) -> Fix:
+        """Return where the robot stands in the site, for the judge; the policy never sees it."""
+        ...
+
+    def halt(self) -> None:
+        """Command zero velocity."""
+        ...
+
+    def close(self) -> None:
+        """Halt and let go of everything."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...

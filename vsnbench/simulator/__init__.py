@@ -1,0 +1,1 @@
+"""The embedded world: a site file becomes a scene with physics, a camera and odometry."""

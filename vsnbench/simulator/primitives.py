@@ -1,0 +1,55 @@
+"""The one list of shapes that both the physics and the rasteriser build their world from."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+Vector = tuple[float, float, float]
+
+
+class Shape(StrEnum):
+    """What a primitive is; all are centred on their origin and aligned with their own axes."""
+
+    BOX = "box"
+    CYLINDER = "cylinder"
+    """Along its own z axis; half sizes are (radius, radius, half length)."""
+    ELLIPSOID = "ellipsoid"
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """A colour and a procedural texture."""
+
+    color: Vector
+    """Linear-looking sRGB in [0, 1]."""
+    texture: str = "plain"
+    """Name of a procedural texture the rasteriser knows (plain, wood, planks, tiles, fabric, ...)."""
+    shininess: float = 0.0
+    """0 matt to 1 mirror-like; shiny and dark surfaces lose depth when depth noise is on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """One shape in the site's frame."""
+
+    shape: Shape
+    centre: Vector
+    half_size: Vector
+    material: Material
+    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    """Unit quaternion (w, x, y, z)."""
+    category: str = ""
+    """Object category, or `wall`, `floor`, `ceiling`, `door`, `window`."""
+    instance: int = 0
+    """1 + index of the object in `Site.objects`; 0 for the building itself."""
+    solid: bool = True
+    """Whether a robot can touch it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A whole site as primitives."""
+
+    primitives: tuple[Primitive, ...]
+    bounds: tuple[float, float, float, float]
+    """(x_min, y_min, x_max, y_max) of the floor plan, metres."""
+    ceiling_height_m: float
