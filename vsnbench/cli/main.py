@@ -1,0 +1,100 @@
+"""The console script: which verbs there are, and the one place where errors become a line and an exit code.
+
+A verb's module is imported only when that verb is called, so that `vsnbench --help` answers at once.
+"""
+
+import importlib
+import logging
+import sys
+from typing import Annotated
+
+import typer
+
+from vsnbench import __version__
+from vsnbench.errors import VsnbenchError
+
+VERBS: dict[str, tuple[str, str]] = {
+    "run": ("vsnbench.cli.run", "Run a campaign: one model, its goals, every starting position; resumes by itself."),
+    "report": ("vsnbench.cli.report", "Success rates with intervals, from the database."),
+    "compare": ("vsnbench.cli.compare", "Compare two models with honest statistics."),
+    "view": ("vsnbench.cli.view", "Open an episode in Rerun."),
+    "episodes": ("vsnbench.cli.episodes", "List and show recorded episodes."),
+    "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
+    "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),
+    "models": ("vsnbench.cli.models", "List, show, check and fetch models."),
+    "ros": ("vsnbench.cli.ros", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
+    "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
+    "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
+    "import": ("vsnbench.cli.import_", "Take in results of other tools."),
+    "db": ("vsnbench.cli.db", "Where the results database is, its state, upgrade and backup."),
+}
+"""Verb -> (module, line for --help), in the order of --help.
+
+A module offers `app` (a Typer with sub-commands) or `command` (a function that is the verb itself).
+"""
+
+EXAMPLES = """
+[bold]Does the model find chairs?[/bold]
+
+    vsnbench run --model oracle --goal chair
+    vsnbench report
+    vsnbench view 1
+
+With no robot named, a simulated Turtlebot 2 drives in an embedded apartment. Results go to ./results, or where
+--results or $VSNBENCH_RESULTS says. Interrupted? Type the same command again: it goes on with the trials left.
+"""
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"vsnbench {__version__}")
+        raise typer.Exit
+
+
+def build_app(verb: str | None) -> typer.Typer:
+    """Return the command line with `verb` loaded in full and every other verb as its one line of help."""
+    root = typer.Typer(
+        name="vsnbench",
+        help=f"Benchmark visual-semantic-navigation models on robots, real and simulated.\n\n{EXAMPLES}",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @root.callback()
+    def options(
+        version: Annotated[
+            bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+        ] = False,
+    ) -> None:
+        del version
+
+    for name, (module_name, summary) in VERBS.items():
+        if name != verb:
+            root.command(name, help=summary)(lambda: None)
+            continue
+        module = importlib.import_module(module_name)
+        if hasattr(module, "app"):
+            root.add_typer(module.app, name=name, help=summary)
+        else:
+            root.command(name)(module.command)
+    return root
+
+
+def main() -> None:
+    """Run the command line; known errors become one line on stderr and their exit code."""
+    logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
+    verb = next((word for word in sys.argv[1:] if word in VERBS), None)
+    try:
+        build_app(verb)(prog_name="vsnbench")
+    except VsnbenchError as error:
+        sys.stderr.write(f"vsnbench: error: {error}\n")
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""The judge: when an episode ends, why, and whether it succeeded (paper, Section 4.1).
+
+Every end has exactly one reason. Only STOP, STEP_LIMIT and COLLISION are results; any other reason makes the
+attempt void: the trial must be run again and the episode never enters a success rate.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import PoseSource
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.parameters import ProtocolParameters
+
+
+class EndReason(StrEnum):
+    """Why an episode ended."""
+
+    STOP = "stop"
+    STEP_LIMIT = "step_limit"
+    COLLISION = "collision"
+    MOTION_FAILED = "motion_failed"
+    SENSOR_LOST = "sensor_lost"
+    MODEL_ERROR = "model_error"
+    ABORTED = "aborted"
+    """A person ended it."""
+    INTERRUPTED = "interrupted"
+    """The process died."""
+
+    @property
+    def is_result(self) -> bool:
+        """Whether the episode counts as a trial done."""
+        return self in (EndReason.STOP, EndReason.STEP_LIMIT, EndReason.COLLISION)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalDistance:
+    """Distance to the nearest instance of the goal, by footprint, and how it was measured."""
+
+    distance_m: float
+    source: PoseSource
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A judgement of one episode; `success` is None for a void attempt."""
+
+    end_reason: EndReason
+    success: bool | None
+    text: str
+    distance: GoalDistance | None = None
+
+
+def end_after(
+    actions: int, action: Action, result: MotionResult | None, parameters: ProtocolParameters
+) -> EndReason | None:
+    """Return why the episode ends after its `actions`-th action, or None when it goes on.
+
+    A collision comes before everything else: nothing that the policy does later, or at the same moment, undoes it.
+    The last action of the cap ends the episode whatever it is, STOP included.
+
+    Args:
+        actions: how many actions the policy has chosen in this episode, this one included; blocked ones count.
+        action: the action chosen last.
+        result: what became of it; None when the depth guard refused it.
+        parameters: the protocol's numbers.
+    """
+    if result is not None and result.collision is not None:
+        return EndReason.COLLISION
+    if result is not None and not result.completed:
+        return EndReason.SENSOR_LOST if result.sensor_lost else EndReason.MOTION_FAILED
+    if actions >= parameters.max_actions:
+        return EndReason.STEP_LIMIT
+    return EndReason.STOP if action is Action.STOP else None
+
+
+def judge(
+    end_reason: EndReason, actions: int, distance: GoalDistance | None, parameters: ProtocolParameters
+) -> Verdict:
+    """Judge an ended episode.
+
+    Success is STOP, in fewer actions than the cap, nearer to the goal than the success distance, with no collision.
+
+    Raises:
+        ValueError: a STOP cannot be judged without a distance.
+    """
+    if not end_reason.is_result:
+        return Verdict(end_reason, None, f"void: {_WORDS[end_reason]}; the trial must be run again", distance)
+    if end_reason is EndReason.COLLISION:
+        return Verdict(end_reason, False, f"failed: collision at action {actions}", distance)
+    if end_reason is EndReason.STEP_LIMIT or actions >= parameters.max_actions:
+        return Verdict(EndReason.STEP_LIMIT, False, f"failed: {actions} actions reached the cap", distance)
+    if distance is None:
+        raise ValueError("an episode that ended with STOP needs a distance to the goal")
+    near = distance.distance_m < parameters.success_distance_m
+    comparison = "under" if near else "not under"
+    text = (
+        f"{'success' if near else 'failed'}: STOP after {actions} actions, {distance.distance_m:.3f} m from "
+        f"{distance.instance or 'the goal'} ({distance.source}), {comparison} {parameters.success_distance_m:g} m"
+    )
+    return Verdict(end_reason, near, text, distance)
+
+
+_WORDS = {
+    EndReason.MOTION_FAILED: "the base could not carry out an action",
+    EndReason.SENSOR_LOST: "a sensor went silent",
+    EndReason.MODEL_ERROR: "the model failed",
+    EndReason.ABORTED: "a person ended the episode",
+    EndReason.INTERRUPTED: "the process died",
+}
