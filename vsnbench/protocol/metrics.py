@@ -4,6 +4,7 @@ SPL: Anderson et al., "On Evaluation of Embodied Navigation Agents" (2018), Eq. 
 "Integrating Egocentric Localization for More Realistic Point-Goal Navigation Agents" (2020), Section 4.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -52,7 +53,7 @@ def _path_efficiency(shortest_m: float, path_m: float) -> float:
 
 def path_length_m(poses: Sequence[Pose]) -> float:
     """Return the length of the polyline through the positions, metres."""
-    return sum(before.distance_to(after) for before, after in zip(poses, poses[1:], strict=False))
+    return sum(before.distance_to(after) for before, after in itertools.pairwise(poses))
 
 
 def distance_to_goal(site: Site, goal: str, fix: Fix) -> GoalDistance:

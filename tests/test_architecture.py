@@ -1,0 +1,68 @@
+"""The floors of the house: imports point downward only."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "vsnbench"
+
+MAY_IMPORT: dict[str, set[str]] = {
+    "protocol": set(),
+    "motion": {"protocol"},
+    "simulator": {"protocol", "motion"},
+    "ros4vsn": {"protocol", "motion", "simulator"},
+    "database": {"protocol"},
+    "models": {"protocol"},
+    "robots": {"protocol", "motion", "simulator", "ros4vsn"},
+    "report": {"protocol", "database"},
+    "runner": {"protocol", "motion", "simulator", "ros4vsn", "database", "models", "robots"},
+    "cli": {"protocol", "motion", "simulator", "ros4vsn", "database", "models", "robots", "report", "runner"},
+}
+GROUND = {"errors", "resources"}
+"""Modules beside the rooms that every room may import."""
+
+
+def imported_rooms(file: Path) -> set[str]:
+    rooms: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{file}: relative import"
+            names = [f"vsnbench.{alias.name}" for alias in node.names] if node.module == "vsnbench" else [node.module]
+        rooms |= {name.split(".")[1] for name in names if name.startswith("vsnbench.")}
+    return {room for room in rooms if (PACKAGE / room).is_dir() or (PACKAGE / f"{room}.py").is_file()}
+
+
+def test_every_package_stands_on_a_floor() -> None:
+    packages = {path.name for path in PACKAGE.iterdir() if path.is_dir() and (path / "__init__.py").is_file()}
+    assert packages == set(MAY_IMPORT)
+
+
+@pytest.mark.parametrize("room", sorted(MAY_IMPORT))
+def test_a_room_imports_only_from_the_floors_below(room: str) -> None:
+    allowed = MAY_IMPORT[room] | GROUND | {room}
+    wrong = {
+        str(file.relative_to(PACKAGE.parent)): climbs
+        for file in sorted((PACKAGE / room).rglob("*.py"))
+        if (climbs := imported_rooms(file) - allowed)
+    }
+    assert not wrong
+
+
+def test_the_ground_imports_no_room() -> None:
+    for name in GROUND:
+        assert imported_rooms(PACKAGE / f"{name}.py") <= GROUND
+
+
+def test_the_check_notices_an_import_that_climbs(tmp_path: Path) -> None:
+    file = tmp_path / "climber.py"
+    file.write_text("from vsnbench.cli import main\nimport vsnbench.runner.campaign\n")
+    assert imported_rooms(file) == {"cli", "runner"}
+
+
+def test_every_file_of_the_package_opens_by_saying_its_job() -> None:
+    files = list(PACKAGE.rglob("*.py"))
+    assert [str(file) for file in files if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))] == []
