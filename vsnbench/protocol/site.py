@@ -69,12 +69,17 @@ class Wall(_Strict):
 
 
 class Door(_Strict):
-    """A doorway: the clear opening between two points on a wall's centre line; the leaf stands wide open."""
+    """A doorway: the clear opening between two points on a wall's centre line.
+
+    The leaf is hinged at `start` and swings to the left of start -> end; during trials it is folded back out of the
+    way. A closed door, such as the front door, stays shut and is as impassable as the wall.
+    """
 
     name: str
     start: Point
     end: Point
     height_m: float = Field(default=2.0, gt=1.0, lt=4)
+    closed: bool = False
 
     @property
     def clear_width_m(self) -> float:
