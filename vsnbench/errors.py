@@ -21,6 +21,10 @@ class RobotError(VsnbenchError):
     """The robot, simulated or real, cannot be used or stopped answering."""
 
 
+class SensorLostError(RobotError):
+    """A sensor of the robot went silent or sends what cannot be used."""
+
+
 class ModelError(VsnbenchError):
     """A policy or its weights cannot be used."""
 

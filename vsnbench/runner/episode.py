@@ -1,0 +1,215 @@
+"""One episode: observe, act, guard, execute, record, until the protocol says that it is over."""
+
+import logging
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, end_after, judge
+from vsnbench.protocol.metrics import distance_to_goal
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site, StartingPosition
+from vsnbench.robots.contract import Robot
+from vsnbench.runner.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.stopping import Stopped, StopSignals
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Timings:
+    """Wall-clock seconds of the parts of one step."""
+
+    sense_s: float
+    infer_s: float
+    move_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One action of the policy, with what was seen, requested, executed and measured."""
+
+    index: int
+    """1 for the first action."""
+    observation: Observation
+    decision: Decision
+    guard: GuardReading | None
+    """What the depth guard saw; None when the action is not MOVE_FORWARD."""
+    result: MotionResult | None
+    """None when the guard refused the action."""
+    before: Fix
+    after: Fix
+    timings: Timings
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the depth guard refused the action; it still counts."""
+        return self.guard is not None and self.guard.blocked
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodePlan:
+    """What one episode is asked to show."""
+
+    site: Site
+    goal: str
+    start: StartingPosition
+    seed: int
+    parameters: ProtocolParameters
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeOutcome:
+    """How an episode ended."""
+
+    verdict: Verdict
+    actions: int
+    final: Fix | None
+    wall_s: float
+    error: str = ""
+    """What went wrong, for a void episode."""
+
+
+class EpisodeRecorder(Protocol):
+    """Whatever keeps an episode: the database, the image files, Rerun."""
+
+    def begin(self, plan: EpisodePlan, start: Fix) -> None:
+        """Note that the episode has started; `start` is where the robot really stands."""
+        ...
+
+    def step(self, step: Step) -> None:
+        """Keep one step for good before the next one is taken."""
+        ...
+
+    def event(self, kind: str, text: str) -> None:
+        """Keep something that happened beside the steps."""
+        ...
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        """Keep the end and the verdict."""
+        ...
+
+
+def run_episode(
+    robot: Robot, policy: Policy, plan: EpisodePlan, recorder: EpisodeRecorder, stop: StopSignals
+) -> EpisodeOutcome:
+    """Run one episode to its end, record it step by step, and judge it.
+
+    The robot is halted on every way out. A RecordError leaves this function at once: what cannot be kept must not
+    be driven.
+
+    Raises:
+        Stopped: somebody asked the run to stop; the episode has been recorded as aborted or interrupted.
+        RecordError: the record cannot be written.
+    """
+    began = time.monotonic()
+    actions = 0
+    began_recording = False
+    stopped: Stopped | None = None
+    error = ""
+    try:
+        with stop.interruptible():
+            robot.begin(plan.start, plan.seed)
+            here = robot.locate()
+        recorder.begin(plan, here)
+        began_recording = True
+        _reset(policy, plan, here)
+        reason: EndReason | None = None
+        while reason is None:
+            with stop.interruptible():
+                step, reason = _take_step(robot, policy, plan, actions + 1, here)
+            recorder.step(step)
+            actions, here = actions + 1, step.after
+            if step.blocked and step.guard is not None:
+                recorder.event("blocked", f"action {step.index}: {step.guard.words}")
+    except Stopped as request:
+        stopped = request
+        reason = EndReason.ABORTED if request.by_person else EndReason.INTERRUPTED
+        error = "stopped with Ctrl-C" if request.by_person else f"the process was ended by {request}"
+    except _PolicyError as failure:
+        reason, error = EndReason.MODEL_ERROR, str(failure)
+    except SensorLostError as failure:
+        reason, error = EndReason.SENSOR_LOST, str(failure)
+    except RobotError as failure:
+        reason, error = EndReason.MOTION_FAILED, str(failure)
+    finally:
+        robot.halt()
+    if not began_recording:
+        if stopped is not None:
+            raise stopped
+        raise RobotError(error or "the robot could not begin the episode")
+    outcome = _judged(robot, plan, reason, actions, time.monotonic() - began, error)
+    if error:
+        recorder.event(outcome.verdict.end_reason.value, error)
+    recorder.end(outcome)
+    if stopped is not None:
+        raise stopped
+    return outcome
+
+
+class _PolicyError(Exception):
+    """The policy raised, or answered with something that is no decision."""
+
+
+def _reset(policy: Policy, plan: EpisodePlan, start: Fix) -> None:
+    try:
+        if isinstance(policy, SurveyedPolicy):
+            policy.survey(plan.site, start.pose)
+        policy.reset(plan.goal, plan.seed)
+    except Exception as error:
+        logger.exception("model %s failed in reset", policy.card.name)
+        raise _PolicyError(f"reset: {type(error).__name__}: {error}") from error
+
+
+def _act(policy: Policy, observation: Observation) -> Decision:
+    try:
+        decision = policy.act(observation)
+    except Exception as error:
+        logger.exception("model %s failed in act", policy.card.name)
+        raise _PolicyError(f"act: {type(error).__name__}: {error}") from error
+    if not isinstance(decision, Decision) or not isinstance(decision.action, Action):
+        raise _PolicyError(f"act answered {decision!r:.80}, which is not a Decision with an Action")
+    return decision
+
+
+def _take_step(
+    robot: Robot, policy: Policy, plan: EpisodePlan, index: int, before: Fix
+) -> tuple[Step, EndReason | None]:
+    t0 = time.perf_counter()
+    observation = robot.observe()
+    t1 = time.perf_counter()
+    decision = _act(policy, observation)
+    t2 = time.perf_counter()
+    guard: GuardReading | None = None
+    result: MotionResult | None = None
+    after = before
+    if decision.action is Action.MOVE_FORWARD:
+        guard = look_ahead(observation, robot.profile.base, plan.parameters.depth_guard)
+    if guard is None or not guard.blocked:
+        result = robot.execute(decision.action)
+        after = robot.locate()
+    timings = Timings(t1 - t0, t2 - t1, time.perf_counter() - t2)
+    step = Step(index, observation, decision, guard, result, before, after, timings)
+    return step, end_after(index, decision.action, result, plan.parameters)
+
+
+def _judged(
+    robot: Robot, plan: EpisodePlan, reason: EndReason, actions: int, wall_s: float, error: str
+) -> EpisodeOutcome:
+    final: Fix | None = None
+    distance: GoalDistance | None = None
+    try:
+        final = robot.locate()
+        distance = distance_to_goal(plan.site, plan.goal, final)
+    except RobotError as failure:
+        if reason is EndReason.STOP:
+            reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"
+    verdict = judge(reason, actions, distance, plan.parameters)
+    return EpisodeOutcome(verdict, actions, final, wall_s, error)
