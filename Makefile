@@ -1,0 +1,45 @@
+# The project's habits. `make demo` runs the main job, `make test` passes everything; both set up what they need.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+BIN := .venv/bin
+DEMO_RESULTS ?= demo-results
+
+.PHONY: help demo test check fmt bench docs setup setup-test clean
+
+help: ## Show this help.
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+setup:
+	@scripts/setup.sh run
+
+setup-test:
+	@scripts/setup.sh test
+
+demo: setup ## Set up and run the main job in the embedded apartment, then report it.
+	$(BIN)/vsnbench run --model oracle --goal all --starts 1-3 --results $(DEMO_RESULTS)
+	$(BIN)/vsnbench run --model random --goal all --starts 1-3 --results $(DEMO_RESULTS)
+	$(BIN)/vsnbench report --results $(DEMO_RESULTS)
+	@echo
+	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
+
+test: setup-test check ## Set up and pass every check and test.
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros"
+	$(BIN)/python -m pytest -m ros
+
+check: setup-test ## Lint, format check and types.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+fmt: setup-test ## Format and mend what can be mended by itself.
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: setup-test ## Run the measured comparisons.
+	for file in benchmarks/[a-z]*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+docs: setup-test ## Remake the figures and the generated pages.
+	$(BIN)/python scripts/make_docs.py
+
+clean: ## Remove the environment and everything that was made.
+	rm -rf .venv $(DEMO_RESULTS) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
