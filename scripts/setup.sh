@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Set up .venv: `setup.sh run` for the tool itself, `setup.sh test` with everything the tests need as well.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+kind=${1:-run}
+case $kind in
+    run) extras="" system="" ;;
+    test) extras="[neural,postgresql,bags,dev]" system="chromium postgresql ros" ;;
+    *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
+esac
+
+fingerprint=$(cat pyproject.toml scripts/*.sh | sha256sum | cut -c1-16)
+stamp=.venv/.set-up-for-$kind
+[ -f "$stamp" ] && [ "$(cat "$stamp")" = "$fingerprint" ] && exit 0
+
+find_python() {
+    local candidate
+    for candidate in "${PYTHON:-}" python3 python3.13 python3.12 python3.11; do
+        [ -n "$candidate" ] && command -v "$candidate" >/dev/null || continue
+        "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$candidate"; return; }
+    done
+    echo "vsnbench needs Python 3.11 or newer (set PYTHON=/path/to/python3.11)" >&2
+    return 1
+}
+
+if [ ! -x .venv/bin/python ]; then
+    python=$(find_python)
+    "$python" -c 'import ensurepip, venv' 2>/dev/null || scripts/install_system.sh venv
+    echo "setting up .venv (once; a few minutes)"
+    "$python" -m venv .venv
+fi
+pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
+if [ "$kind" = test ]; then
+    # First and by itself, so that nothing installed later chooses another build of it.
+    pip torch==2.13.0
+fi
+pip --editable ".$extras"
+[ -z "$system" ] || scripts/install_system.sh $system
+echo "$fingerprint" > "$stamp"
