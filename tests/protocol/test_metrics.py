@@ -1,0 +1,55 @@
+"""SR, SPL, SoftSPL and path length against hand-worked values and their invariants."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vsnbench.protocol.metrics import path_length_m, soft_spl, spl, success_rate
+from vsnbench.protocol.pose import Pose
+
+metres = st.floats(0, 100)
+
+
+def test_success_rate_of_the_papers_vlv_table() -> None:
+    assert success_rate([True] * 22 + [False] * 53) == pytest.approx(0.2933, abs=1e-4)
+
+
+def test_success_rate_of_nothing_is_not_a_number() -> None:
+    assert math.isnan(success_rate([]))
+
+
+@pytest.mark.parametrize(
+    ("success", "shortest_m", "path_m", "expected"),
+    [(True, 4, 4, 1), (True, 4, 8, 0.5), (True, 4, 3, 1), (False, 4, 4, 0), (True, 0, 0, 1), (True, 0, 2, 0)],
+)
+def test_spl_by_hand(success: bool, shortest_m: float, path_m: float, expected: float) -> None:
+    assert spl(success, shortest_m, path_m) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("shortest_m", "remaining_m", "path_m", "expected"),
+    [(4, 0, 4, 1), (4, 2, 4, 0.5), (4, 2, 8, 0.25), (4, 6, 4, 0), (0, 0, 0, 1), (0, 1, 1, 0)],
+)
+def test_soft_spl_by_hand(shortest_m: float, remaining_m: float, path_m: float, expected: float) -> None:
+    assert soft_spl(shortest_m, remaining_m, path_m) == pytest.approx(expected)
+
+
+@given(success=st.booleans(), shortest_m=metres, path_m=metres)
+def test_spl_is_never_more_than_success(success: bool, shortest_m: float, path_m: float) -> None:
+    assert 0 <= spl(success, shortest_m, path_m) <= success
+
+
+@given(shortest_m=metres, remaining_m=metres, path_m=metres)
+def test_soft_spl_is_a_share_and_a_longer_path_never_helps(
+    shortest_m: float, remaining_m: float, path_m: float
+) -> None:
+    share = soft_spl(shortest_m, remaining_m, path_m)
+    assert 0 <= share <= 1
+    assert soft_spl(shortest_m, remaining_m, path_m + 1) <= share
+
+
+def test_path_length_follows_the_corners() -> None:
+    assert path_length_m([Pose(0, 0), Pose(3, 0), Pose(3, 4)]) == pytest.approx(7)
+    assert path_length_m([Pose(1, 1)]) == 0

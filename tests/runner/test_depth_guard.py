@@ -1,0 +1,87 @@
+"""The depth guard refuses what lies in the robot's way, and only that."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.parameters import DepthGuard
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import Base
+from vsnbench.runner.depth_guard import look_ahead
+
+BASE = Base(
+    radius_m=0.18,
+    height_m=0.6,
+    mass_kg=6,
+    track_m=0.23,
+    wheel_radius_m=0.035,
+    max_linear_m_s=0.7,
+    max_angular_rad_s=3,
+    odometry_rate_hz=50,
+)
+CAMERA = Camera(width=160, height=120, horizontal_fov_deg=60, mount_height_m=0.6)
+GUARD = DepthGuard(distance_m=0.4)
+
+
+def seeing(depth_m: np.ndarray, camera: Camera = CAMERA) -> Observation:
+    rgb = np.zeros((*depth_m.shape, 3), np.uint8)
+    return Observation(rgb, depth_m.astype(np.float32), Pose(0, 0), 0.0, camera)
+
+
+def wall_at(distance_m: float) -> np.ndarray:
+    return np.full((120, 160), distance_m)
+
+
+def test_a_wall_nearer_than_the_distance_blocks() -> None:
+    reading = look_ahead(seeing(wall_at(0.57)), BASE, GUARD)
+    assert reading.blocked
+    assert reading.nearest_m == pytest.approx(0.39, abs=1e-3)
+
+
+def test_a_wall_farther_than_the_distance_does_not() -> None:
+    assert not look_ahead(seeing(wall_at(0.59)), BASE, GUARD).blocked
+
+
+def test_invalid_depth_is_no_obstacle() -> None:
+    assert look_ahead(seeing(wall_at(math.nan)), BASE, GUARD).pixels == 0
+
+
+def test_a_few_noisy_pixels_are_no_obstacle() -> None:
+    depth = wall_at(3.0)
+    depth[60, 80 : 80 + GUARD.min_pixels - 1] = 0.5
+    assert not look_ahead(seeing(depth), BASE, GUARD).blocked
+    depth[60, 79] = 0.5
+    assert look_ahead(seeing(depth), BASE, GUARD).blocked
+
+
+def test_what_stands_beside_the_swath_does_not_block() -> None:
+    depth = wall_at(3.0)
+    columns = np.arange(160)
+    beside = np.abs((columns - 79.5) / CAMERA.focal_px * 0.5) > BASE.radius_m + GUARD.margin_m
+    depth[:, beside] = 0.5
+    assert beside.any()
+    assert not look_ahead(seeing(depth), BASE, GUARD).blocked
+
+
+def test_the_floor_seen_by_a_camera_that_looks_down_does_not_block() -> None:
+    camera = CAMERA.model_copy(update={"tilt_deg": -50.0})
+    rows = (np.arange(120) - 59.5) / camera.focal_px
+    tilt = math.radians(camera.tilt_deg)
+    falling = math.cos(tilt) * rows - math.sin(tilt)
+    depth = np.repeat((camera.mount_height_m / falling)[:, None], 160, axis=1)
+    ahead = depth[:, 0] * (math.cos(tilt) + math.sin(tilt) * rows)
+    assert (ahead < BASE.radius_m + GUARD.distance_m).any()
+    assert not look_ahead(seeing(depth, camera), BASE, GUARD).blocked
+
+
+def test_a_camera_mounted_behind_the_axis_sees_the_same_wall_farther() -> None:
+    camera = CAMERA.model_copy(update={"mount_forward_m": -0.1})
+    assert not look_ahead(seeing(wall_at(0.69), camera), BASE, GUARD).blocked
+    assert look_ahead(seeing(wall_at(0.67), camera), BASE, GUARD).blocked
+
+
+def test_a_guard_that_is_off_never_blocks() -> None:
+    assert not look_ahead(seeing(wall_at(0.3)), BASE, DepthGuard(enabled=False)).blocked
