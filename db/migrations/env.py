@@ -1,0 +1,22 @@
+"""Alembic's environment: migrates over the connection that `vsnbench.database.migrate` hands in."""
+
+from alembic import context
+
+from vsnbench.database.tables import Base
+
+
+def run() -> None:
+    """Migrate; SQLite alters a table by rebuilding it, so its foreign keys are off until every row is checked."""
+    connection = context.config.attributes["connection"]
+    context.configure(
+        connection=connection,
+        target_metadata=Base.metadata,
+        render_as_batch=True,
+        compare_type=True,
+        transaction_per_migration=False,
+    )
+    with context.begin_transaction():
+        context.run_migrations()
+
+
+run()

@@ -1,0 +1,183 @@
+"""Opens the database of the record: SQLite set up so that a killed process loses nothing, or any SQLAlchemy URL."""
+
+import json
+import math
+import os
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+from urllib.parse import quote
+
+import numpy as np
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+
+from vsnbench.errors import RecordError, UsageError
+
+BUSY_TIMEOUT_S = 30
+"""How long a writer waits for another one before it gives up."""
+
+
+def sqlite_url(path: Path) -> str:
+    """Return the URL of an SQLite file."""
+    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
+
+
+def sqlite_path(url: str) -> Path | None:
+    """Return the file behind an SQLite URL; None for another database."""
+    parsed = _parse(url)
+    return Path(parsed.database) if parsed.get_backend_name() == "sqlite" and parsed.database else None
+
+
+def shown_url(url: str) -> str:
+    """Return the URL as it may be printed: without its password."""
+    return _parse(url).render_as_string(hide_password=True)
+
+
+def open_engine(url: str, *, read_only: bool = False) -> Engine:
+    """Return an engine on the database; nothing is created or migrated.
+
+    SQLite: WAL, foreign keys on, a busy time-out, and a write transaction that takes the lock when it begins, so that
+    two writers queue up instead of failing half-way.
+
+    Args:
+        url: any SQLAlchemy URL.
+        read_only: refuse every write; the SQLite file must exist.
+
+    Raises:
+        UsageError: the URL is not one, or its driver is not installed.
+        RecordError: there is no file to read.
+    """
+    parsed = _parse(url)
+    options: dict[str, Any] = {"json_serializer": to_json}
+    try:
+        if parsed.get_backend_name() != "sqlite":
+            # A connection that the server closed overnight is replaced instead of failing the next step.
+            engine = create_engine(parsed, pool_pre_ping=True, **options)
+            return engine.execution_options(postgresql_readonly=True) if read_only else engine
+        if read_only and parsed.database:
+            options["creator"] = _sqlite_reader(Path(parsed.database))
+        engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, **options)
+    except NoSuchModuleError as error:
+        raise UsageError(
+            f"no such kind of database in {shown_url(url)}: use sqlite:/// or postgresql+psycopg://"
+        ) from error
+    except ImportError as error:
+        raise UsageError(
+            f"the driver for {shown_url(url)} is not installed ({error}): pip install 'vsnbench[postgresql]'"
+        ) from error
+    _set_up_sqlite(engine, read_only=read_only)
+    return engine
+
+
+def _parse(url: str) -> URL:
+    try:
+        return make_url(url)
+    except ArgumentError as error:
+        raise UsageError(
+            f"{url!r} is not a database URL: write sqlite:///path/vsnbench.db or postgresql+psycopg://user@host/name"
+        ) from error
+
+
+def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
+    if not path.is_file():
+        raise RecordError(f"there is no record at {path}: `vsnbench run` makes one, --results says where to look")
+    # An archive on a read-only disk has no place for the files that share a WAL; nobody can be writing it either.
+    wal = path.with_name(path.name + "-wal")
+    mode = "rw" if os.access(path.parent, os.W_OK) else "ro" if wal.exists() else "ro&immutable=1"
+    uri = f"file:{quote(str(path.resolve()))}?mode={mode}"
+    return lambda: sqlite3.connect(uri, uri=True, timeout=BUSY_TIMEOUT_S, check_same_thread=False)
+
+
+def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
+    @event.listens_for(engine, "connect")
+    def connect(connection: sqlite3.Connection, _record: object) -> None:
+        connection.isolation_level = None  # the driver begins no transaction of its own: `begin` below does
+        connection.execute("PRAGMA foreign_keys = ON")
+        if read_only:
+            connection.execute("PRAGMA query_only = ON")
+            return
+        connection.execute("PRAGMA journal_mode = WAL")
+        # In WAL, NORMAL survives kill -9 whole; only a power cut can lose the last commits, never corrupt the file.
+        connection.execute("PRAGMA synchronous = NORMAL")
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        connection.exec_driver_sql("BEGIN" if read_only else "BEGIN IMMEDIATE")
+
+
+@contextmanager
+def record_errors(url: str) -> Iterator[None]:
+    """Turn what the database driver raises into one line for the user.
+
+    Raises:
+        RecordError: the database could not be used.
+    """
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise_record_error(error, url)
+
+
+def raise_record_error(error: SQLAlchemyError, url: str) -> NoReturn:
+    """Raise the RecordError that says what became of the database at `url`, and what to do.
+
+    Programming errors (a missing table apart) are not the user's: they are raised as they are.
+
+    Raises:
+        RecordError: always, for what a user can do something about.
+    """
+    if not isinstance(error, DBAPIError):
+        raise error
+    cause = str(error.orig).strip().splitlines()[0] if error.orig and str(error.orig).strip() else str(error)
+    where = shown_url(url)
+    for words, advice in _ADVICE.items():
+        if words in cause.lower():
+            raise RecordError(f"cannot use the database {where}: {cause}; {advice}") from error
+    if error.connection_invalidated or type(error.orig).__name__ in ("OperationalError", "DatabaseError"):
+        raise RecordError(f"cannot use the database {where}: {cause}") from error
+    raise error
+
+
+_ADVICE = {
+    "disk is full": "the disk is full: free some space and run the same command again",
+    "no space left": "the disk is full: free some space and run the same command again",
+    "disk i/o error": "the disk cannot be written: look at its free space and health, then run the same command again",
+    "readonly": "it cannot be written: look at the directory's permissions, or choose another with --results",
+    "read-only": "it cannot be written: choose another results directory with --results",
+    "unable to open": "look at the path and its permissions, or choose another directory with --results",
+    "locked": "another process has been writing for too long: wait for it, or stop it",
+    "not a database": "the file is something else: choose another results directory with --results",
+    "malformed": "the file is damaged: restore a backup (`vsnbench db backup` makes them)",
+    "no such table": "it has no record in it: `vsnbench db upgrade` makes one",
+    "connection refused": "the server does not answer: is it running, and is the address right?",
+    "password authentication": "the server refused the user or the password in the URL",
+}
+
+
+def to_json(value: object) -> str:
+    """Return JSON that every database takes: arrays become lists, numbers that are not finite become null."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def _plain(value: object) -> object:
+    match value:
+        case None | bool() | int():
+            return value
+        case str():
+            return value.replace("\x00", "\N{REPLACEMENT CHARACTER}")  # PostgreSQL takes no NUL in text
+        case float():
+            return value if math.isfinite(value) else None
+        case Mapping():
+            return {str(key): _plain(item) for key, item in value.items()}
+        case np.ndarray() | np.generic():
+            return _plain(value.tolist())
+        case list() | tuple():
+            return [_plain(item) for item in value]
+        case set() | frozenset():
+            return sorted((_plain(item) for item in value), key=str)
+        case _:
+            return str(value)

@@ -1,0 +1,186 @@
+"""Brings a database to this version's schema with Alembic, refuses one from a newer vsnbench, and makes backups."""
+
+import os
+import sqlite3
+import subprocess
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine, inspect
+
+from vsnbench.database.engine import record_errors, sqlite_path
+from vsnbench.errors import RecordError
+from vsnbench.resources import resource_directory
+
+
+@dataclass(frozen=True, slots=True)
+class SchemaState:
+    """Where a database stands on the way to this version's schema."""
+
+    current: str | None
+    """Revision of the database; None when it is empty."""
+    head: str
+    """Revision that this version of vsnbench works with."""
+    pending: tuple[str, ...]
+    """Revisions between the two, in order."""
+
+    @property
+    def up_to_date(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.current == self.head
+
+
+def schema_state(engine: Engine) -> SchemaState:
+    """Say which revision a database has and which ones it lacks.
+
+    Raises:
+        RecordError: the database cannot be read, is from a newer vsnbench, or is not a record at all.
+    """
+    with record_errors(_url(engine)), engine.connect() as connection:
+        return _state(connection)
+
+
+def upgrade(engine: Engine) -> SchemaState:
+    """Bring the database to the newest schema, all of it or nothing; an up-to-date one is only read.
+
+    Returns:
+        The state before.
+
+    Raises:
+        RecordError: as for `schema_state`, or the database cannot be written.
+    """
+    before = schema_state(engine)
+    if before.up_to_date:
+        return before
+    with record_errors(_url(engine)), engine.connect() as connection:
+        sqlite = connection.dialect.name == "sqlite"
+        if sqlite:
+            # A rebuilt table drops its old self: with foreign keys on, that would touch every row that points to it.
+            # The pragma does nothing inside a transaction, hence the driver's own connection.
+            _raw(connection).execute("PRAGMA foreign_keys = OFF")
+        try:
+            with connection.begin():
+                if not sqlite:
+                    # Several robots may start at once on one server: one migrates, the others wait and find it done.
+                    connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_ADVISORY_LOCK})")
+                config = _config()
+                config.attributes["connection"] = connection
+                command.upgrade(config, "head")
+                if sqlite:
+                    _check_foreign_keys(connection)
+        finally:
+            if sqlite:
+                _raw(connection).execute("PRAGMA foreign_keys = ON")
+    return before
+
+
+def backup(url: str, target: Path) -> None:
+    """Copy the database to `target` while others may be writing; the file appears whole or not at all.
+
+    Args:
+        url: the database; SQLite is copied as a file, PostgreSQL through `pg_dump` in its custom format.
+        target: must not exist.
+
+    Raises:
+        RecordError: the copy cannot be made.
+    """
+    if target.exists():
+        raise RecordError(f"{target} exists already: name a new file for the backup")
+    if not target.parent.is_dir():
+        raise RecordError(f"there is no directory {target.parent} for the backup")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        source = sqlite_path(url)
+        if source is None:
+            _dump_postgresql(url, temporary)
+        else:
+            _copy_sqlite(source, temporary)
+        temporary.replace(target)
+    except (sqlite3.Error, OSError) as error:
+        raise RecordError(f"cannot write the backup {target}: {error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+_ADVISORY_LOCK = 7_305_514_013
+
+
+def _config() -> Config:
+    config = Config()
+    config.set_main_option("script_location", str(resource_directory("migrations")).replace("%", "%%"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def _state(connection: Connection) -> SchemaState:
+    scripts = ScriptDirectory.from_config(_config())
+    head = scripts.get_current_head() or ""
+    order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
+    current = MigrationContext.configure(connection).get_current_revision()
+    if current is None:
+        tables = inspect(connection).get_table_names()
+        if tables:
+            raise RecordError(
+                f"the database {_url(connection.engine)} holds other tables ({', '.join(sorted(tables)[:3])}) and no "
+                "record of vsnbench: choose another database"
+            )
+        return SchemaState(None, head, tuple(order))
+    if current not in order:
+        raise RecordError(
+            f"the database {_url(connection.engine)} was written by a newer vsnbench (its schema is {current}, this "
+            f"version knows up to {head}): upgrade vsnbench, or choose another results directory"
+        )
+    return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
+
+
+def _check_foreign_keys(connection: Connection) -> None:
+    orphans = connection.exec_driver_sql("PRAGMA foreign_key_check").fetchall()
+    if orphans:
+        table, row, parent, _ = orphans[0]
+        raise RecordError(
+            f"cannot upgrade the database {_url(connection.engine)}: row {row} of {table} points to a row of {parent} "
+            f"that is not there ({len(orphans)} such rows); nothing was changed, restore a backup"
+        )
+
+
+def _raw(connection: Connection) -> sqlite3.Connection:
+    raw = connection.connection.dbapi_connection
+    if not isinstance(raw, sqlite3.Connection):
+        raise TypeError(f"not an SQLite connection: {raw!r}")
+    return raw
+
+
+def _url(engine: Engine) -> str:
+    return engine.url.render_as_string(hide_password=True)
+
+
+def _copy_sqlite(source: Path, target: Path) -> None:
+    if not source.is_file():
+        raise RecordError(f"there is no record at {source}: nothing to back up")
+    with closing(sqlite3.connect(source)) as database, closing(sqlite3.connect(target)) as copy:
+        database.backup(copy)
+        # One file, complete in itself: a copy in WAL mode would want its companions.
+        copy.execute("PRAGMA journal_mode = DELETE")
+        (verdict,) = copy.execute("PRAGMA quick_check").fetchone()
+    if verdict != "ok":
+        raise RecordError(f"the database {source} is damaged ({verdict}): the backup was not kept")
+
+
+def _dump_postgresql(url: str, target: Path) -> None:
+    plain = url.replace("postgresql+psycopg", "postgresql", 1)
+    try:
+        done = subprocess.run(
+            ["pg_dump", "--format=custom", f"--file={target}", f"--dbname={plain}"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except FileNotFoundError as error:
+        raise RecordError("a backup of PostgreSQL needs its program pg_dump: install postgresql-client") from error
+    if done.returncode:
+        raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")

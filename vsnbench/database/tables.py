@@ -1,0 +1,322 @@
+"""The tables of the record (what was planned, what happened, how it was judged) as SQLAlchemy models.
+
+Times are aware and in UTC; poses are REP-103 (metres, radians); an unknown number is NULL, never NaN.
+"""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    CheckConstraint,
+    DateTime,
+    Dialect,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    Text,
+    TypeDecorator,
+    UniqueConstraint,
+)
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+NAMING_CONVENTION = {
+    "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "ck": "ck_%(table_name)s_%(constraint_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """An aware moment; SQLite, which has no time zones, keeps it as naive UTC."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
+        """Refuse naive times, which mean nothing on another machine."""
+        if value is None:
+            return None
+        if value.tzinfo is None:
+            raise ValueError(f"a time in the record must be aware, not {value!r}")
+        return value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
+        """Give back an aware time in UTC."""
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+JsonValue = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgresql")
+
+
+class Base(DeclarativeBase):
+    """Registry of the tables; constraint names follow one convention so that migrations can name them."""
+
+    metadata = MetaData(naming_convention=NAMING_CONVENTION)
+    type_annotation_map = {  # noqa: RUF012 - SQLAlchemy reads it from the class
+        str: Text,
+        datetime: UtcDateTime,
+        dict[str, Any]: JsonValue,
+        list[str]: JsonValue,
+        list[int]: JsonValue,
+    }
+
+
+class Site(Base):
+    """A surveyed place, whole, as it was when the campaign began."""
+
+    __tablename__ = "site"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    title: Mapped[str]
+    sha256: Mapped[str] = mapped_column(unique=True)
+    content: Mapped[dict[str, Any]]
+
+
+class Robot(Base):
+    """A robot's profile and what carried out its actions (`simulated`, `ros`, or a plug-in's name)."""
+
+    __tablename__ = "robot"
+    __table_args__ = (UniqueConstraint("sha256", "backend"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    title: Mapped[str]
+    backend: Mapped[str]
+    simulated: Mapped[bool]
+    sha256: Mapped[str]
+    profile: Mapped[dict[str, Any]]
+
+
+class Model(Base):
+    """A policy with its weights and settings: another checkpoint or another setting is another model."""
+
+    __tablename__ = "model"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    sha256: Mapped[str] = mapped_column(unique=True)
+    weights_sha256: Mapped[str]
+    weights_label: Mapped[str]
+    settings: Mapped[dict[str, Any]]
+    goals: Mapped[list[str] | None]
+    """The goal categories it knows; NULL for any."""
+    sensors: Mapped[list[str]]
+    surveyed: Mapped[bool]
+    """It was handed the site: an upper bound, not a competitor."""
+
+
+class Process(Base):
+    """One process that wrote here: the provenance of what it wrote, and how to tell whether it still lives."""
+
+    __tablename__ = "process"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    host: Mapped[str]
+    pid: Mapped[int]
+    boot_id: Mapped[str]
+    """Identity of the running kernel; a process of another boot of this machine is dead."""
+    pid_namespace: Mapped[str]
+    """Process ids of different containers cannot be compared."""
+    start_ticks: Mapped[int] = mapped_column(BigInteger)
+    """The kernel's start time of the process: tells it from a later one with the same pid."""
+    started_at: Mapped[datetime]
+    operator: Mapped[str]
+    command: Mapped[str]
+    vsnbench_version: Mapped[str]
+    git_commit: Mapped[str]
+    """Commit of the checkout vsnbench ran from; empty for an installed release."""
+    git_dirty: Mapped[bool]
+    packages: Mapped[dict[str, Any]]
+    """Installed package -> version."""
+    platform: Mapped[dict[str, Any]]
+    """Operating system, interpreter and processor."""
+
+
+class Campaign(Base):
+    """A plan: one model on one robot in one site, goals x starting positions x repetitions."""
+
+    __tablename__ = "campaign"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(unique=True)
+    """Hash of everything that makes trials comparable: the same command finds the same campaign."""
+    name: Mapped[str]
+    created_at: Mapped[datetime]
+    site_id: Mapped[int] = mapped_column(ForeignKey("site.id"), index=True)
+    robot_id: Mapped[int] = mapped_column(ForeignKey("robot.id"), index=True)
+    model_id: Mapped[int] = mapped_column(ForeignKey("model.id"), index=True)
+    process_id: Mapped[int] = mapped_column(ForeignKey("process.id"))
+    """The process that created it; each episode names its own."""
+    protocol: Mapped[dict[str, Any]]
+    protocol_sha256: Mapped[str]
+    noise: Mapped[dict[str, Any]]
+    """Noise settings of the simulated sensors and odometry; empty for none."""
+    goals: Mapped[list[str]]
+    starts: Mapped[list[int]]
+    repetitions: Mapped[int]
+    seed: Mapped[int] = mapped_column(BigInteger)
+    shuffled: Mapped[bool]
+
+
+class Trial(Base):
+    """One planned cell of a campaign."""
+
+    __tablename__ = "trial"
+    __table_args__ = (
+        UniqueConstraint("campaign_id", "goal", "start", "repetition"),
+        CheckConstraint("repetition >= 1", name="repetition_from_one"),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    campaign_id: Mapped[int] = mapped_column(ForeignKey("campaign.id"))
+    goal: Mapped[str]
+    start: Mapped[int]
+    """Number of the starting position."""
+    repetition: Mapped[int]
+    """From 1."""
+    place: Mapped[int]
+    """Rank in the campaign's order, from 0."""
+
+
+class Episode(Base):
+    """One attempt at a trial; `end_reason` is NULL while it runs."""
+
+    __tablename__ = "episode"
+    __table_args__ = (
+        CheckConstraint("(end_reason IS NULL) = (ended_at IS NULL)", name="ends_with_a_reason"),
+        Index(None, "end_reason"),
+        {"sqlite_autoincrement": True},  # a number, once given, names a directory: it is never given again
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    uuid: Mapped[str] = mapped_column(unique=True)
+    trial_id: Mapped[int] = mapped_column(ForeignKey("trial.id"), index=True)
+    process_id: Mapped[int] = mapped_column(ForeignKey("process.id"), index=True)
+    origin: Mapped[str]
+    """`run`, or `imported` from another tool."""
+    seed: Mapped[int] = mapped_column(BigInteger)
+    started_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    end_reason: Mapped[str | None]
+    """A value of `vsnbench.protocol.judge.EndReason`, as it ended; a later verdict may know better."""
+    error: Mapped[str]
+    """What went wrong, in words, for the void endings."""
+    actions: Mapped[int]
+    path_length_m: Mapped[float | None]
+    geodesic_start_m: Mapped[float | None]
+    """Shortest way from the start to where the goal counts as reached."""
+    geodesic_end_m: Mapped[float | None]
+    """The same from where it ended."""
+    duration_s: Mapped[float | None]
+    """On the robot's clock."""
+    wall_duration_s: Mapped[float | None]
+    distance_to_goal_m: Mapped[float | None]
+    distance_source: Mapped[str | None]
+    """A value of `vsnbench.protocol.fix.PoseSource`."""
+    goal_instance: Mapped[str | None]
+    """The site's id of the nearest instance."""
+    start_x_m: Mapped[float | None]
+    start_y_m: Mapped[float | None]
+    start_heading_rad: Mapped[float | None]
+    final_x_m: Mapped[float | None]
+    final_y_m: Mapped[float | None]
+    final_heading_rad: Mapped[float | None]
+    final_source: Mapped[str | None]
+    images_directory: Mapped[str]
+    """Relative to the results directory; empty when no images were kept."""
+
+
+class Step(Base):
+    """One action of the policy: what was seen, requested, executed and measured."""
+
+    __tablename__ = "step"
+    __table_args__ = (
+        CheckConstraint("number >= 1", name="number_from_one"),
+        Index("ix_step_actions", "episode_id", "raw_action", "action", "blocked"),  # action histograms read only this
+        {"sqlite_with_rowid": False},  # rows lie in the order in which episodes are read
+    )
+
+    episode_id: Mapped[int] = mapped_column(ForeignKey("episode.id"), primary_key=True, autoincrement=False)
+    number: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    """From 1; STOP and blocked actions count."""
+    raw_action: Mapped[str]
+    action: Mapped[str]
+    blocked: Mapped[bool]
+    """The depth guard refused it: counted, not executed."""
+    completed: Mapped[bool]
+    failure: Mapped[str]
+    recorded_at: Mapped[datetime]
+    stamp_s: Mapped[float | None]
+    """When the image was taken, on the robot's clock."""
+    observed_x_m: Mapped[float | None]
+    observed_y_m: Mapped[float | None]
+    observed_heading_rad: Mapped[float | None]
+    """Odometry with the observation, relative to the start of the episode."""
+    after_x_m: Mapped[float | None]
+    after_y_m: Mapped[float | None]
+    after_heading_rad: Mapped[float | None]
+    """Odometry after the motion, relative to the start of the episode."""
+    world_x_m: Mapped[float | None]
+    world_y_m: Mapped[float | None]
+    world_heading_rad: Mapped[float | None]
+    """Pose in the site after the motion, where it is known."""
+    world_source: Mapped[str | None]
+    displacement_m: Mapped[float | None]
+    turn_rad: Mapped[float | None]
+    duration_s: Mapped[float | None]
+    corrections: Mapped[int]
+    collision_source: Mapped[str | None]
+    collision_touched: Mapped[str | None]
+    rgb_sha256: Mapped[str | None]
+    depth_sha256: Mapped[str | None]
+    sense_s: Mapped[float | None]
+    infer_s: Mapped[float | None]
+    move_s: Mapped[float | None]
+    """Wall time of sensing, inference and motion."""
+    probabilities: Mapped[dict[str, Any] | None]
+    details: Mapped[dict[str, Any] | None]
+
+
+class Event(Base):
+    """Something worth knowing that is not a step: an intervention, a resumption, a warning."""
+
+    __tablename__ = "event"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    campaign_id: Mapped[int | None] = mapped_column(ForeignKey("campaign.id"), index=True)
+    episode_id: Mapped[int | None] = mapped_column(ForeignKey("episode.id"), index=True)
+    step_number: Mapped[int | None]
+    created_at: Mapped[datetime]
+    kind: Mapped[str]
+    text: Mapped[str]
+
+
+class Verdict(Base):
+    """A judgement of an episode; append-only, the latest stands."""
+
+    __tablename__ = "verdict"
+    __table_args__ = (Index(None, "episode_id", "id"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    episode_id: Mapped[int] = mapped_column(ForeignKey("episode.id"))
+    created_at: Mapped[datetime]
+    success: Mapped[bool | None]
+    """NULL for a void attempt."""
+    end_reason: Mapped[str]
+    distance_m: Mapped[float | None]
+    distance_source: Mapped[str | None]
+    goal_instance: Mapped[str | None]
+    author: Mapped[str]
+    """Who judged: an operator's name, or `vsnbench`."""
+    source: Mapped[str]
+    """`protocol` (the judge), `person`, `recovery` or `import`."""
+    reason: Mapped[str]
