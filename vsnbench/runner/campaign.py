@@ -1,0 +1,106 @@
+"""The plan of a campaign: which trials there are, in which order, each with its own seed."""
+
+import hashlib
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vsnbench.errors import UsageError
+from vsnbench.models.contract import ModelCard
+from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One planned cell of a campaign."""
+
+    goal: str
+    start: int
+    """Number of the starting position."""
+    repetition: int
+    """From 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignPlan:
+    """Goals x starting positions x repetitions in one site, under one set of parameters."""
+
+    site: Site
+    parameters: ProtocolParameters
+    goals: tuple[str, ...]
+    starts: tuple[int, ...]
+    repetitions: int
+    seed: int
+    shuffled: bool = False
+
+    def trials(self) -> tuple[Trial, ...]:
+        """Return every trial in the order in which they are run; shuffled by the seed on request."""
+        trials = [
+            Trial(goal, start, repetition)
+            for repetition in range(1, self.repetitions + 1)
+            for goal in self.goals
+            for start in self.starts
+        ]
+        if self.shuffled:
+            random.Random(self.seed).shuffle(trials)  # noqa: S311 - an order, not a secret
+        return tuple(trials)
+
+    def trial_seed(self, trial: Trial) -> int:
+        """Return the seed of a trial's episodes: of the trial itself, whatever the order it is run in."""
+        text = f"{self.seed}/{trial.goal}/{trial.start}/{trial.repetition}"
+        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
+
+
+def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:
+    """Return the goal categories of a campaign, checked against what the site has and the model knows.
+
+    Args:
+        asked: categories, separated by commas or given one by one; `all` means every goal category of the paper
+            that the site has and the model knows.
+        site: where it happens.
+        card: the model's.
+
+    Raises:
+        UsageError: a goal that is no category, that the site lacks or that the model does not know.
+    """
+    names = [name.strip() for text in asked for name in text.split(",") if name.strip()]
+    here = [goal for goal in GOAL_CATEGORIES if goal in site.categories]
+    possible = [goal for goal in here if card.goals is None or goal in card.goals]
+    if "all" in names:
+        return tuple(possible)
+    for name in names:
+        if name not in GOAL_CATEGORIES:
+            raise UsageError(f"no goal category {name!r}; there are {', '.join(GOAL_CATEGORIES)}, or all")
+        if name not in here:
+            raise UsageError(f"site {site.name} has no {name}; it has {', '.join(here)}")
+        if name not in possible:
+            raise UsageError(f"model {card.name} does not know {name}; it knows {', '.join(sorted(card.goals or ()))}")
+    if not names:
+        raise UsageError("no goal given: name one with --goal, for example --goal chair or --goal all")
+    return tuple(dict.fromkeys(names))
+
+
+def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:
+    """Return the numbers of starting positions named by text like `1-15,20`; all of the site's for None.
+
+    Raises:
+        UsageError: not numbers and ranges, or a position that the site does not have.
+    """
+    if asked is None:
+        return tuple(start.number for start in site.starts)
+    numbers: list[int] = []
+    for part in asked.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise UsageError(f"cannot read {part.strip()!r} in --starts {asked}: give numbers and ranges, like 1-15,20")
+        chosen = range(int(first), int(last if dash else first) + 1)
+        if not chosen:
+            raise UsageError(f"the range {part.strip()} in --starts {asked} is empty: give the smaller number first")
+        if len(chosen) > 10_000:
+            site.start(int(last))
+        numbers.extend(chosen)
+    for number in numbers:
+        site.start(number)
+    return tuple(dict.fromkeys(numbers))
