@@ -1,0 +1,283 @@
+"""The state machine of one discrete motion: drive by the profile, stand still, measure, correct, or say why not."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vsnbench.motion.law import (
+    acceleration,
+    braking_speed,
+    deceleration,
+    direction,
+    ideal_duration_s,
+    speed,
+    straight_error_m,
+    turn_error_rad,
+)
+from vsnbench.motion.settings import MotionSettings
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.pose import Pose, wrap_angle
+
+_COARSE = 4.0
+"""An error of more tolerances than this is driven off under feedback, a smaller one by dead reckoning."""
+_STILL_SHARE = 0.2
+"""Standing still means moving less than this share of the tolerance within the settling time."""
+_STALL_SHARE = 0.1
+"""A base that covers less than this share of what was commanded is stuck."""
+_LEARNING_SHARES = (0.1, 0.6)
+"""The part of the way on which the dead time is measured: no longer standing, not yet braking."""
+_MAX_LATENCY_S = 0.5
+"""A longer dead time is a base that falls short of its commands, not one that is late."""
+
+
+class MotionStatus(StrEnum):
+    """Where a motion stands."""
+
+    MOVING = "moving"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class _Phase(StrEnum):
+    DRIVE = "drive"
+    SETTLE = "settle"
+    CORRECT = "correct"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A velocity of the base: forward, and counter-clockwise."""
+
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+
+
+STANDSTILL = Command()
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    at_s: float
+    command: Command
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """How much of the way was covered, or commanded, by a moment."""
+
+    at_s: float
+    amount: float
+
+
+class MotionController:
+    """One action from its start to its end; it owns no clock and no robot.
+
+    Feed it the newest odometry with `step` about every `settings.control_period_s`, send the base what it returns,
+    and stop when `status` is no longer MOVING. Old odometry is no trouble: what was commanded since it was measured
+    is added to it, at any odometry rate. The dead time between a command and its effect in the odometry is measured
+    while speeding up. The result is only judged while standing still; a small remainder is corrected by dead
+    reckoning.
+
+    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds that heading.
+    """
+
+    def __init__(self, action: Action, start: Pose, target_heading_rad: float, settings: MotionSettings) -> None:
+        self.action = action
+        self.settings = settings
+        self.status = MotionStatus.MOVING
+        self.failure = ""
+        self.sensor_lost = False
+        self.corrections = 0
+        self.duration_s = 0.0
+        self._start = start
+        self._target_heading_rad = target_heading_rad
+        self._phase = _Phase.DRIVE
+        self._began_s: float | None = None
+        self._last_s = 0.0
+        self._last_heading_rad = start.heading_rad
+        self._turned_rad = 0.0
+        self._speed = 0.0
+        self._commanded = 0.0
+        self._sent: deque[_Sent] = deque()
+        self._still_since: _Mark | None = None
+        self._covered_since: _Mark | None = None
+        self._commanded_since = 0.0
+        self._correction = 0.0
+        self._latency_s = settings.latency_s
+        self._commands: list[_Mark] = []
+        if action is Action.STOP:
+            self.status = MotionStatus.DONE
+            return
+        self._tolerance = settings.tolerance(action)
+        self._acceleration = acceleration(action, settings)
+        self._deceleration = deceleration(action, settings)
+        # The nominal turn plus the deviation from it: a half turn has no shorter way round.
+        nominal_rad = direction(action) * settings.way(action)
+        self._turn_rad = nominal_rad + turn_error_rad(target_heading_rad, start.heading_rad + nominal_rad)
+
+    @property
+    def done(self) -> bool:
+        """Whether the motion ended within its tolerance."""
+        return self.status is MotionStatus.DONE
+
+    def abort(self, reason: str) -> Command:
+        """End the motion as failed, for a reason that only the caller can know; returns the command to stand still."""
+        if self.status is MotionStatus.MOVING:
+            self.status = MotionStatus.FAILED
+            self.failure = reason
+        return STANDSTILL
+
+    def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
+        """Take the newest odometry and return the velocity to command from now on.
+
+        Args:
+            pose: the newest odometry, in the frame of the `start` pose.
+            now_s: the caller's clock; any zero, never backwards.
+            stamp_s: when `pose` was measured, on the same clock; now when left out.
+        """
+        if self.status is not MotionStatus.MOVING:
+            return STANDSTILL
+        stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
+        if self._began_s is None:
+            self._began_s, self._last_s = now_s, now_s - self.settings.control_period_s
+        period_s = max(now_s - self._last_s, 0.0)
+        self._last_s = now_s
+        self.duration_s = now_s - self._began_s
+        self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
+        self._last_heading_rad = pose.heading_rad
+        if self._sent:
+            self._commanded += self._along(self._sent[-1].command) * period_s
+        self._learn_latency(pose, now_s, stamp_s)
+        if now_s - stamp_s > self.settings.odometry_timeout_s:
+            self.sensor_lost = True
+            return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
+        limit_s = ideal_duration_s(self.action, self.settings) + self.settings.timeout_s
+        if self.duration_s > limit_s:
+            return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall(pose)}")
+        if self._stalled(pose, now_s):
+            return self.abort(f"the base does not follow its commands: {self._shortfall(pose)}")
+        command = self._next(pose, now_s, stamp_s, min(period_s, 5 * self.settings.control_period_s))
+        if self.status is not MotionStatus.MOVING:
+            return STANDSTILL
+        self._sent.append(_Sent(now_s, command))
+        return command
+
+    def error(self, pose: Pose) -> float:
+        """Return what is left of the way at `pose`: metres or radians, positive in the direction of the action."""
+        if self.action.turns:
+            return direction(self.action) * (self._turn_rad - self._turned_rad)
+        return straight_error_m(self.settings.way(self.action), self._start, pose)
+
+    def _next(self, pose: Pose, now_s: float, stamp_s: float, period_s: float) -> Command:
+        """Return the next command of the phase, or change the phase."""
+        if self._phase is _Phase.SETTLE:
+            if not self._settled(pose, stamp_s):
+                return STANDSTILL
+            self._judge(pose, now_s)
+            if self.status is not MotionStatus.MOVING or self._phase is _Phase.SETTLE:
+                return STANDSTILL
+        if self._phase is _Phase.CORRECT:
+            # Counted in commands alone: while the robot creeps, late odometry would only mislead.
+            remaining = self._correction - self._commanded
+        else:
+            remaining = self.error(pose) - self._along(self._pending(now_s, stamp_s))
+        way = 1.0 if self._way_sign() >= 0 else -1.0
+        if remaining * way <= 0.1 * self._tolerance:
+            self._phase, self._speed, self._still_since = _Phase.SETTLE, 0.0, None
+            return STANDSTILL
+        faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
+        slower = braking_speed(remaining * way, self._deceleration, max(period_s, self.settings.control_period_s))
+        self._speed = min(faster, self.settings.cruise(self.action), slower)
+        return self._command(way * self._speed, pose, now_s, stamp_s)
+
+    def _way_sign(self) -> float:
+        """Return the sign of the present drive along the action: a correction may have to go back."""
+        return self._correction if self.corrections else 1.0
+
+    def _command(self, along: float, pose: Pose, now_s: float, stamp_s: float) -> Command:
+        """Return the command that moves at `along` in the direction of the action, holding the heading of a move."""
+        signed = direction(self.action) * along
+        if self.action.turns:
+            return Command(angular_rad_s=signed)
+        heading_rad = pose.heading_rad + self._pending(now_s, stamp_s).angular_rad_s
+        hold_rad_s = self.settings.heading_gain_per_s * turn_error_rad(self._target_heading_rad, heading_rad)
+        limit_rad_s = self.settings.angular_rad_s
+        return Command(signed, max(-limit_rad_s, min(hold_rad_s, limit_rad_s)))
+
+    def _along(self, command: Command) -> float:
+        """Return the part of a velocity, or of its integral, that goes in the direction of the action."""
+        return direction(self.action) * (command.angular_rad_s if self.action.turns else command.linear_m_s)
+
+    def _pending(self, now_s: float, stamp_s: float) -> Command:
+        """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
+        since_s = stamp_s - self._latency_s
+        while len(self._sent) > 1 and self._sent[1].at_s <= since_s:
+            self._sent.popleft()
+        linear_m = angular_rad = 0.0
+        until_s = now_s
+        for sent in reversed(self._sent):
+            lasted_s = max(until_s - max(sent.at_s, since_s), 0.0)
+            linear_m += sent.command.linear_m_s * lasted_s
+            angular_rad += sent.command.angular_rad_s * lasted_s
+            until_s = sent.at_s
+        return Command(linear_m, angular_rad)
+
+    def _learn_latency(self, pose: Pose, now_s: float, stamp_s: float) -> None:
+        """Compare when the base had come this far with when the commands had asked for it."""
+        if self._phase is not _Phase.DRIVE or self.corrections:
+            return
+        self._commands.append(_Mark(now_s, self._commanded))
+        way = self.settings.way(self.action)
+        covered = way - self.error(pose)
+        if not _LEARNING_SHARES[0] * way <= covered <= min(_LEARNING_SHARES[1] * way, self._commanded):
+            return
+        while len(self._commands) > 2 and self._commands[1].amount < covered:
+            self._commands.pop(0)
+        before, after = self._commands[0], self._commands[1]
+        share = (covered - before.amount) / max(after.amount - before.amount, 1e-9)
+        asked_s = before.at_s + share * (after.at_s - before.at_s)
+        self._latency_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
+
+    def _settled(self, pose: Pose, stamp_s: float) -> bool:
+        """Return whether the measured pose has not changed for the settling time."""
+        left, still = self.error(pose), self._still_since
+        if still is None or abs(left - still.amount) > _STILL_SHARE * self._tolerance:
+            self._still_since = _Mark(stamp_s, left)
+            return False
+        return stamp_s - still.at_s >= self.settings.settle_s + self._latency_s - 1e-9
+
+    def _judge(self, pose: Pose, now_s: float) -> None:
+        """Standing still: accept, start a correction, or give up."""
+        error = self.error(pose)
+        exhausted = self.corrections >= self.settings.max_corrections
+        good = self._tolerance if exhausted else self.settings.aim_share * self._tolerance
+        if abs(error) < good:
+            self.status = MotionStatus.DONE
+        elif exhausted:
+            self.status = MotionStatus.FAILED
+            self.failure = f"off after {self.corrections} corrections: {self._shortfall(pose)}"
+        else:
+            self.corrections += 1
+            self._phase = _Phase.DRIVE if abs(error) > _COARSE * self._tolerance else _Phase.CORRECT
+            self._correction = error
+            self._commanded = self._commanded_since = 0.0
+            self._covered_since = _Mark(now_s, -error)
+
+    def _stalled(self, pose: Pose, now_s: float) -> bool:
+        """Return whether the base covered next to nothing of a whole interval's commands."""
+        mark, covered = self._covered_since, -self.error(pose)
+        if mark is not None and now_s - mark.at_s < self.settings.stall_s:
+            return False
+        commanded = abs(self._commanded - self._commanded_since)
+        self._covered_since, self._commanded_since = _Mark(now_s, covered), self._commanded
+        if mark is None or commanded <= _COARSE * self._tolerance:
+            return False
+        return abs(covered - mark.amount) < _STALL_SHARE * commanded
+
+    def _shortfall(self, pose: Pose) -> str:
+        """Return in words how much of the way was covered."""
+        way, left = self.settings.way(self.action), self.error(pose)
+        if self.action.turns:
+            return f"turned {math.degrees(way - left):.2f}° of {math.degrees(way):g}°"
+        return f"moved {(way - left) * 100:.1f} cm of {way * 100:g} cm"
