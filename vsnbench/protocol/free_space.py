@@ -1,0 +1,232 @@
+"""Where a round robot can stand in a site, and how far it is from there to a goal: the shortest path that SPL needs."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+
+if TYPE_CHECKING:
+    from vsnbench.protocol.site import Point, Wall
+
+RESOLUTION_M = 0.025
+"""Side of a grid cell."""
+TOUCH_HEIGHT_M = 1.2
+"""What hangs higher passes above every robot that we know of; the depth guard looks no higher either."""
+_REACH_CELLS = 4
+"""A start this near to the free space (in cells) counts as standing in it: surveys are not exact to a centimetre."""
+
+FloatGrid = npt.NDArray[np.float64]
+BoolGrid = npt.NDArray[np.bool_]
+
+
+def wall_shapes(site: Site) -> list[BaseGeometry]:
+    """Return the footprint of each wall with the open doors cut out of it, metres."""
+    cut = [_opening(door.start, door.end) for door in site.doors if not door.closed]
+    openings = shapely.union_all(cut) if cut else shapely.Polygon()
+    return [wall.shape.difference(openings) for wall in site.walls]
+
+
+def solid_shapes(site: Site, below_m: float = TOUCH_HEIGHT_M) -> list[BaseGeometry]:
+    """Return everything on the floor plan that a robot of height `below_m` can touch: walls and solid objects."""
+    objects = [thing.shape for thing in site.objects if thing.solid and thing.elevation_m < below_m]
+    return [*wall_shapes(site), *objects]
+
+
+def walls_of(site: Site, start: "Point", end: "Point", tolerance_m: float = 0.02) -> list["Wall"]:
+    """Return the walls on whose centre line both points lie: where a door or window between them is cut."""
+    line = shapely.LineString([start, end])
+    return [wall for wall in site.walls if wall.centre_line.buffer(tolerance_m, cap_style="square").covers(line)]
+
+
+def _opening(start: "Point", end: "Point") -> BaseGeometry:
+    """Return the doorway as a strip wide enough to cut through any wall that it is on."""
+    return shapely.LineString([start, end]).buffer(0.3, cap_style="flat")
+
+
+@dataclass(frozen=True, slots=True)
+class ShortestPath:
+    """The shortest way from a pose to where a goal is within the success distance; metres, the site's frame."""
+
+    length_m: float
+    """Infinite when there is no way."""
+    points: "tuple[Point, ...]"
+    """From the start on; empty when there is no way."""
+
+
+class FreeSpace:
+    """The floor plan as a grid of where the centre of a round robot can be.
+
+    `cells[row, column]` stands for the point (origin_x_m + column * RESOLUTION_M, origin_y_m + row * RESOLUTION_M).
+    Make it with `free_space`, which keeps the last ones.
+    """
+
+    def __init__(self, site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> None:
+        """Lay the grid over the site's rooms; takes about a quarter of a second for a flat."""
+        self.site = site
+        self.robot_radius_m = robot_radius_m
+        rooms = shapely.union_all([room.shape for room in site.rooms])
+        x_min, y_min, x_max, y_max = rooms.bounds
+        self.origin_x_m, self.origin_y_m = x_min, y_min
+        columns = math.ceil((x_max - x_min) / RESOLUTION_M) + 1
+        rows = math.ceil((y_max - y_min) / RESOLUTION_M) + 1
+        xs = x_min + RESOLUTION_M * np.arange(columns)
+        ys = y_min + RESOLUTION_M * np.arange(rows)
+        self.x_m, self.y_m = np.meshgrid(xs, ys)
+        self._points = shapely.points(self.x_m.ravel(), self.y_m.ravel())
+        self._solids = shapely.STRtree(solid_shapes(site, robot_height_m))
+        clearance = self._nearest_solid(self._points).reshape(self.x_m.shape)
+        inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
+        self.clearance_m: FloatGrid = np.where(inside, clearance, 0.0)
+        """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
+        self.cells: BoolGrid = self.clearance_m >= robot_radius_m
+        """(rows, columns): whether the robot's centre can be there."""
+        self._goal_fields: dict[tuple[str, float], FloatGrid] = {}
+
+    def clearance_at_m(self, x_m: float, y_m: float) -> float:
+        """Return the exact distance from a point to the nearest solid thing; 0 inside one or outside all rooms."""
+        point = shapely.Point(x_m, y_m)
+        if not any(room.shape.covers(point) for room in self.site.rooms):
+            return 0.0
+        return float(self._nearest_solid(np.array([point]))[0])
+
+    def is_free(self, x_m: float, y_m: float) -> bool:
+        """Whether the robot can stand with its centre there without touching anything."""
+        return self.clearance_at_m(x_m, y_m) >= self.robot_radius_m
+
+    def goal_distance_m(self, goal: str) -> FloatGrid:
+        """Return (rows, columns): distance from each grid point to the nearest footprint of a goal instance."""
+        shapes = [thing.shape for thing in self.site.instances(goal)]
+        if not shapes:
+            return np.full(self.cells.shape, np.inf)
+        distances = [shapely.distance(shape, self._points) for shape in shapes]
+        return np.asarray(np.min(distances, axis=0), dtype=np.float64).reshape(self.cells.shape)
+
+    def geodesic_field_m(self, goal: str, within_m: float = 1.0) -> FloatGrid:
+        """Return (rows, columns): shortest way to where a goal instance is nearer than `within_m`; inf if none."""
+        key = (goal, within_m)
+        if key not in self._goal_fields:
+            self._goal_fields[key] = distance_field_m(self.cells, self.goal_distance_m(goal) - within_m)
+        return self._goal_fields[key]
+
+    def geodesic_to_goal_m(self, start: Pose, goal: str, within_m: float = 1.0) -> float:
+        """Return the length of the shortest way from `start` to success at `goal`, metres.
+
+        0 where the start already is near enough; inf when the goal is missing, cannot be reached, or the robot
+        cannot stand at the start.
+        """
+        return self._interpolate(self.geodesic_field_m(goal, within_m), start)
+
+    def shortest_path(self, start: Pose, goal: str, within_m: float = 1.0) -> ShortestPath:
+        """Return the shortest way from `start` to success at `goal`, pulled straight where the way is free."""
+        field = self.geodesic_field_m(goal, within_m)
+        length = self._interpolate(field, start)
+        if not math.isfinite(length):
+            return ShortestPath(math.inf, ())
+        return ShortestPath(length, self._descend(field, start))
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Return (row, column) of the grid point nearest to a position, clipped to the grid."""
+        rows, columns = self.cells.shape
+        row = round((y_m - self.origin_y_m) / RESOLUTION_M)
+        column = round((x_m - self.origin_x_m) / RESOLUTION_M)
+        return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+
+    def _nearest_solid(self, points: npt.NDArray[np.object_]) -> FloatGrid:
+        _, distances = self._solids.query_nearest(points, return_distance=True, all_matches=False)
+        return np.asarray(distances, dtype=np.float64)
+
+    def _interpolate(self, field: FloatGrid, start: Pose) -> float:
+        rows, columns = field.shape
+        across = (start.x_m - self.origin_x_m) / RESOLUTION_M
+        up = (start.y_m - self.origin_y_m) / RESOLUTION_M
+        if not (-0.5 <= across <= columns - 0.5 and -0.5 <= up <= rows - 0.5):
+            return math.inf
+        row, column = min(max(int(up), 0), rows - 2), min(max(int(across), 0), columns - 2)
+        corners = field[row : row + 2, column : column + 2]
+        if np.isfinite(corners).all():
+            v, u = min(max(up - row, 0.0), 1.0), min(max(across - column, 0.0), 1.0)
+            return float(np.array([1 - v, v]) @ corners @ np.array([1 - u, u]))
+        top, left = max(row - _REACH_CELLS, 0), max(column - _REACH_CELLS, 0)
+        near = field[top : row + _REACH_CELLS + 1, left : column + _REACH_CELLS + 1]
+        at_rows, at_columns = np.indices(near.shape)
+        way_there = RESOLUTION_M * np.hypot(at_rows + top - up, at_columns + left - across)
+        within_reach = way_there <= RESOLUTION_M * _REACH_CELLS
+        return float(np.min(np.where(within_reach, near + way_there, np.inf)))
+
+    def _descend(self, field: FloatGrid, start: Pose) -> "tuple[Point, ...]":
+        """Follow the field downhill from cell to cell, then drop every point that a straight free line makes idle."""
+        cell = self.cell_of(*start.position)
+        way: list[Point] = [start.position]
+        reach = 2
+        while True:
+            row, column = cell
+            top, left = max(row - reach, 0), max(column - reach, 0)
+            near = field[top : row + reach + 1, left : column + reach + 1]
+            best = np.unravel_index(int(np.argmin(near)), near.shape)
+            if near[best] >= field[cell] or field[cell] <= 0.0:
+                if len(way) > 1 or field[cell] <= 0.0 or reach >= 2 * _REACH_CELLS:
+                    break
+                reach += 1  # the start may lie just outside the free space
+                continue
+            cell = (int(best[0]) + top, int(best[1]) + left)
+            way.append((float(self.x_m[cell]), float(self.y_m[cell])))
+        kept, at = [way[0]], 0
+        while at < len(way) - 1:
+            ahead = len(way) - 1
+            while ahead > at + 1 and not self._straight_is_free(way[at], way[ahead]):
+                ahead -= 1
+            kept.append(way[ahead])
+            at = ahead
+        return tuple(kept)
+
+    def _straight_is_free(self, start: "Point", end: "Point") -> bool:
+        steps = max(2, math.ceil(math.dist(start, end) / (RESOLUTION_M / 2)))
+        share = np.linspace(0.0, 1.0, steps)
+        rows = np.rint((start[1] + share * (end[1] - start[1]) - self.origin_y_m) / RESOLUTION_M).astype(int)
+        columns = np.rint((start[0] + share * (end[0] - start[0]) - self.origin_x_m) / RESOLUTION_M).astype(int)
+        return bool(self.cells[rows, columns].all())
+
+
+def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
+    """Return the length of the shortest way inside `free` to where `level` is at most 0, by fast marching.
+
+    Args:
+        free: (rows, columns) cells that a way may use, RESOLUTION_M apart.
+        level: (rows, columns) a smooth function, negative in the region to reach.
+
+    Returns:
+        (rows, columns) metres; 0 inside the region, inf where it cannot be reached or the cell is not free.
+    """
+    import skfmm
+
+    inside = free & (level <= 0.0)
+    if not inside.any():
+        return np.full(free.shape, np.inf)
+    if (inside == free).all():
+        return np.where(free, 0.0, np.inf)
+    ways = skfmm.distance(np.ma.MaskedArray(level, mask=~free), dx=RESOLUTION_M, order=2)
+    field = np.ma.filled(ways, np.inf).astype(np.float64)
+    field[inside] = 0.0
+    field[~free] = np.inf
+    return np.maximum(field, 0.0)
+
+
+_KEPT: dict[tuple[str, float, float], FreeSpace] = {}
+_KEEP = 8
+
+
+def free_space(site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> FreeSpace:
+    """Return the free space of a site for a round robot; the last few are kept, by the site's content."""
+    key = (site.sha256, robot_radius_m, robot_height_m)
+    if key not in _KEPT:
+        while len(_KEPT) >= _KEEP:
+            del _KEPT[next(iter(_KEPT))]
+        _KEPT[key] = FreeSpace(site, robot_radius_m, robot_height_m)
+    return _KEPT[key]
