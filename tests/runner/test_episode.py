@@ -1,0 +1,316 @@
+"""The episode loop: order of things, every way out, and a robot that is always halted.
+
+The robot here is a stand-in whose faults are scripted; real episodes are driven in tests/cli/test_run.py.
+"""
+
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import pytest
+
+from vsnbench.errors import RecordError, RobotError, SensorLostError
+from vsnbench.models.contract import ModelCard
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.site import Site, StartingPosition, load_site
+from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
+from vsnbench.runner.stopping import Stopped, StopSignals
+
+APARTMENT = load_site("apartment")
+PROFILE = RobotProfile.model_validate(
+    {
+        "name": "stand-in",
+        "title": "Stand-in",
+        "base": {
+            "radius_m": 0.18,
+            "height_m": 0.6,
+            "mass_kg": 6,
+            "track_m": 0.23,
+            "wheel_radius_m": 0.035,
+            "max_linear_m_s": 0.7,
+            "max_angular_rad_s": 3,
+            "odometry_rate_hz": 50,
+        },
+        "camera": {"width": 64, "height": 48, "horizontal_fov_deg": 60, "mount_height_m": 0.6},
+    }
+)
+PLAN = EpisodePlan(APARTMENT, "chair", APARTMENT.starts[0], 7, ProtocolParameters(max_actions=6))
+
+
+@dataclass
+class StandInRobot:
+    """Moves by adding numbers; what it does wrong is scripted by the test."""
+
+    on_observe: Callable[[int], None] = lambda _count: None
+    on_execute: Callable[[Action], MotionResult] = lambda _action: MotionResult(completed=True)
+    depth_m: float = 3.0
+    place: Pose = field(default_factory=lambda: Pose(0, 0))
+    profile: RobotProfile = PROFILE
+    sensors: frozenset[Sensor] = frozenset(Sensor)
+    simulated: bool = True
+    looks: int = 0
+    executed: list[Action] = field(default_factory=list)
+    halts: int = 0
+    begun_with: tuple[int, int] | None = None
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        self.place = start.pose
+        self.begun_with = (start.number, seed)
+
+    def observe(self) -> Observation:
+        self.looks += 1
+        self.on_observe(self.looks)
+        depth = np.full((48, 64), self.depth_m, np.float32)
+        return Observation(np.zeros((48, 64, 3), np.uint8), depth, Pose(0, 0), 0.0, PROFILE.camera)
+
+    def execute(self, action: Action) -> MotionResult:
+        self.executed.append(action)
+        return self.on_execute(action)
+
+    def locate(self) -> Fix:
+        return Fix(self.place, PoseSource.SIMULATED)
+
+    def halt(self) -> None:
+        self.halts += 1
+
+    def close(self) -> None:
+        self.halt()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@dataclass
+class ScriptedPolicy:
+    """Answers with the actions it was given, the last one for ever; an exception in the script is raised."""
+
+    script: list[Action | Exception]
+    card: ModelCard = field(default_factory=lambda: ModelCard("scripted"))
+    asked: int = 0
+
+    def reset(self, goal: str, seed: int) -> None:
+        self.asked = 0
+
+    def act(self, observation: Observation) -> Decision:
+        answer = self.script[min(self.asked, len(self.script) - 1)]
+        self.asked += 1
+        if isinstance(answer, Exception):
+            raise answer
+        return Decision(answer)
+
+
+@dataclass
+class MemoryRecorder:
+    """Keeps everything in lists."""
+
+    steps: list[Step] = field(default_factory=list)
+    events: list[tuple[str, str]] = field(default_factory=list)
+    outcome: EpisodeOutcome | None = None
+    on_step: Callable[[Step], None] = lambda _step: None
+
+    def begin(self, plan: EpisodePlan, start: Fix) -> None:
+        assert not self.steps
+
+    def step(self, step: Step) -> None:
+        self.on_step(step)
+        self.steps.append(step)
+
+    def event(self, kind: str, text: str) -> None:
+        self.events.append((kind, text))
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        assert self.outcome is None
+        self.outcome = outcome
+
+
+def run(
+    robot: StandInRobot, script: list[Action | Exception], recorder: MemoryRecorder, plan: EpisodePlan = PLAN
+) -> EpisodeOutcome:
+    with StopSignals() as stop:
+        return run_episode(robot, ScriptedPolicy(script), plan, recorder, stop)
+
+
+def test_the_robot_is_put_at_the_start_with_the_seed_of_the_trial() -> None:
+    robot = StandInRobot()
+    run(robot, [Action.STOP], MemoryRecorder())
+    assert robot.begun_with == (1, 7)
+
+
+def test_stop_ends_the_episode_and_is_counted_recorded_and_judged() -> None:
+    recorder = MemoryRecorder()
+    outcome = run(StandInRobot(), [Action.TURN_LEFT, Action.STOP], recorder)
+    assert [step.decision.action for step in recorder.steps] == [Action.TURN_LEFT, Action.STOP]
+    assert (outcome.actions, outcome.verdict.end_reason) == (2, EndReason.STOP)
+    assert recorder.outcome is outcome
+
+
+def test_stop_beside_the_goal_succeeds_and_away_from_it_fails() -> None:
+    chair = APARTMENT.instances("chair")[0]
+    beside = replace(PLAN, start=StartingPosition(number=9, position=chair.position, heading_deg=0))
+    away = replace(PLAN, start=StartingPosition(number=9, position=(100, 100), heading_deg=0))
+    assert run(StandInRobot(), [Action.STOP], MemoryRecorder(), beside).verdict.success is True
+    assert run(StandInRobot(), [Action.STOP], MemoryRecorder(), away).verdict.success is False
+
+
+def test_the_cap_ends_the_episode() -> None:
+    recorder = MemoryRecorder()
+    outcome = run(StandInRobot(), [Action.TURN_LEFT], recorder)
+    assert (outcome.actions, outcome.verdict.end_reason) == (6, EndReason.STEP_LIMIT)
+    assert len(recorder.steps) == 6
+
+
+def test_a_refused_forward_move_is_counted_and_not_executed() -> None:
+    robot, recorder = StandInRobot(depth_m=0.3), MemoryRecorder()
+    run(robot, [Action.MOVE_FORWARD, Action.MOVE_BACKWARD, Action.STOP], recorder)
+    assert robot.executed == [Action.MOVE_BACKWARD, Action.STOP]
+    assert [step.blocked for step in recorder.steps] == [True, False, False]
+    assert recorder.steps[0].result is None
+    assert recorder.events[0][0] == "blocked"
+
+
+def test_a_collision_ends_the_episode_at_its_step() -> None:
+    hit = MotionResult(completed=False, collision=Collision(CollisionSource.BUMPER, "sofa-1"))
+    recorder = MemoryRecorder()
+    outcome = run(StandInRobot(on_execute=lambda _action: hit), [Action.MOVE_FORWARD], recorder)
+    assert (outcome.verdict.end_reason, outcome.verdict.success, outcome.actions) == (EndReason.COLLISION, False, 1)
+    assert recorder.steps[-1].result is hit
+
+
+def fail_with(error: Exception) -> Callable[[object], MotionResult]:
+    def fail(_what: object) -> MotionResult:
+        raise error
+
+    return fail
+
+
+def lose_the_camera(look: int) -> None:
+    if look == 2:
+        raise SensorLostError("camera silent for 2.0 s")
+
+
+@pytest.mark.parametrize(
+    ("robot", "script", "reason", "steps", "word"),
+    [
+        (StandInRobot(on_observe=lose_the_camera), [Action.TURN_LEFT], EndReason.SENSOR_LOST, 1, "camera silent"),
+        (
+            StandInRobot(on_execute=fail_with(RobotError("wedged"))),
+            [Action.TURN_LEFT],
+            EndReason.MOTION_FAILED,
+            0,
+            "wedged",
+        ),
+        (
+            StandInRobot(on_execute=lambda _action: MotionResult(completed=False, failure="stalled")),
+            [Action.TURN_LEFT],
+            EndReason.MOTION_FAILED,
+            1,
+            "",
+        ),
+        (
+            StandInRobot(),
+            [Action.TURN_LEFT, ZeroDivisionError("oh")],
+            EndReason.MODEL_ERROR,
+            1,
+            "ZeroDivisionError: oh",
+        ),
+    ],
+    ids=["sensor", "base gone", "motion refused", "model"],
+)
+def test_a_fault_voids_the_episode_with_its_reason_and_keeps_the_steps_before_it(
+    robot: StandInRobot, script: list[Action | Exception], reason: EndReason, steps: int, word: str
+) -> None:
+    recorder = MemoryRecorder()
+    outcome = run(robot, script, recorder)
+    assert (outcome.verdict.end_reason, outcome.verdict.success) == (reason, None)
+    assert len(recorder.steps) == steps
+    assert word in outcome.error
+    assert robot.halts
+
+
+def test_an_answer_that_is_no_decision_is_the_models_error() -> None:
+    class Mumbling(ScriptedPolicy):
+        def act(self, observation: Observation) -> Decision:
+            return "forward"  # type: ignore[return-value]
+
+    with StopSignals() as stop:
+        outcome = run_episode(StandInRobot(), Mumbling([]), PLAN, MemoryRecorder(), stop)
+    assert outcome.verdict.end_reason is EndReason.MODEL_ERROR
+    assert "not a Decision" in outcome.error
+
+
+@pytest.mark.parametrize(
+    ("number", "reason"), [(signal.SIGINT, EndReason.ABORTED), (signal.SIGTERM, EndReason.INTERRUPTED)]
+)
+def test_a_signal_during_a_motion_halts_the_robot_and_is_recorded(number: signal.Signals, reason: EndReason) -> None:
+    def signalled(_action: Action) -> MotionResult:
+        os.kill(os.getpid(), number)
+        return MotionResult(completed=True)
+
+    robot, recorder = StandInRobot(on_execute=signalled), MemoryRecorder()
+    with pytest.raises(Stopped):
+        run(robot, [Action.TURN_LEFT], recorder)
+    assert recorder.outcome is not None
+    assert recorder.outcome.verdict.end_reason is reason
+    assert robot.halts
+
+
+def test_a_signal_while_a_step_is_being_recorded_waits_until_it_is_kept() -> None:
+    recorder = MemoryRecorder(on_step=lambda _step: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(Stopped):
+        run(StandInRobot(), [Action.TURN_LEFT], recorder)
+    assert len(recorder.steps) == 1
+    assert recorder.outcome is not None
+    assert recorder.outcome.actions == 1
+
+
+def test_a_record_that_cannot_be_written_halts_the_robot_and_ends_the_run() -> None:
+    def full(_step: Step) -> None:
+        raise RecordError("disk full")
+
+    robot = StandInRobot()
+    with pytest.raises(RecordError, match="disk full"):
+        run(robot, [Action.TURN_LEFT], MemoryRecorder(on_step=full))
+    assert robot.halts
+    assert len(robot.executed) == 1
+
+
+def test_a_robot_that_cannot_begin_records_no_episode() -> None:
+    class Absent(StandInRobot):
+        def begin(self, start: StartingPosition, seed: int) -> None:
+            raise RobotError("nobody put it there")
+
+    recorder = MemoryRecorder()
+    with pytest.raises(RobotError, match="nobody put it there"):
+        run(Absent(), [Action.STOP], recorder)
+    assert recorder.outcome is None
+
+
+def test_a_policy_that_asks_for_the_survey_gets_the_site_and_the_true_start() -> None:
+    @dataclass
+    class Surveyed(ScriptedPolicy):
+        told: tuple[str, Pose] | None = None
+
+        def survey(self, site: Site, start: Pose) -> None:
+            self.told = (site.name, start)
+
+    policy = Surveyed([Action.STOP])
+    with StopSignals() as stop:
+        run_episode(StandInRobot(), policy, PLAN, MemoryRecorder(), stop)
+    assert policy.told == ("apartment", PLAN.start.pose)
