@@ -164,17 +164,17 @@ class FreeSpace:
         """Follow the field downhill from cell to cell, then drop every point that a straight free line makes idle."""
         cell = self.cell_of(*start.position)
         way: list[Point] = [start.position]
-        reach = 2
-        while True:
+        reach = _REACH_CELLS  # the start may lie just outside the free space
+        while field[cell] > 0.0:
             row, column = cell
             top, left = max(row - reach, 0), max(column - reach, 0)
             near = field[top : row + reach + 1, left : column + reach + 1]
-            best = np.unravel_index(int(np.argmin(near)), near.shape)
-            if near[best] >= field[cell] or field[cell] <= 0.0:
-                if len(way) > 1 or field[cell] <= 0.0 or reach >= 2 * _REACH_CELLS:
-                    break
-                reach += 1  # the start may lie just outside the free space
-                continue
+            rows, columns = np.indices(near.shape)
+            step = RESOLUTION_M * np.hypot(rows + top - row, columns + left - column)
+            through = np.where(near < field[cell], near + step, np.inf)  # the next point lies on the shortest way
+            best = np.unravel_index(int(np.argmin(through)), near.shape)
+            if not math.isfinite(through[best]):
+                break
             cell = (int(best[0]) + top, int(best[1]) + left)
             way.append((float(self.x_m[cell]), float(self.y_m[cell])))
         kept, at = [way[0]], 0

@@ -1,0 +1,88 @@
+"""Finds policies by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`."""
+
+import importlib
+import inspect
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from vsnbench.errors import ModelError, UsageError, VsnbenchError
+from vsnbench.models.contract import Policy
+
+ENTRY_POINT_GROUP = "vsnbench.models"
+
+_BUILT_IN: dict[str, str] = {
+    "random": "vsnbench.models.random_walk:RandomWalk",
+    "forward": "vsnbench.models.forward:ForwardUntilBlocked",
+}
+
+
+def known_models() -> list[str]:
+    """Return the names that `create_policy` knows: built-in ones first, then those of plug-ins, sorted."""
+    return [*_BUILT_IN, *sorted(set(_plug_ins()) - set(_BUILT_IN))]
+
+
+def create_policy(name: str, **options: Any) -> Policy:
+    """Return a new policy.
+
+    Args:
+        name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, or `package.module:Class`.
+        options: handed to the policy's constructor.
+
+    Raises:
+        UsageError: there is no such model, or it has no such option.
+        ModelError: the plug-in cannot be imported or made, or is no policy.
+    """
+    where, factory = _find(name)
+    try:
+        inspect.signature(factory).bind(**options)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"model {name}: {error}; its options are {_options_of(factory)}") from error
+    try:
+        policy = factory(**options)
+    except VsnbenchError:
+        raise
+    except Exception as error:
+        raise ModelError(f"model {name}: {where} could not be made: {type(error).__name__}: {error}") from error
+    if not isinstance(policy, Policy):
+        raise ModelError(
+            f"model {name}: {where} is no policy: it needs `card`, `reset(goal, seed)`, `act(observation)`"
+        )
+    return policy
+
+
+def _find(name: str) -> tuple[str, Any]:
+    """Return what the name stands for as `module:Class`, and the class or function that makes the policy."""
+    plug_ins = _plug_ins()
+    if name in _BUILT_IN:
+        where = _BUILT_IN[name]
+    elif name in plug_ins:
+        where = plug_ins[name].value
+    elif ":" in name:
+        where = name
+    else:
+        raise UsageError(
+            f"no model {name!r}: the known ones are {', '.join(known_models())}; "
+            "your own is named as package.module:Class"
+        )
+    module_name, _, attribute = where.partition(":")
+    try:
+        found: Any = importlib.import_module(module_name)
+        for part in attribute.split("."):
+            found = getattr(found, part)
+    except Exception as error:  # importing a plug-in runs its code: anything can happen, and it is not our bug
+        raise ModelError(f"model {name}: cannot import {where}: {type(error).__name__}: {error}") from error
+    if not callable(found):
+        raise ModelError(f"model {name}: {where} is neither a class nor a function that makes a policy")
+    return where, found
+
+
+def _plug_ins() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+
+
+def _options_of(factory: Any) -> str:
+    try:
+        names = [name for name in inspect.signature(factory).parameters if name != "self"]
+    except (TypeError, ValueError):
+        return "not known"
+    return ", ".join(names) or "none"
