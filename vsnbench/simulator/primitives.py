@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 
 class Shape(StrEnum):
@@ -20,11 +21,13 @@ class Material:
     """A colour and a procedural texture."""
 
     color: Vector
-    """Linear-looking sRGB in [0, 1]."""
+    """sRGB in [0, 1]."""
     texture: str = "plain"
-    """Name of a procedural texture the rasteriser knows (plain, wood, planks, tiles, fabric, ...)."""
+    """Name of a procedural texture in `textures.TEXTURES` (plain, wood, planks, tiles, fabric, ...)."""
     shininess: float = 0.0
     """0 matt to 1 mirror-like; shiny and dark surfaces lose depth when depth noise is on."""
+    glow: float = 0.0
+    """How much of the colour it gives off by itself, 0 to 1: lamp shades, screens."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Primitive:
     centre: Vector
     half_size: Vector
     material: Material
-    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Unit quaternion (w, x, y, z)."""
     category: str = ""
     """Object category, or `wall`, `floor`, `ceiling`, `door`, `window`."""
@@ -43,6 +46,8 @@ class Primitive:
     """1 + index of the object in `Site.objects`; 0 for the building itself."""
     solid: bool = True
     """Whether a robot can touch it."""
+    visible: bool = True
+    """Whether the camera sees it; the outline of a surveyed footprint is solid and not drawn."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,238 @@
+"""The building itself as primitives: floors, ceiling, walls with doorways and windows cut out, frames, skirting."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from shapely.geometry import LineString, Polygon
+
+from vsnbench.protocol.site import Site, Wall, Window
+from vsnbench.simulator.furniture.canvas import rgb, turn
+from vsnbench.simulator.primitives import Material, Primitive, Shape
+
+_PLASTER = Material(rgb("#e9e3d6"), "plaster")
+_FRAME = Material(rgb("#f3f1ec"), "plain", 0.2)
+_DOOR_WOOD = Material(rgb("#9b6f47"), "wood", 0.2)
+_SKY = Material(rgb("#ffffff"), "sky", 0.0, 1.0)
+_CEILING = Material(rgb("#f5f3ee"), "plaster")
+_FLOORS = {
+    "wood": Material(rgb("#b07c4c"), "planks", 0.35),
+    "tiles": Material(rgb("#d5d6d4"), "tiles", 0.45),
+    "carpet": Material(rgb("#8f8577"), "carpet"),
+    "concrete": Material(rgb("#a5a39f"), "stone", 0.1),
+}
+_SKIN = 0.001
+"""Coverings lie this far apart, metres, so that no two drawn surfaces share a plane."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Opening:
+    start: float
+    end: float
+    bottom: float
+    top: float
+
+
+def build_structure(site: Site) -> Iterator[Primitive]:
+    """Yield everything of a site that is not an object; `instance` is 0."""
+    yield from _floors(site)
+    for wall in site.walls:
+        yield from _wall(site, wall)
+
+
+def _slab(site: Site, z: tuple[float, float], material: Material, category: str) -> Primitive:
+    x0, y0, x1, y1 = site_bounds(site)
+    return Primitive(
+        Shape.BOX,
+        ((x0 + x1) / 2, (y0 + y1) / 2, (z[0] + z[1]) / 2),
+        ((x1 - x0) / 2, (y1 - y0) / 2, (z[1] - z[0]) / 2),
+        material,
+        category=category,
+    )
+
+
+def site_bounds(site: Site) -> tuple[float, float, float, float]:
+    """Return (x_min, y_min, x_max, y_max) around all rooms and walls, metres."""
+    boxes = [room.shape.bounds for room in site.rooms] + [wall.shape.bounds for wall in site.walls]
+    return (
+        min(edges[0] for edges in boxes),
+        min(edges[1] for edges in boxes),
+        max(edges[2] for edges in boxes),
+        max(edges[3] for edges in boxes),
+    )
+
+
+def _floors(site: Site) -> Iterator[Primitive]:
+    base = _FLOORS[site.rooms[0].floor]
+    # One slab carries the robot: wheels would feel the seams between the coverings of the rooms.
+    yield replace(_slab(site, (-0.1, 0.0), base, "floor"), visible=False)
+    yield replace(_slab(site, (-0.1, -_SKIN), base, "floor"), solid=False)
+    for room in site.rooms:
+        material = _FLOORS[room.floor]
+        if room.floor_color is not None:
+            material = replace(material, color=rgb(room.floor_color))
+        for x0, y0, x1, y1 in rectangles(room.shape):
+            yield Primitive(
+                Shape.BOX,
+                ((x0 + x1) / 2, (y0 + y1) / 2, -_SKIN / 2),
+                ((x1 - x0) / 2, (y1 - y0) / 2, _SKIN / 2),
+                material,
+                category="floor",
+                solid=False,
+            )
+    yield _slab(site, (site.ceiling_height_m, site.ceiling_height_m + 0.1), _CEILING, "ceiling")
+
+
+def rectangles(
+    outline: Polygon, inscribed: bool = False, slice_m: float = 0.05
+) -> Iterator[tuple[float, float, float, float]]:
+    """Cut a polygon into rectangles (x0, y0, x1, y1): exact where its edges are square to the axes.
+
+    Slanted edges become steps of `slice_m`, halfway over the edge or, `inscribed`, inside of it.
+    """
+    levels = sorted({round(y, 6) for _, y in outline.exterior.coords})
+    for low, high in itertools.pairwise(levels):
+        if high - low < 1e-4:
+            continue
+        ends = zip(_crossings(outline, low + 1e-6), _crossings(outline, high - 1e-6), strict=True)
+        for (x0, x1), (x2, x3) in ends:
+            square = max(abs(x0 - x2), abs(x1 - x3)) < 1e-4
+            steps = 1 if square else math.ceil((high - low) / slice_m)
+            for k in range(steps):
+                shares = (k / steps, (k + 1) / steps) if inscribed else ((k + 0.5) / steps,)
+                left = max(x0 + (x2 - x0) * share for share in shares)
+                right = min(x1 + (x3 - x1) * share for share in shares)
+                if right - left > 1e-4:
+                    yield (left, low + (high - low) * k / steps, right, low + (high - low) * (k + 1) / steps)
+
+
+def _crossings(outline: Polygon, y: float) -> list[tuple[float, float]]:
+    """Return the stretches of a horizontal line inside a polygon, from left to right."""
+    corners = list(outline.exterior.coords)
+    at = sorted(
+        xa + (xb - xa) * (y - ya) / (yb - ya)
+        for (xa, ya), (xb, yb) in itertools.pairwise(corners)
+        if (ya > y) != (yb > y)
+    )
+    return list(zip(at[::2], at[1::2], strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """A wall's own frame: distance along it, distance across it, height."""
+
+    wall: Wall
+
+    def block(
+        self,
+        along: tuple[float, float],
+        across: tuple[float, float],
+        z: tuple[float, float],
+        material: Material,
+        category: str = "wall",
+        solid: bool = True,
+    ) -> Primitive:
+        (x0, y0), (x1, y1) = self.wall.start, self.wall.end
+        length = self.wall.length_m
+        ux, uy = (x1 - x0) / length, (y1 - y0) / length
+        middle, side = sum(along) / 2, sum(across) / 2
+        return Primitive(
+            Shape.BOX,
+            (x0 + ux * middle - uy * side, y0 + uy * middle + ux * side, sum(z) / 2),
+            ((along[1] - along[0]) / 2, (across[1] - across[0]) / 2, (z[1] - z[0]) / 2),
+            material,
+            turn((0, 0, 1), math.atan2(uy, ux)),
+            category,
+            solid=solid,
+        )
+
+    def place(self, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float] | None:
+        """Return where a segment lies along the wall, or None when it lies on another wall."""
+        line = self.wall.centre_line
+        near = self.wall.thickness_m / 2 + 0.02
+        if line.distance(LineString([start, end]).centroid) > near:
+            return None
+        (x0, y0), (x1, y1) = self.wall.start, self.wall.end
+        length = self.wall.length_m
+        ux, uy = (x1 - x0) / length, (y1 - y0) / length
+        reach = [(x - x0) * ux + (y - y0) * uy for x, y in (start, end)]
+        if abs(abs(reach[1] - reach[0]) - math.dist(start, end)) > 0.02:
+            return None
+        return (min(reach), max(reach))
+
+
+_JAMB = 0.04
+
+
+def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
+    run = _Run(wall)
+    half = wall.thickness_m / 2
+    height = site.ceiling_height_m if wall.height_m is None else min(wall.height_m, site.ceiling_height_m)
+    material = _PLASTER if wall.color is None else replace(_PLASTER, color=rgb(wall.color))
+    openings: list[_Opening] = []
+    for door in site.doors:
+        at = run.place(door.start, door.end)
+        if at is not None:
+            top = min(door.height_m, height)
+            openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
+            yield from _door_frame(run, at, half, top)
+    for window in site.windows:
+        at = run.place(window.start, window.end)
+        if at is not None and window.sill_m < height:
+            head = min(window.head_m, height)
+            openings.append(_Opening(*at, window.sill_m, head))
+            yield from _window(run, at, half, window, head)
+    openings.sort(key=lambda opening: opening.start)
+    skirting = replace(_FRAME, color=rgb("#e4ded2"))
+    cursor = -half
+    for opening in openings:
+        if opening.start > cursor:
+            yield from _stretch(run, (cursor, opening.start), half, height, material, skirting)
+        span = (max(cursor, opening.start), opening.end)
+        if opening.bottom > 0:
+            yield from _stretch(run, span, half, opening.bottom, material, skirting)
+        if height - opening.top > 1e-3:
+            yield run.block(span, (-half, half), (opening.top, height), material)
+        cursor = max(cursor, opening.end)
+    if wall.length_m + half > cursor:
+        yield from _stretch(run, (cursor, wall.length_m + half), half, height, material, skirting)
+
+
+def _stretch(
+    run: _Run, along: tuple[float, float], half: float, height: float, material: Material, skirting: Material
+) -> Iterator[Primitive]:
+    yield run.block(along, (-half, half), (0.0, height), material)
+    if height > 0.3:
+        yield run.block(along, (-half - 0.012, half + 0.012), (0.0, 0.07), skirting, solid=False)
+
+
+def _door_frame(run: _Run, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
+    """The lining inside the opening's edges and the casing on both faces of the wall; the clear width stays clear."""
+    height = top + _JAMB
+    for low, high in ((at[0] - _JAMB, at[0]), (at[1], at[1] + _JAMB)):
+        yield run.block((low, high), (-half, half), (0.0, height), _DOOR_WOOD, "door")
+    yield run.block(at, (-half, half), (top, height), _DOOR_WOOD, "door")
+    for side in (-1, 1):
+        face = sorted((side * half, side * (half + 0.015)))
+        across = (face[0], face[1])
+        for low, high in ((at[0] - 0.07, at[0]), (at[1], at[1] + 0.07)):
+            yield run.block((low, high), across, (0.0, top), _DOOR_WOOD, "door", solid=False)
+        yield run.block((at[0] - 0.07, at[1] + 0.07), across, (top, top + 0.07), _DOOR_WOOD, "door", solid=False)
+
+
+def _window(run: _Run, at: tuple[float, float], half: float, window: Window, head: float) -> Iterator[Primitive]:
+    sill = window.sill_m
+    edge = 0.05
+    pane = (-0.01, 0.01)
+    yield run.block((at[0] + edge, at[1] - edge), pane, (sill + edge, head - edge), _SKY, "window")
+    bar = (-0.03, 0.03)
+    for low, high in ((at[0], at[0] + edge), (at[1] - edge, at[1])):
+        yield run.block((low, high), bar, (sill, head), _FRAME, "window")
+    for low, high in ((sill, sill + edge), (head - edge, head)):
+        yield run.block((at[0] + edge, at[1] - edge), bar, (low, high), _FRAME, "window")
+    if at[1] - at[0] > 0.9:
+        middle = (at[0] + at[1]) / 2
+        yield run.block((middle - 0.025, middle + 0.025), bar, (sill + edge, head - edge), _FRAME, "window")
+    ledge = half + 0.04
+    yield run.block((at[0] - 0.03, at[1] + 0.03), (-ledge, ledge), (sill - 0.03, sill), _FRAME, "window", solid=False)

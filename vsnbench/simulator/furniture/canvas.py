@@ -1,0 +1,184 @@
+"""What a furniture model is drawn on: the object's own box, in metres, with its shapes and materials."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from vsnbench.simulator.primitives import Material, Quaternion, Shape, Vector
+
+Span = tuple[float, float]
+UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+def rgb(code: str) -> Vector:
+    """Return `#rrggbb` as sRGB in [0, 1]."""
+    return (int(code[1:3], 16) / 255, int(code[3:5], 16) / 255, int(code[5:7], 16) / 255)
+
+
+def shade(color: Vector, factor: float) -> Vector:
+    """Return the colour made darker (factor under 1) or lighter (over 1)."""
+    red, green, blue = (min(1.0, channel * factor) for channel in color)
+    return (red, green, blue)
+
+
+def turn(axis: Vector, angle_rad: float) -> Quaternion:
+    """Return the rotation by an angle about a unit axis."""
+    sin = math.sin(angle_rad / 2)
+    return (math.cos(angle_rad / 2), axis[0] * sin, axis[1] * sin, axis[2] * sin)
+
+
+def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Return the rotation that does `second`, then `first`."""
+    a, b, c, d = first
+    e, f, g, h = second
+    return (
+        a * e - b * f - c * g - d * h,
+        a * f + b * e + c * h - d * g,
+        a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    )
+
+
+def rotation_matrix(rotation: Quaternion) -> tuple[Vector, Vector, Vector]:
+    """Return the rows of the rotation's matrix."""
+    w, x, y, z = rotation
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def extents(shape: Shape, half_size: Vector, rotation: Quaternion) -> Vector:
+    """Return the half sizes of the upright box around a turned shape."""
+    reach = []
+    for row in rotation_matrix(rotation):
+        along = [abs(part) * half for part, half in zip(row, half_size, strict=True)]
+        if shape is Shape.BOX:
+            reach.append(sum(along))
+        elif shape is Shape.CYLINDER:
+            reach.append(math.hypot(along[0], along[1]) + along[2])
+        else:
+            reach.append(math.hypot(*along))
+    return (reach[0], reach[1], reach[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One shape of a piece of furniture, in the object's frame: x to its front, y to its left, z up from its foot."""
+
+    shape: Shape
+    centre: Vector
+    half_size: Vector
+    material: Material
+    rotation: Quaternion = UPRIGHT
+
+
+@dataclass(slots=True)
+class Canvas:
+    """The box of one object, and the parts that were put into it.
+
+    Every part is cut back to the box, so that nothing a model draws can stick out of the object's footprint.
+    """
+
+    depth: float
+    width: float
+    height: float
+    color: Vector | None = None
+    parts: list[Part] = field(default_factory=list)
+
+    @property
+    def back(self) -> float:
+        """Smallest x."""
+        return -self.depth / 2
+
+    @property
+    def front(self) -> float:
+        """Largest x."""
+        return self.depth / 2
+
+    @property
+    def right(self) -> float:
+        """Smallest y."""
+        return -self.width / 2
+
+    @property
+    def left(self) -> float:
+        """Largest y."""
+        return self.width / 2
+
+    def paint(self, code: str, texture: str = "plain", shininess: float = 0.0, glow: float = 0.0) -> Material:
+        """Return a material in the object's own colour, or in `code` when the site gives none."""
+        return Material(self.color or rgb(code), texture, shininess, glow)
+
+    def box(self, x: Span, y: Span, z: Span, material: Material) -> None:
+        """Put a box between the given edges."""
+        edges = []
+        for span, low, high in (
+            (x, self.back, self.front),
+            (y, self.right, self.left),
+            (z, 0.0, self.height),
+        ):
+            start, end = max(low, min(span)), min(high, max(span))
+            if end - start < 1e-4:
+                return
+            edges.append((start, end))
+        self.parts.append(
+            Part(
+                Shape.BOX,
+                _vector((start + end) / 2 for start, end in edges),
+                _vector((end - start) / 2 for start, end in edges),
+                material,
+            )
+        )
+
+    def cylinder(self, x: float, y: float, z: Span, radius: float, material: Material) -> None:
+        """Put an upright cylinder."""
+        self.place(Shape.CYLINDER, (x, y, sum(z) / 2), (radius, radius, abs(z[1] - z[0]) / 2), material)
+
+    def rod(self, axis: str, centre: Vector, radius: float, length: float, material: Material) -> None:
+        """Put a lying cylinder along `x` or `y`."""
+        rotation = turn((0, 1, 0), math.pi / 2) if axis == "x" else turn((1, 0, 0), math.pi / 2)
+        self.place(Shape.CYLINDER, centre, (radius, radius, length / 2), material, rotation)
+
+    def ellipsoid(self, centre: Vector, half_size: Vector, material: Material, rotation: Quaternion = UPRIGHT) -> None:
+        """Put an ellipsoid."""
+        self.place(Shape.ELLIPSOID, centre, half_size, material, rotation)
+
+    def place(
+        self, shape: Shape, centre: Vector, half_size: Vector, material: Material, rotation: Quaternion = UPRIGHT
+    ) -> None:
+        """Put any shape, made smaller and moved as far as it takes to keep it in the object's box."""
+        room = (self.depth / 2, self.width / 2, self.height / 2)
+        reach = extents(shape, half_size, rotation)
+        scale = min(1.0, *(free / need for free, need in zip(room, reach, strict=True)))
+        half = _vector(value * scale for value in half_size)
+        if min(half) < 1e-4:
+            return
+        reach = extents(shape, half, rotation)
+        middle = (0.0, 0.0, self.height / 2)
+        kept = _vector(
+            axis + min(max(value - axis, need - free), free - need)
+            for value, axis, free, need in zip(centre, middle, room, reach, strict=True)
+        )
+        self.parts.append(Part(shape, kept, half, material, rotation))
+
+    def legs(self, inset: float, thickness: float, top: float, material: Material, round_: bool = False) -> None:
+        """Put four legs from the floor to `top`, `inset` from the edges."""
+        half = min(thickness, self.depth / 3, self.width / 3) / 2
+        for x in (self.back + inset + half, self.front - inset - half):
+            for y in (self.right + inset + half, self.left - inset - half):
+                if round_:
+                    self.cylinder(x, y, (0, top), half, material)
+                else:
+                    self.box((x - half, x + half), (y - half, y + half), (0, top), material)
+
+
+def recolored(material: Material, factor: float) -> Material:
+    """Return the material darker or lighter."""
+    return replace(material, color=shade(material.color, factor))
+
+
+def _vector(values: Iterable[float]) -> Vector:
+    x, y, z = values
+    return (x, y, z)
