@@ -31,3 +31,7 @@ class ModelError(VsnbenchError):
 
 class RecordError(VsnbenchError):
     """The results directory or its database cannot be used."""
+
+
+class TrialTakenError(RecordError):
+    """Another process is running this trial, or it has been done meanwhile."""

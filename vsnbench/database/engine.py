@@ -106,7 +106,16 @@ def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
-        connection.exec_driver_sql("BEGIN" if read_only else "BEGIN IMMEDIATE")
+        reads = read_only or connection.get_execution_options().get(_READS)
+        connection.exec_driver_sql("BEGIN" if reads else "BEGIN IMMEDIATE")
+
+
+_READS = "vsnbench_reads"
+
+
+def reading(engine: Engine) -> Engine:
+    """Return the same engine for transactions that only read: they wait for no writer and none waits for them."""
+    return engine.execution_options(**{_READS: True})
 
 
 @contextmanager

@@ -1,0 +1,161 @@
+"""Who writes, on what machine, with which code: gathered once a process; and whether such a process still lives."""
+
+import getpass
+import os
+import platform
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from vsnbench import __version__
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessIdentity:
+    """What tells one process from every other that ever ran."""
+
+    host: str
+    pid: int
+    boot_id: str
+    """The running kernel; empty where the system does not tell."""
+    pid_namespace: str
+    """Containers count their processes separately."""
+    start_ticks: int
+    """Start of the process in the kernel's ticks since boot; 0 where the system does not tell."""
+
+    def is_alive(self, here: "ProcessIdentity") -> bool | None:
+        """Say whether this process still runs, seen from the process `here`.
+
+        Returns:
+            None when it cannot be known: it ran in another container, on another machine, or before a restart of this
+            one (host names do not tell: robots of one make often share theirs).
+        """
+        same_kernel = self.boot_id == here.boot_id and (bool(self.boot_id) or self.host == here.host)
+        if not same_kernel or self.pid_namespace != here.pid_namespace:
+            return None
+        if self.start_ticks:
+            return _start_ticks(self.pid) == self.start_ticks
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """A writing process and everything that its results depend on but the plan does not say."""
+
+    identity: ProcessIdentity
+    started_at: datetime
+    operator: str
+    command: str
+    vsnbench_version: str
+    git_commit: str = ""
+    git_dirty: bool = False
+    packages: Mapping[str, str] = field(default_factory=dict)
+    platform: Mapping[str, str] = field(default_factory=dict)
+
+
+def gather_provenance(operator: str | None = None) -> Provenance:
+    """Describe this process.
+
+    Args:
+        operator: who is responsible for the robot; $VSNBENCH_OPERATOR, then the login name, when None.
+    """
+    commit, dirty = _git_state()
+    return Provenance(
+        identity=this_process(),
+        started_at=datetime.now(UTC),
+        operator=operator or os.environ.get("VSNBENCH_OPERATOR") or _login(),
+        command=" ".join(sys.argv),
+        vsnbench_version=__version__,
+        git_commit=commit,
+        git_dirty=dirty,
+        packages=_packages(),
+        platform={
+            "system": platform.platform(),
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "processor": _processor(),
+        },
+    )
+
+
+def this_process() -> ProcessIdentity:
+    """Return the identity of this process (not cached: a fork is another process)."""
+    return ProcessIdentity(
+        host=socket.gethostname(),
+        pid=os.getpid(),
+        boot_id=_read(Path("/proc/sys/kernel/random/boot_id")).strip(),
+        pid_namespace=_pid_namespace(),
+        start_ticks=_start_ticks(os.getpid()),
+    )
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
+def _pid_namespace() -> str:
+    try:
+        return str(Path("/proc/self/ns/pid").readlink())
+    except OSError:
+        return ""
+
+
+def _start_ticks(pid: int) -> int:
+    """Return field 22 of /proc/PID/stat; 0 when there is no such process, or it is a zombie that nobody buried."""
+    _, _, rest = _read(Path(f"/proc/{pid}/stat")).rpartition(")")  # the name before it may hold spaces and brackets
+    fields = rest.split()
+    return int(fields[19]) if len(fields) > 19 and fields[0] != "Z" else 0
+
+
+def _login() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user without a name
+        return f"uid {os.getuid()}"
+
+
+@cache
+def _git_state() -> tuple[str, bool]:
+    """Return the commit of the checkout that this code runs from and whether it was changed; empty for a release."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return "", False
+    try:
+        commit, changes = (
+            subprocess.run(
+                ["git", "-C", str(root), *words], capture_output=True, text=True, check=True, timeout=5
+            ).stdout
+            for words in (("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown", False
+    return commit.strip(), bool(changes.strip())
+
+
+@cache
+def _packages() -> dict[str, str]:
+    found = {(package.metadata["Name"] or "").lower(): package.version for package in metadata.distributions()}
+    return {name: found[name] for name in sorted(found) if name}
+
+
+@cache
+def _processor() -> str:
+    for line in _read(Path("/proc/cpuinfo")).splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor()

@@ -1,0 +1,186 @@
+"""Turns what a writer hands over into the columns of the tables."""
+
+import math
+from datetime import UTC, datetime
+from typing import Any
+
+from vsnbench.database.provenance import Provenance
+from vsnbench.database.records import CampaignPlan, EpisodeEnd, EpisodeStart, ModelIdentity, RobotIdentity, StepRecord
+from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+
+Row = dict[str, Any]
+"""Column name -> value."""
+
+
+def number(value: float | None) -> float | None:
+    """Return the number as the record keeps it: NULL for what is not finite."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def text(value: str) -> str:
+    """Return text that every database takes: no NUL characters, no lone surrogates."""
+    return value.replace("\x00", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
+
+
+def pose_columns(prefix: str, pose: Pose | None) -> Row:
+    """Return `<prefix>_x_m`, `_y_m` and `_heading_rad`."""
+    return {
+        f"{prefix}_x_m": pose.x_m if pose else None,
+        f"{prefix}_y_m": pose.y_m if pose else None,
+        f"{prefix}_heading_rad": pose.heading_rad if pose else None,
+    }
+
+
+def process_row(given: Provenance) -> Row:
+    """Return the row of a writing process."""
+    return {
+        "host": text(given.identity.host),
+        "pid": given.identity.pid,
+        "boot_id": given.identity.boot_id,
+        "pid_namespace": given.identity.pid_namespace,
+        "start_ticks": given.identity.start_ticks,
+        "started_at": given.started_at,
+        "operator": text(given.operator),
+        "command": text(given.command),
+        "vsnbench_version": given.vsnbench_version,
+        "git_commit": given.git_commit,
+        "git_dirty": given.git_dirty,
+        "packages": dict(given.packages),
+        "platform": dict(given.platform),
+    }
+
+
+def site_row(site: Site) -> Row:
+    """Return the row of a site, whole."""
+    return {"sha256": site.sha256, "name": site.name, "title": site.title, "content": site.content()}
+
+
+def robot_row(robot: RobotIdentity) -> Row:
+    """Return the row of a robot."""
+    return {
+        "sha256": robot.sha256,
+        "backend": robot.backend,
+        "name": robot.profile.name,
+        "title": robot.profile.title,
+        "simulated": robot.simulated,
+        "profile": robot.profile.model_dump(mode="json"),
+    }
+
+
+def model_row(model: ModelIdentity) -> Row:
+    """Return the row of a model."""
+    return {
+        "sha256": model.sha256,
+        "name": text(model.name),
+        "weights_sha256": model.weights_sha256,
+        "weights_label": text(model.weights_label),
+        "settings": dict(model.settings),
+        "goals": None if model.goals is None else sorted(model.goals),
+        "sensors": sorted(model.sensors),
+        "surveyed": model.surveyed,
+    }
+
+
+def campaign_row(plan: CampaignPlan) -> Row:
+    """Return the row of a campaign, without the rows that it points to."""
+    return {
+        "key": plan.key,
+        "name": text(plan.name) or f"{plan.model.name} on {plan.robot.profile.name} in {plan.site.name}",
+        "created_at": datetime.now(UTC),
+        "protocol": plan.protocol.model_dump(mode="json"),
+        "protocol_sha256": plan.protocol_sha256,
+        "noise": dict(plan.noise),
+        "goals": plan.goals,
+        "starts": plan.starts,
+        "repetitions": plan.repetitions,
+        "seed": plan.seed,
+        "shuffled": plan.shuffled,
+    }
+
+
+def episode_start_row(start: EpisodeStart) -> Row:
+    """Return the row of an episode that begins, without its uuid and process."""
+    return {
+        "trial_id": start.trial_id,
+        "origin": start.origin,
+        "seed": start.seed,
+        "started_at": start.started_at or datetime.now(UTC),
+        "error": "",
+        "actions": 0,
+        "geodesic_start_m": number(start.geodesic_m),
+        "images_directory": "",
+        **pose_columns("start", start.pose),
+    }
+
+
+def step_row(episode_id: int, step: StepRecord) -> Row:
+    """Return the row of a step; one that the guard refused ends where it began."""
+    result = step.result
+    collision = result.collision if result else None
+    return {
+        "episode_id": episode_id,
+        "number": step.number,
+        "raw_action": text(step.raw_action) or step.action.value,
+        "action": step.action.value,
+        "blocked": step.blocked,
+        "completed": result is not None and result.completed,
+        "failure": text(result.failure) if result else "",
+        "recorded_at": datetime.now(UTC),
+        "stamp_s": number(step.stamp_s),
+        **pose_columns("observed", step.observed),
+        **pose_columns("after", result.pose if result else step.observed),
+        **pose_columns("world", step.world.pose if step.world else None),
+        "world_source": step.world.source.value if step.world else None,
+        "displacement_m": number(result.displacement_m) if result else 0.0,
+        "turn_rad": number(result.turn_rad) if result else 0.0,
+        "duration_s": number(result.duration_s) if result else 0.0,
+        "corrections": result.corrections if result else 0,
+        "collision_source": collision.source.value if collision else None,
+        "collision_touched": text(collision.touched) if collision else None,
+        "rgb_sha256": step.rgb_sha256,
+        "depth_sha256": step.depth_sha256,
+        "sense_s": number(step.timings.sense_s),
+        "infer_s": number(step.timings.infer_s),
+        "move_s": number(step.timings.move_s),
+        "probabilities": dict(step.probabilities) or None,
+        "details": dict(step.details) or None,
+    }
+
+
+def episode_end_row(end: EpisodeEnd) -> Row:
+    """Return the columns that an episode's end fills in."""
+    distance = end.verdict.distance if end.verdict else None
+    return {
+        "ended_at": end.ended_at or datetime.now(UTC),
+        "end_reason": end.end_reason.value,
+        "error": text(end.error),
+        "actions": end.actions,
+        "path_length_m": number(end.path_length_m),
+        "geodesic_end_m": number(end.geodesic_m),
+        "duration_s": number(end.duration_s),
+        "wall_duration_s": number(end.wall_duration_s),
+        "distance_to_goal_m": number(distance.distance_m) if distance else None,
+        "distance_source": distance.source.value if distance else None,
+        "goal_instance": distance.instance if distance else None,
+        **pose_columns("final", end.final.pose if end.final else None),
+        "final_source": end.final.source.value if end.final else None,
+    }
+
+
+def verdict_row(episode_id: int, verdict: Verdict, *, author: str, source: str) -> Row:
+    """Return the row of a verdict given now."""
+    distance = verdict.distance
+    return {
+        "episode_id": episode_id,
+        "created_at": datetime.now(UTC),
+        "success": verdict.success,
+        "end_reason": verdict.end_reason.value,
+        "distance_m": number(distance.distance_m) if distance else None,
+        "distance_source": distance.source.value if distance else None,
+        "goal_instance": distance.instance if distance else None,
+        "author": text(author),
+        "source": source,
+        "reason": text(verdict.text),
+    }
