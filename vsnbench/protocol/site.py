@@ -12,13 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.settings_file import parse_settings, read_settings
 from vsnbench.resources import resource_directory
 
 Point = tuple[float, float]
@@ -230,11 +230,7 @@ def load_site(name_or_path: str | Path) -> Site:
     if not path.is_file():
         known = ", ".join(embedded_sites())
         raise UsageError(f"no site {str(name_or_path)!r}: name an embedded one ({known}) or the path of a site file")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SiteError(f"cannot read site file {path}: {error}") from error
-    return parse_site(text, origin=str(path))
+    return read_settings(path, Site, SiteError, "site")
 
 
 def parse_site(text: str, origin: str) -> Site:
@@ -243,38 +239,4 @@ def parse_site(text: str, origin: str) -> Site:
     Raises:
         SiteError: the text breaks the format; the message names the line and the field.
     """
-    try:
-        tree = yaml.compose(text, Loader=yaml.SafeLoader)
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{origin}:{mark.line + 1}" if mark else origin
-        problem = getattr(error, "problem", None) or "not YAML"
-        raise SiteError(f"{where}: not valid YAML: {problem}") from error
-    if not isinstance(content, dict):
-        raise SiteError(f"{origin}:1: a site file is a mapping with name, rooms, walls, objects and starts")
-    try:
-        return Site.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or "site"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise SiteError(f"{origin}:{_line_of(tree, first['loc'])}: {field}: {first['msg']}{more}") from error
-
-
-def _line_of(node: yaml.Node | None, location: tuple[int | str, ...]) -> int:
-    """Return the 1-based line of the deepest node on the way to `location`."""
-    line = 1
-    for part in location:
-        found: yaml.Node | None = None
-        if isinstance(node, yaml.MappingNode):
-            for key, value in node.value:
-                if key.value == part:
-                    found, line = value, key.start_mark.line + 1
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-            found = node.value[part]
-            line = found.start_mark.line + 1
-        if found is None:
-            break
-        node = found
-    return line
+    return parse_settings(text, origin, Site, SiteError, "site")
