@@ -1,0 +1,27 @@
+"""Whether ROS 1 can be imported here, and the one line that says how to install it."""
+
+import importlib.util
+
+from vsnbench.errors import RobotError
+
+NEEDED = ("rospy", "rosgraph", "genpy", "std_msgs", "std_srvs", "geometry_msgs", "nav_msgs", "sensor_msgs")
+"""The Python packages of ROS 1 that our nodes and the client import."""
+
+
+def missing_packages() -> list[str]:
+    """Return the names in NEEDED that cannot be imported."""
+    return [name for name in NEEDED if importlib.util.find_spec(name) is None]
+
+
+def require_ros() -> None:
+    """Make sure that ROS 1 can be imported.
+
+    Raises:
+        RobotError: it cannot; the message says how to install it.
+    """
+    missing = missing_packages()
+    if missing:
+        raise RobotError(
+            f"ROS 1 is not installed for this Python (no module {missing[0]}): run scripts/install_ros.sh, "
+            "or see docs/robot.md"
+        )
