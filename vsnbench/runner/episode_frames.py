@@ -1,0 +1,72 @@
+"""What an episode looks like to a viewer: the same frames whether they come from a running robot or the record."""
+
+from dataclasses import dataclass, field
+
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeHeader:
+    """What is known before the first step."""
+
+    episode_id: int
+    uuid: str
+    goal: str
+    model: str
+    """The model's name, with its weights where it has any."""
+    robot: str
+    site: Site
+    start_number: int
+    begin: Fix
+    """Where the robot really stood when the episode began; odometry and maps of the policy are relative to it."""
+    parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
+    robot_radius_m: float = 0.177
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepFrame:
+    """One action, with the images as they lie in the record: each is encoded once, for files and viewer alike."""
+
+    index: int
+    """1 for the first action."""
+    stamp_s: float
+    """When the image was taken, on the robot's clock."""
+    rgb_jpeg: bytes
+    depth_png: bytes | None
+    """16-bit, millimetres, 0 where invalid."""
+    decision: Decision
+    result: MotionResult | None
+    """None when the depth guard refused the action."""
+    blocked: bool
+    after: Fix | None
+    """Where the robot stood after the action, in the site; None where that is not known."""
+    infer_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EventFrame:
+    """Something that happened beside the steps."""
+
+    step: int
+    """The action it followed; 0 before the first."""
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class EndFrame:
+    """How the episode ended."""
+
+    verdict: Verdict
+    actions: int
+    path_length_m: float | None = None
+    duration_s: float | None = None
+    error: str = ""
+
+
+Frame = StepFrame | EventFrame | EndFrame

@@ -1,0 +1,261 @@
+"""The floor plan of an episode in Rerun: the site, the goal's success zone, the robot, and what the policy believes.
+
+Everything under `plan` is logged in the site's frame (metres, y up). The entity itself carries the flip that makes
+up be up, because a 2D view of Rerun draws y downwards.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.metrics import distance_to_goal
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site, SiteObject
+from vsnbench.runner.episode_frames import EpisodeHeader, StepFrame
+
+if TYPE_CHECKING:
+    import rerun as rr
+    from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+PLAN_PIXEL_M = 0.0125
+ROOM_RGB = {"wood": (244, 236, 222), "tiles": (226, 234, 238), "carpet": (238, 230, 236), "concrete": (232, 232, 230)}
+WALL_RGB = (70, 72, 78)
+DOOR_RGB = (170, 130, 90)
+WINDOW_RGB = (120, 170, 210)
+FURNITURE_RGB = (206, 204, 198)
+FURNITURE_EDGE_RGB = (150, 148, 142)
+GOAL_RGB = (88, 172, 108)
+GOAL_EDGE_RGB = (22, 110, 52)
+START_RGB = (60, 60, 64)
+ROBOT_RGB = (24, 92, 190)
+SUCCESS_RGB = (22, 140, 62)
+FAILURE_RGB = (206, 44, 40)
+VOID_RGB = (150, 120, 30)
+POLICY_RGB = (150, 60, 170)
+MAP_CLASSES = [(0, "unknown", (0, 0, 0, 0)), (1, "free", (110, 180, 250, 255)), (2, "occupied", (*POLICY_RGB, 255))]
+
+
+class FloorPlan:
+    """Draws one episode's plan into a recording."""
+
+    def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
+        self._recording = recording
+        self._header = header
+        self._here = header.begin
+
+    def draw_site(self) -> None:
+        """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
+        import rerun as rr
+        from shapely.ops import unary_union
+
+        header, log = self._header, self._recording.log
+        site, goal = header.site, header.goal
+        log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
+        log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
+        picture, corner = _site_picture(site, goal)
+        height = picture.shape[0] * PLAN_PIXEL_M
+        # The picture's rows run down: flipped back, its corner is the upper left one.
+        log(
+            "plan/site",
+            rr.Transform3D(translation=[corner[0], corner[1] + height, 0.0], scale=[PLAN_PIXEL_M, -PLAN_PIXEL_M, 1.0]),
+            rr.Image(picture, draw_order=-10.0).compress(jpeg_quality=95),
+            static=True,
+        )
+        goals = site.instances(goal)
+        log(
+            "plan/goal/instances",
+            rr.LineStrips2D([_outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
+            static=True,
+        )
+        log(
+            "plan/goal/labels",
+            rr.Points2D(
+                [thing.position for thing in goals],
+                labels=[thing.id for thing in goals],
+                colors=GOAL_EDGE_RGB,
+                radii=0.03,
+            ),
+            static=True,
+        )
+        zone = unary_union([thing.shape.buffer(header.parameters.success_distance_m) for thing in goals])
+        log(
+            "plan/goal/success_zone",
+            rr.LineStrips2D(_rings(zone), colors=GOAL_EDGE_RGB, radii=0.012),
+            static=True,
+        )
+        log(
+            "plan/start",
+            *_heading_arrow(header.begin.pose, START_RGB, f"start {header.start_number}", 0.35),
+            static=True,
+        )
+
+    def draw_step(self, frame: StepFrame) -> float | None:
+        """Log the robot where the image was taken, the way it then went, and the policy's picture of the world.
+
+        Returns:
+            The distance from there to the goal, metres; None when the site has none.
+        """
+        import rerun as rr
+
+        log, header = self._recording.log, self._header
+        here = self._here.pose
+        log("plan/robot/shell", rr.LineStrips2D([_circle(here, header.robot_radius_m)], colors=ROBOT_RGB, radii=0.025))
+        log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
+        if frame.after is not None:
+            there = frame.after.pose
+            progress = min(1.0, frame.index / header.parameters.max_actions)
+            if here.distance_to(there) > 1e-4:
+                log(
+                    "plan/trajectory",
+                    rr.LineStrips2D([[here.position, there.position]], colors=_warming(progress), radii=0.03),
+                )
+        self._mark_trouble(frame)
+        self._draw_beliefs(frame)
+        distance = distance_to_goal(header.site, header.goal, self._here).distance_m
+        if frame.after is not None:
+            self._here = frame.after
+        return distance
+
+    def draw_end(self, verdict: Verdict) -> None:
+        """Log where it ended, in the colour of the verdict."""
+        import rerun as rr
+
+        color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
+        label = f"{verdict.end_reason.value}"
+        self._recording.log(
+            "plan/end",
+            rr.Points2D([self._here.pose.position], colors=color, radii=0.07, labels=[label], draw_order=50.0),
+        )
+
+    def _mark_trouble(self, frame: StepFrame) -> None:
+        import rerun as rr
+
+        collided = frame.result is not None and frame.result.collision is not None
+        if not (frame.blocked or collided):
+            return
+        pose = frame.after.pose if frame.after is not None and collided else self._here.pose
+        nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
+        self._recording.log(
+            f"plan/{'collision' if collided else 'blocked'}",
+            rr.Points2D([nose], colors=FAILURE_RGB if collided else VOID_RGB, radii=0.08 if collided else 0.05),
+        )
+
+    def _draw_beliefs(self, frame: StepFrame) -> None:
+        """Log the policy's map, nodes, path and sub-goal, carried from the start's frame into the site's."""
+        import rerun as rr
+
+        log, begin = self._recording.log, self._header.begin.pose
+        told = frame.decision.diagnostics
+        if told.map is not None:
+            corner = begin.compose(Pose(told.map.origin_x_m, told.map.origin_y_m))
+            resolution = told.map.resolution_m
+            turn = np.array(
+                [
+                    [math.cos(begin.heading_rad), -math.sin(begin.heading_rad), 0.0],
+                    [math.sin(begin.heading_rad), math.cos(begin.heading_rad), 0.0],
+                    [0.0, 0.0, 1.0],
+                ]
+            )
+            log(
+                "plan/policy/map",
+                rr.Transform3D(
+                    translation=[*corner.position, 0.0], mat3x3=turn @ np.diag([resolution, resolution, 1.0])
+                ),
+                rr.SegmentationImage(told.map.cells, opacity=0.55, draw_order=-5.0),
+            )
+        points = [begin.compose(Pose(*point)).position for point in told.nodes]
+        log("plan/policy/nodes", rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
+        way = [begin.compose(Pose(*point)).position for point in told.path]
+        log("plan/policy/path", rr.LineStrips2D([way] if len(way) > 1 else [], colors=POLICY_RGB, radii=0.02))
+        target = [] if told.sub_goal is None else [begin.compose(Pose(*told.sub_goal)).position]
+        log(
+            "plan/policy/sub_goal",
+            rr.Points2D(target, colors=POLICY_RGB, radii=0.08, labels=["sub-goal"] * len(target)),
+        )
+
+
+def _site_picture(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
+    """Paint rooms, walls and furniture; returns (H, W, 3) uint8, rows down, and the lower-left corner in metres."""
+    import cv2
+    from shapely.ops import unary_union
+
+    walls = unary_union([wall.shape for wall in site.walls] + [room.shape for room in site.rooms])
+    left, bottom, right, top = walls.buffer(0.05).bounds
+    width, height = math.ceil((right - left) / PLAN_PIXEL_M), math.ceil((top - bottom) / PLAN_PIXEL_M)
+    corner = (left, top - height * PLAN_PIXEL_M)
+    picture = np.full((height, width, 3), 250, np.uint8)
+
+    def pixels(points: Iterable[tuple[float, float]]) -> npt.NDArray[np.int32]:
+        inside = [
+            ((x - corner[0]) / PLAN_PIXEL_M * 16, (height - (y - corner[1]) / PLAN_PIXEL_M) * 16) for x, y in points
+        ]
+        return np.array(inside).round().astype(np.int32)
+
+    def fill(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
+        cv2.fillPoly(picture, [pixels(points)], rgb, lineType=cv2.LINE_AA, shift=4)
+
+    def trace(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int], closed: bool, thick_m: float) -> None:
+        thickness = max(1, round(thick_m / PLAN_PIXEL_M))
+        cv2.polylines(picture, [pixels(points)], closed, rgb, thickness, lineType=cv2.LINE_AA, shift=4)
+
+    for room in site.rooms:
+        fill(room.polygon, ROOM_RGB[room.floor])
+    for thing in sorted(site.objects, key=_top_m):
+        is_goal = thing.category == goal
+        outline = _outline(thing.shape)
+        fill(outline, GOAL_RGB if is_goal else FURNITURE_RGB if thing.solid else (228, 220, 212))
+        trace(outline, GOAL_EDGE_RGB if is_goal else FURNITURE_EDGE_RGB, True, 0.02)
+    for wall in site.walls:
+        fill(_outline(wall.shape), WALL_RGB)
+    for window in site.windows:
+        trace([window.start, window.end], WINDOW_RGB, False, 0.08)
+    for door in site.doors:
+        color = DOOR_RGB if door.closed else ROOM_RGB["wood"]
+        trace([door.start, door.end], color, False, 0.12)
+    return picture, corner
+
+
+def _top_m(thing: SiteObject) -> float:
+    return thing.elevation_m + thing.size_m[2]
+
+
+def _outline(shape: "Polygon") -> list[tuple[float, float]]:
+    return [(float(x), float(y)) for x, y in shape.exterior.coords]
+
+
+def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:
+    parts = getattr(zone, "geoms", [zone])
+    return [
+        [(float(x), float(y)) for x, y in ring.coords]
+        for part in parts
+        if not part.is_empty
+        for ring in (part.exterior, *part.interiors)
+    ]
+
+
+def _circle(pose: Pose, radius_m: float) -> list[tuple[float, float]]:
+    angles = np.linspace(0.0, math.tau, 33)
+    return [(pose.x_m + radius_m * math.cos(a), pose.y_m + radius_m * math.sin(a)) for a in angles]
+
+
+def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], label: str, length_m: float) -> "list[rr.Arrows2D]":
+    import rerun as rr
+
+    vector = (length_m * math.cos(pose.heading_rad), length_m * math.sin(pose.heading_rad))
+    return [
+        rr.Arrows2D(
+            origins=[pose.position], vectors=[vector], colors=rgb, radii=0.03, labels=[label] if label else None
+        )
+    ]
+
+
+def _warming(progress: float) -> tuple[int, int, int]:
+    """Blue at the start of an episode, red at the action cap."""
+    cold, warm = np.array([30, 100, 220]), np.array([225, 60, 40])
+    red, green, blue = (cold + (warm - cold) * progress).round().astype(int)
+    return int(red), int(green), int(blue)
