@@ -9,20 +9,25 @@ from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from vsnbench.motion.controller import Command
-from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.pose import Pose, wrap_angle
 from vsnbench.protocol.robot_profile import Base
+from vsnbench.simulator.clearance import Clearance
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
 
 STEP_S = 0.002
 CONTROL_PERIOD_S = 0.02
 _STEPS_PER_PERIOD = round(CONTROL_PERIOD_S / STEP_S)
-_CLEARANCE_M = 0.03
+_GROUND_CLEARANCE_M = 0.03
 """The shell's underside: lower things are driven over, or under."""
 _WHEEL_RESPONSE_S = 0.01
 """Time constant of the wheels' speed control."""
-_TOP_SPEED_SLACK = 1.05
-_BUILDING = frozenset({"floor", "ceiling"})
+_STOPPING_STEPS = 100
+_NEAR_M = 0.02
+"""Solids nearer than this to the shell take part in the physics."""
+_BUILT_IN = frozenset({"floor", "ceiling"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,86 +67,125 @@ class Physics:
 
         self._mujoco = mujoco
         self._base = base
-        solids = [p for p in scene.primitives if p.solid and p.category not in _BUILDING]
-        self._model = mujoco.MjModel.from_xml_string(_world_xml(solids, base))
-        self._data: Any = mujoco.MjData(self._model)
-        self._touchable = {self._model.geom(f"solid{k}").id: solid for k, solid in enumerate(solids)}
-        self._shell = self._model.geom("shell").id
-        wheels = [self._model.joint(f"{side}_wheel") for side in ("left", "right")]
+        solids = [part for part in scene.primitives if part.solid and part.category not in _BUILT_IN]
+        self._clearance = Clearance(solids, _GROUND_CLEARANCE_M, base.height_m)
+        self._open = _World(mujoco.MjModel.from_xml_string(_world_xml([], base)))
+        self._furnished = _World(mujoco.MjModel.from_xml_string(_world_xml(self._clearance.solids, base)))
+        self._world = self._open
+        self._free_m = 0.0
+        self._shell = self._furnished.model.geom("shell").id
+        self._first_solid = self._furnished.model.geom("solid0").id if self._clearance.solids else 0
+        wheels = [self._open.model.joint(f"{side}_wheel") for side in ("left", "right")]
         self._wheel_angle = [int(wheel.qposadr[0]) for wheel in wheels]
-        self._place_height_m = 0.0
-        self.touch: Touch | None = None
-        self.geometry = self._rest()
+        self._resting_height_m = base.wheel_radius_m
+        self.geometry = self._calibrated()
 
     @property
     def time_s(self) -> float:
         """Simulated time since the base was placed."""
-        return float(self._data.time)
+        return float(self._world.data.time)
 
     @property
     def pose(self) -> Pose:
         """Where the base truly is, in the site's frame; the heading is in (-pi, pi]."""
-        x, y, _, w, i, j, k = self._data.qpos[:7].tolist()
+        x, y, _, w, i, j, k = self._world.data.qpos[:7].tolist()
         return Pose(x, y, math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)))
 
     @property
     def wheel_angles(self) -> WheelAngles:
         """What the wheels' encoders read; zero where the base was placed."""
         left, right = self._wheel_angle
-        return WheelAngles(float(self._data.qpos[left]), float(self._data.qpos[right]))
+        return WheelAngles(float(self._world.data.qpos[left]), float(self._world.data.qpos[right]))
 
     def place(self, pose: Pose) -> None:
         """Put the base down at `pose`, at rest, with time and wheel angles at zero."""
-        self._mujoco.mj_resetData(self._model, self._data)
-        half = pose.heading_rad / 2
-        self._data.qpos[:7] = [pose.x_m, pose.y_m, self._place_height_m, math.cos(half), 0.0, 0.0, math.sin(half)]
-        self.touch = None
-        self._mujoco.mj_forward(self._model, self._data)
-        self._look_for_touch()
+        self._world, self._free_m = self._furnished, 0.0
+        data = self._world.data
+        self._mujoco.mj_resetData(self._world.model, data)
+        half_rad = pose.heading_rad / 2
+        data.qpos[:7] = [
+            pose.x_m,
+            pose.y_m,
+            self._resting_height_m,
+            math.cos(half_rad),
+            0.0,
+            0.0,
+            math.sin(half_rad),
+        ]
+        self._mujoco.mj_forward(self._world.model, data)
 
     def drive(self, command: Command) -> Touch | None:
-        """Hold a velocity for one control period; ends early, with the wheels stopped dead, at a touch.
+        """Hold a velocity, or as much of it as the base can do, for one control period; ends early at a touch.
 
         Returns:
-            What was touched, the first time it is; None while the way is free.
+            What the shell touches; None while the way is free.
         """
-        half_track_m, radius_m = self.geometry.track_m / 2, self.geometry.radius_m
-        left = (command.linear_m_s - command.angular_rad_s * half_track_m) / radius_m
-        right = (command.linear_m_s + command.angular_rad_s * half_track_m) / radius_m
-        control = self._data.ctrl
-        control[0], control[1] = left, right
-        step, model, data = self._mujoco.mj_step, self._model, self._data
+        top_m_s, top_rad_s = self._base.max_linear_m_s, self._base.max_angular_rad_s
+        forward_m_s = min(max(command.linear_m_s, -top_m_s), top_m_s)
+        turning_m_s = min(max(command.angular_rad_s, -top_rad_s), top_rad_s) * self.geometry.track_m / 2
+        self._choose_world()
+        step, model, data = self._mujoco.mj_step, self._world.model, self._world.data
+        data.ctrl[0] = (forward_m_s - turning_m_s) / self.geometry.radius_m
+        data.ctrl[1] = (forward_m_s + turning_m_s) / self.geometry.radius_m
+        if self._world is self._open:
+            step(model, data, _STEPS_PER_PERIOD)
+            return None
         for _ in range(_STEPS_PER_PERIOD):
             step(model, data)
-            if data.ncon > 4 and self._look_for_touch():
-                control[:] = 0.0
-                break
-        return self.touch
+            if touch := self.touch():
+                return touch
+        return None
 
-    def _look_for_touch(self) -> bool:
-        """Remember the first thing that the shell is in contact with."""
-        self.touch = None
-        for contact in range(self._data.ncon):
-            one, other = self._data.contact.geom[contact].tolist()
-            if self._shell not in (one, other):
+    def stop(self) -> None:
+        """Brake to a standstill."""
+        self._world.data.ctrl[:] = 0.0
+        self._mujoco.mj_step(self._world.model, self._world.data, _STOPPING_STEPS)
+
+    def touch(self) -> Touch | None:
+        """Return the first thing that the shell is in contact with."""
+        contacts = self._world.data.contact
+        for number, pair in enumerate(contacts.geom.tolist()):
+            if self._shell not in pair:
                 continue
-            solid = self._touchable[one if other == self._shell else other]
+            solid = self._clearance.solids[sum(pair) - self._shell - self._first_solid]
+            x, y, _ = contacts.pos[number].tolist()
             here = self.pose
-            x, y, _ = self._data.contact.pos[contact].tolist()
-            bearing_rad = math.remainder(math.atan2(y - here.y_m, x - here.x_m) - here.heading_rad, math.tau)
-            self.touch = Touch(solid.instance, solid.category, bearing_rad)
-            return True
-        return False
+            bearing_rad = wrap_angle(math.atan2(y - here.y_m, x - here.x_m) - here.heading_rad)
+            return Touch(solid.instance, solid.category, bearing_rad)
+        return None
 
-    def _rest(self) -> RollingGeometry:
-        """Let the base sink into its springs far from everything, and calibrate it there as one does a real robot."""
-        self._place_height_m = self._base.wheel_radius_m
-        self.place(Pose(1000.0, 1000.0))
-        for _ in range(1000):
-            self._mujoco.mj_step(self._model, self._data)
-        self._place_height_m = float(self._data.qpos[2])
-        contact_height_m = float(self._data.contact.pos[:, 2].mean())
-        return RollingGeometry(self._place_height_m - contact_height_m, self._base.track_m)
+    def _choose_world(self) -> None:
+        """Step the world without solids as long as none is near: it is the same, and quicker."""
+        self._free_m -= self._base.max_linear_m_s * CONTROL_PERIOD_S
+        if self._free_m > 0:
+            return
+        here = self.pose
+        self._free_m = self._clearance.distance_m(here.x_m, here.y_m) - self._base.radius_m - _NEAR_M
+        world = self._furnished if self._free_m <= 0 else self._open
+        if world is not self._world:
+            everything = self._mujoco.mjtState.mjSTATE_INTEGRATION
+            state = np.empty(self._mujoco.mj_stateSize(world.model, everything))
+            self._mujoco.mj_getState(self._world.model, self._world.data, state, everything)
+            self._mujoco.mj_setState(world.model, world.data, state, everything)
+            self._mujoco.mj_forward(world.model, world.data)
+            self._world = world
+
+    def _calibrated(self) -> RollingGeometry:
+        """Let the base sink into its tyres on a free floor and measure its wheels, as one does on a real robot."""
+        model, data = self._open.model, self._open.data
+        self._mujoco.mj_step(model, data, 1000)
+        self._resting_height_m = float(data.qpos[2])
+        return RollingGeometry(self._resting_height_m - float(data.contact.pos[:, 2].mean()), self._base.track_m)
+
+
+class _World:
+    """A MuJoCo model and its state."""
+
+    def __init__(self, model: Any) -> None:
+        import mujoco
+
+        self.model = model
+        self.data: Any = mujoco.MjData(model)
 
 
 def _world_xml(solids: list[Primitive], base: Base) -> str:
@@ -151,10 +195,9 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
     body_mass = base.mass_kg - 2 * wheel_mass
     caster_radius = radius / 2
     caster_x = base.radius_m * 0.75
-    half_shell = (base.height_m - _CLEARANCE_M) / 2
+    half_shell = (base.height_m - _GROUND_CLEARANCE_M) / 2
     # Half the mass per wheel at its radius, and the wheel's own inertia, over the wanted time constant.
     gain = (base.mass_kg / 2 * radius**2) / _WHEEL_RESPONSE_S
-    top = (base.max_linear_m_s + base.max_angular_rad_s * half_track) / radius * _TOP_SPEED_SLACK
     inertia = body_mass * base.radius_m**2 / 2
     wheels = "".join(
         f"""
@@ -173,7 +216,6 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
     return f"""
 <mujoco>
   <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10"/>
-  <size memory="4M"/>
   <default>
     <default class="solid"><geom contype="2" conaffinity="0" condim="1"/></default>
     <default class="wheel"><geom contype="0" conaffinity="1" condim="3" friction="1 0 0" solref="0.004 1"/></default>
@@ -186,13 +228,13 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
       <freejoint/>
       <inertial pos="0 0 0" mass="{body_mass}" diaginertia="{inertia} {inertia} {inertia}"/>
       <geom name="shell" type="cylinder" size="{base.radius_m} {half_shell}"
-            pos="0 0 {_CLEARANCE_M + half_shell - radius}" contype="0" conaffinity="2" condim="1" mass="0"/>
+            pos="0 0 {_GROUND_CLEARANCE_M + half_shell - radius}" contype="0" conaffinity="2" condim="1" mass="0"/>
       {casters}{wheels}
     </body>
   </worldbody>
   <actuator>
-    <velocity joint="left_wheel" kv="{gain}" ctrlrange="{-top} {top}" ctrllimited="true"/>
-    <velocity joint="right_wheel" kv="{gain}" ctrlrange="{-top} {top}" ctrllimited="true"/>
+    <velocity joint="left_wheel" kv="{gain}"/>
+    <velocity joint="right_wheel" kv="{gain}"/>
   </actuator>
 </mujoco>"""
 

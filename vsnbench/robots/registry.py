@@ -1,0 +1,104 @@
+"""Finds robots by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`.
+
+Names on the command line (`--robot`):
+
+- `simulated`: a simulated Turtlebot 2 in the site's twin, within this process; the default.
+- `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
+- any entry point of the group `vsnbench.robots`, or `package.module:Class`.
+
+A bare profile name such as `turtlebot2` always means the real robot.
+"""
+
+import importlib
+import inspect
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from vsnbench.errors import RobotError, UsageError, VsnbenchError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site
+from vsnbench.robots.contract import Robot
+from vsnbench.robots.profiles import embedded_profiles, load_profile
+
+ENTRY_POINT_GROUP = "vsnbench.robots"
+DEFAULT_ROBOT = "simulated"
+
+_SIMULATED = "simulated"
+_DEFAULT_PROFILE = "turtlebot2"
+
+
+def known_robots() -> list[str]:
+    """Return the names that `open_robot` knows: built-in ones first, then those of plug-ins, sorted."""
+    built_in = [_SIMULATED, *(f"{_SIMULATED}:{name}" for name in embedded_profiles())]
+    return [*built_in, *sorted(set(_plug_ins()) - set(built_in))]
+
+
+def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: bool = False) -> Robot:
+    """Return a robot that is ready to begin an episode; close it, or use it as a context manager.
+
+    A plug-in is called with `site` and `parameters` as keyword arguments, as far as it takes them.
+
+    Args:
+        name: see the module's docstring.
+        site: where the robot is.
+        parameters: how far it moves and turns.
+        noise: whether a simulated robot's sensors are to be as noisy as real ones.
+
+    Raises:
+        UsageError: there is no such robot or profile, or it has no noise to turn on.
+        RobotError: the robot cannot be reached or used.
+    """
+    kind, _, rest = name.partition(":")
+    if kind == _SIMULATED:
+        from vsnbench.robots.simulated import SimulatedRobot
+        from vsnbench.simulator.noise import NoiseSettings
+
+        profile = load_profile(rest or _DEFAULT_PROFILE)
+        return SimulatedRobot(site, profile, parameters, noise=NoiseSettings() if noise else None)
+    if noise:
+        raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
+    return _plug_in_robot(name, site, parameters)
+
+
+def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Robot:
+    plug_ins = _plug_ins()
+    if name not in plug_ins and ":" not in name:
+        raise UsageError(
+            f"no robot {name!r}: the known ones are {', '.join(known_robots())}; "
+            "your own is named as package.module:Class"
+        )
+    where = plug_ins[name].value if name in plug_ins else name
+    module_name, _, attribute = where.partition(":")
+    try:
+        factory: Any = importlib.import_module(module_name)
+        for part in attribute.split("."):
+            factory = getattr(factory, part)
+    except Exception as error:  # importing a plug-in runs its code: anything can happen, and it is not our bug
+        raise RobotError(f"robot {name}: cannot import {where}: {type(error).__name__}: {error}") from error
+    if not callable(factory):
+        raise RobotError(f"robot {name}: {where} is neither a class nor a function that makes a robot")
+    try:
+        robot = factory(**_taken(factory, {"site": site, "parameters": parameters}))
+    except VsnbenchError:
+        raise
+    except Exception as error:
+        raise RobotError(f"robot {name}: {where} could not be made: {type(error).__name__}: {error}") from error
+    if not isinstance(robot, Robot):
+        raise RobotError(f"robot {name}: {where} is no robot: see vsnbench.robots.contract.Robot for what it needs")
+    return robot
+
+
+def _taken(factory: Any, offered: dict[str, Any]) -> dict[str, Any]:
+    """Return the offered keyword arguments that the factory takes."""
+    try:
+        takes = inspect.signature(factory).parameters.values()
+    except (TypeError, ValueError):
+        return offered
+    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in takes):
+        return offered
+    names = {one.name for one in takes}
+    return {name: value for name, value in offered.items() if name in names}
+
+
+def _plug_ins() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
