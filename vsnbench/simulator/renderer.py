@@ -1,0 +1,155 @@
+"""Pictures of a scene: RGB, depth, semantic and instance ids of one view, in one pass."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.pose import Pose
+from vsnbench.simulator.light import LightMaps, bake_light
+from vsnbench.simulator.mesh import Mesh, build_mesh
+from vsnbench.simulator.primitives import Scene
+from vsnbench.simulator.textures import SKY, texture_atlas
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One view; all images have the camera's size (H, W)."""
+
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3)."""
+    depth_m: npt.NDArray[np.float32]
+    """(H, W) metres along the optical axis; infinite where there is nothing. No sensor's range is applied."""
+    category: npt.NDArray[np.uint8]
+    """(H, W) index into `mesh.SEMANTIC_CLASSES`."""
+    instance: npt.NDArray[np.int32]
+    """(H, W) 1 + index into `Site.objects`; 0 for the building."""
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """Where a picture is taken from, in the site's frame; a positive tilt looks up."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    tilt_rad: float = 0.0
+
+
+def eye_of(camera: Camera, pose: Pose) -> Eye:
+    """Return where the camera of a robot is whose base stands at `pose`."""
+    mount = pose.compose(Pose(camera.mount_forward_m, 0.0))
+    return Eye(mount.x_m, mount.y_m, camera.mount_height_m, mount.heading_rad, math.radians(camera.tilt_deg))
+
+
+class Renderer:
+    """Draws one scene from anywhere. Light and textures are computed once; buffers are its own, one thread at a time.
+
+    The same scene and view give the same pixels on every run.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._mesh, self._light = _prepared(scene)
+        self._atlas, self._levels = texture_atlas()
+        self._tones = _tone_table()
+        self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
+
+    def render(self, camera: Camera, pose: Pose) -> Frame:
+        """Draw what a robot's camera sees; `pose` is that of the base in the site's frame."""
+        return self.render_from(eye_of(camera, pose), camera.width, camera.height, camera.focal_px)
+
+    def render_from(self, eye: Eye, width: int, height: int, focal_px: float) -> Frame:
+        """Draw what a pinhole camera sees from any place."""
+        from vsnbench.simulator.raster import draw_faces, shade_pixels
+
+        mesh, light = self._mesh, self._light
+        if (height, width) not in self._buffers:
+            self._buffers[height, width] = (np.empty((height, width), np.float32), np.empty((height, width), np.int32))
+        nearness, seen = self._buffers[height, width]
+        at = np.array([eye.x_m, eye.y_m, eye.z_m])
+        axes = _camera_axes(eye)
+        cx, cy = (width - 1) / 2, (height - 1) / 2
+        order = np.argsort(np.linalg.norm(mesh.centres - at, axis=1) - mesh.radii, kind="stable")
+        draw_faces(
+            at,
+            axes,
+            focal_px,
+            cx,
+            cy,
+            mesh.vertices,
+            mesh.corners,
+            mesh.normals,
+            mesh.centres,
+            mesh.radii,
+            mesh.faces,
+            order,
+            nearness,
+            seen,
+        )
+        frame = Frame(
+            np.empty((height, width, 3), np.uint8),
+            np.empty((height, width), np.float32),
+            np.empty((height, width), np.uint8),
+            np.empty((height, width), np.int32),
+        )
+        shade_pixels(
+            at,
+            axes,
+            focal_px,
+            cx,
+            cy,
+            nearness,
+            seen,
+            mesh.normals,
+            mesh.axis_s,
+            mesh.axis_t,
+            mesh.texture,
+            mesh.texture_map,
+            mesh.owner,
+            mesh.colors,
+            mesh.glow,
+            mesh.categories,
+            mesh.instances,
+            light.start,
+            light.size,
+            light.place,
+            light.values,
+            self._atlas,
+            self._levels,
+            SKY,
+            self._tones,
+            frame.rgb,
+            frame.depth_m,
+            frame.category,
+            frame.instance,
+        )
+        return frame
+
+
+@lru_cache(maxsize=8)
+def _prepared(scene: Scene) -> tuple[Mesh, LightMaps]:
+    mesh = build_mesh(scene)
+    return mesh, bake_light(mesh)
+
+
+def _camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
+    """Return the rows right, down, forward."""
+    cos, sin = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    level, rise = math.cos(eye.tilt_rad), math.sin(eye.tilt_rad)
+    return np.array([[sin, -cos, 0.0], [cos * rise, sin * rise, -level], [cos * level, sin * level, rise]])
+
+
+def _tone_table() -> npt.NDArray[np.uint8]:
+    """Return sRGB for light from 0 to 2, straight up to the middle tones and rolling off above them."""
+    from vsnbench.simulator.raster import TONES
+
+    light = (np.arange(TONES) + 0.5) * 2 / TONES
+    knee, top = 0.55, 1.0
+    over = np.maximum(light - knee, 0)
+    rolled = np.where(light < knee, light, knee + (top - knee) * (1 - np.exp(-over / (top - knee))))
+    srgb = np.where(rolled <= 0.0031308, 12.92 * rolled, 1.055 * rolled ** (1 / 2.4) - 0.055)
+    return np.asarray(np.clip(np.rint(srgb * 255), 0, 255), np.uint8)
