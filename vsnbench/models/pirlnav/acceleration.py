@@ -1,0 +1,149 @@
+"""Chooses what runs the network: device, runtime, precision, threads; and uses nothing before it agreed with eager."""
+
+import importlib.util
+import logging
+import os
+from dataclasses import dataclass
+from typing import Final
+
+import torch
+
+from vsnbench.errors import ModelError, UsageError
+from vsnbench.models.pirlnav.checkpoint import Checkpoint
+from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agreement, Engine, compare
+from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
+from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
+from vsnbench.models.pirlnav.torch_engine import TorchEngine
+
+logger = logging.getLogger(__name__)
+
+DEVICES: Final = ("auto", "cpu", "cuda", "mps")
+_MOST_THREADS = 8
+"""One image at a time gains nothing from more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChosenEngine:
+    """The engine, and how it came out against the reference."""
+
+    engine: Engine
+    runtime: Runtime
+    """`torch` or `onnxruntime`."""
+    device: str
+    precision: Precision
+    """`single` or `half`."""
+    agreement: Agreement | None
+    """None for the reference itself."""
+
+
+def available_device(wanted: str) -> str:
+    """Return the device to run on: the one wanted, or for `auto` the best there is.
+
+    Raises:
+        UsageError: there is no such kind of device.
+        ModelError: this machine has none of that kind.
+    """
+    if wanted not in DEVICES:
+        raise UsageError(f"no device {wanted!r}: it is one of {', '.join(DEVICES)}")
+    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if wanted == "auto":
+        return next(device for device in ("cuda", "mps", "cpu") if there[device])
+    if not there[wanted]:
+        raise ModelError(f"PyTorch {torch.__version__} finds no {wanted} device here; use --device auto or cpu")
+    return wanted
+
+
+def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ChosenEngine:
+    """Build the fastest engine that the settings and the machine allow, and compare it with PyTorch on the CPU.
+
+    An engine that disagrees is not used: a warning says by how much, and the reference takes its place.
+
+    Raises:
+        UsageError: there is no such kind of device, or the settings contradict each other.
+        ModelError: the machine has no such device, or lacks the runtime that the settings name.
+    """
+    device = available_device(device)
+    half = settings.precision is Precision.HALF or (settings.precision is Precision.AUTO and device == "cuda")
+    if half and device != "cuda":
+        raise UsageError(f"precision: half needs a CUDA device, not {device}")
+    threads = limit_threads(settings.threads)
+    network = build_network(checkpoint.architecture, dict(checkpoint.weights))
+    reference = TorchEngine(network)
+    if device == "cpu":
+        return _on_cpu(checkpoint, settings, network, reference, threads)
+    if settings.runtime is Runtime.ONNXRUNTIME:
+        raise UsageError(f"runtime: onnxruntime runs on the CPU only; use --device cpu, not {device}")
+    copy = build_network(checkpoint.architecture, {name: w.clone() for name, w in checkpoint.weights.items()})
+    candidate = TorchEngine(copy, device, half=half)
+    tolerance = HALF_TOLERANCE if half or device == "cuda" else SINGLE_TOLERANCE * 10
+    agreement = compare(reference, candidate, checkpoint.architecture, tolerance)
+    if agreement.holds:
+        precision = Precision.HALF if half else Precision.SINGLE
+        return ChosenEngine(candidate, Runtime.TORCH, device, precision, agreement)
+    _warn(candidate, agreement)
+    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None)
+
+
+def _on_cpu(
+    checkpoint: Checkpoint, settings: PIRLNavSettings, network: PIRLNavNetwork, reference: TorchEngine, threads: int
+) -> ChosenEngine:
+    eager = ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None)
+    if settings.runtime is Runtime.TORCH:
+        return eager
+    lacking = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
+    if lacking:
+        if settings.runtime is Runtime.ONNXRUNTIME:
+            raise ModelError(f"runtime: onnxruntime needs {' and '.join(lacking)}: pip install 'vsnbench[neural]'")
+        logger.info("%s not installed: running in PyTorch, which is slower", " and ".join(lacking))
+        return eager
+    candidate = _onnx_engine(checkpoint, network, threads)
+    if candidate is None:
+        return eager
+    agreement = compare(reference, candidate, checkpoint.architecture, SINGLE_TOLERANCE)
+    if not agreement.holds:
+        _warn(candidate, agreement)
+        return eager
+    return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, agreement)
+
+
+def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | None:
+    """Return the onnxruntime engine; a spoilt file in the cache is exported anew, once."""
+    from vsnbench.models.pirlnav.onnx_engine import OnnxEngine, exported_graph
+
+    problem = ""
+    for _ in range(2):
+        try:
+            graph = exported_graph(network, checkpoint.sha256)
+        except (OSError, RuntimeError) as error:
+            problem = str(error).partition("\n")[0]
+            break
+        try:
+            return OnnxEngine(graph, network, threads)
+        except ModelError as error:
+            problem = str(error)
+            graph.unlink(missing_ok=True)
+    logger.warning("onnxruntime cannot be used (%s): running in PyTorch, which is slower", problem)
+    return None
+
+
+def _warn(candidate: Engine, agreement: Agreement) -> None:
+    logger.warning(
+        "%s disagrees with PyTorch on the CPU (logits off by %.2g, allowed %.2g; %d of %d actions differ): not used",
+        candidate.label,
+        agreement.largest_difference,
+        agreement.tolerance,
+        agreement.different_actions,
+        agreement.steps,
+    )
+
+
+def limit_threads(wanted: int | None) -> int:
+    """Set how many threads PyTorch computes with, and return that number for other runtimes.
+
+    PyTorch's own default, which respects OMP_NUM_THREADS, is kept where it is small.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = wanted or min(torch.get_num_threads(), cores, _MOST_THREADS)
+    if threads != torch.get_num_threads():
+        torch.set_num_threads(threads)
+    return threads

@@ -1,0 +1,123 @@
+"""Reads a PIRLNav checkpoint of the authors' layout: configuration, training step, and weights checked one by one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from vsnbench.errors import ModelError
+from vsnbench.models.pirlnav.architecture import Architecture, architecture_of
+from vsnbench.models.safe_checkpoint import load_checkpoint
+from vsnbench.models.weights import file_sha256
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+CONFIG_CLASSES: Final = frozenset({"habitat.config.default.Config", "yacs.config.CfgNode"})
+"""The classes of the pickled configuration; both are dictionaries."""
+_PREFIXES = ("actor_critic.", "model.", "")
+_LANDMARK = "net.visual_encoder.backbone.conv1.weight"
+_ACTION_HEAD = "action_distribution.linear.weight"
+_GOAL_EMBEDDING = "net.obj_categories_embedding.weight"
+_CRITIC = "critic."
+_LINEAR_CRITIC = frozenset({"critic.fc.weight", "critic.fc.bias"})
+_STATISTICS = "running_mean_and_var."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checkpoint:
+    """What a checkpoint holds, ready for `build_network`."""
+
+    path: Path
+    sha256: str
+    architecture: Architecture
+    weights: "Mapping[str, Tensor]"
+    """float32, named as in `expected_shapes`."""
+    prefix: str
+    """What stood before every name in the file."""
+    trainer: str
+    training_step: int | None
+    """Environment steps of training; None where the file does not say."""
+
+    @property
+    def parameter_count(self) -> int:
+        """Trained numbers, the normalisation's statistics not counted."""
+        return sum(weight.numel() for name, weight in self.weights.items() if _STATISTICS not in name)
+
+    @property
+    def fine_tuned(self) -> bool:
+        """Whether reinforcement learning came after imitation: only then is there a critic."""
+        return self.architecture.critic
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """Read and check a PIRLNav checkpoint.
+
+    Raises:
+        ModelError: the file cannot be read safely, is another model's, or its weights do not fit its configuration.
+    """
+    content = load_checkpoint(path, CONFIG_CLASSES)
+    if not isinstance(content, Mapping):
+        raise ModelError(f"{path}: not a PIRLNav checkpoint: it holds a {type(content).__name__}, no state_dict")
+    state = content.get("state_dict")
+    if not isinstance(state, Mapping):
+        what = "VLV weights" if "model_state_dict" in content else "not a PIRLNav checkpoint: it has no state_dict"
+        raise ModelError(f"{path}: {what}; PIRLNav's are objectnav_il_hd.ckpt or objectnav_rl_ft_hd.ckpt")
+    config = content.get("config")
+    if not isinstance(config, Mapping):
+        raise ModelError(f"{path}: it holds no configuration, so the network's sizes are not known")
+    prefix = next((prefix for prefix in _PREFIXES if prefix + _LANDMARK in state), None)
+    if prefix is None:
+        raise ModelError(f"{path}: not PIRLNav weights: there is no {_LANDMARK} among its {len(state)} keys")
+    named = {str(key).removeprefix(prefix): tensor for key, tensor in state.items()}
+    weights, architecture = _fitting(named, config, str(path))
+    extra = content.get("extra_state")
+    step = extra.get("step") if isinstance(extra, Mapping) else None
+    return Checkpoint(
+        path=path,
+        sha256=file_sha256(path),
+        architecture=architecture,
+        weights=weights,
+        prefix=prefix,
+        trainer=str(config.get("TRAINER_NAME", "")),
+        training_step=int(step) if isinstance(step, int | float) else None,
+    )
+
+
+def _fitting(named: dict[str, Any], config: Mapping[str, Any], origin: str) -> "tuple[dict[str, Tensor], Architecture]":
+    """Return the weights as float32 and the architecture they fill exactly."""
+    import torch
+
+    from vsnbench.models.pirlnav.network import expected_shapes
+
+    broken = next((name for name, weight in named.items() if not isinstance(weight, torch.Tensor)), None)
+    if broken is not None:
+        raise ModelError(f"{origin}: {broken} is no tensor")
+    critic = named.keys() >= _LINEAR_CRITIC
+    if not critic:  # another kind of critic: no decision depends on it
+        named = {name: weight for name, weight in named.items() if not name.startswith(_CRITIC)}
+    architecture = architecture_of(
+        config, actions=_rows(named, _ACTION_HEAD), goals=_rows(named, _GOAL_EMBEDDING), critic=critic, origin=origin
+    )
+    shapes = expected_shapes(architecture)
+    missing, surplus = sorted(shapes.keys() - named.keys()), sorted(named.keys() - shapes.keys())
+    if missing:
+        raise ModelError(f"{origin}: {len(missing)} of {len(shapes)} weights are missing, first {missing[0]}")
+    if surplus:
+        raise ModelError(f"{origin}: {len(surplus)} weights do not belong to this network, first {surplus[0]}")
+    for name, shape in shapes.items():
+        if tuple(named[name].shape) != shape:
+            raise ModelError(
+                f"{origin}: {name} has shape {tuple(named[name].shape)}, its configuration asks for {shape}"
+            )
+    weights = {name: named[name].to(torch.float32).contiguous() for name in shapes}
+    spoilt = next((name for name, weight in weights.items() if not bool(torch.isfinite(weight).all())), None)
+    if spoilt is not None:
+        raise ModelError(f"{origin}: {spoilt} holds NaN or infinite numbers; the file is spoilt")
+    return weights, architecture
+
+
+def _rows(named: dict[str, Any], name: str) -> int:
+    """Return the first dimension of a weight; 1 where it is missing, which is reported later by name."""
+    weight = named.get(name)
+    return int(weight.shape[0]) if weight is not None and weight.ndim else 1

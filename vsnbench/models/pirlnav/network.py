@@ -1,0 +1,213 @@
+"""The PIRLNav network in PyTorch: ResNet-50 with group norm, compression, GRU, action head and optional critic.
+
+Module names follow the authors' checkpoints, so that a state dict without its prefix fits as it is.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
+
+_EXPANSION = 4
+_BLOCKS = (3, 4, 6, 3)
+_VARIANCE_FLOOR = 1e-2
+
+
+class NetworkOutput(NamedTuple):
+    """What one step of the network gives; a tuple, because the ONNX exporter wants one."""
+
+    logits: Tensor
+    """(1, actions)."""
+    value: Tensor
+    """(1, 1); NaN without a critic."""
+    hidden: Tensor
+    """(layers, 1, hidden): the state after the step."""
+
+
+class Bottleneck(nn.Module):
+    """Residual block of 1x1, 3x3 and 1x1 convolutions; the 3x3 carries the stride."""
+
+    def __init__(self, channels: int, planes: int, groups: int, stride: int) -> None:
+        super().__init__()
+        wide = planes * _EXPANSION
+        self.conv1 = nn.Conv2d(channels, planes, 1, bias=False)
+        self.bn1 = nn.GroupNorm(groups, planes)
+        self.conv2 = nn.Conv2d(planes, planes, 3, stride, 1, bias=False)
+        self.bn2 = nn.GroupNorm(groups, planes)
+        self.conv3 = nn.Conv2d(planes, wide, 1, bias=False)
+        self.bn3 = nn.GroupNorm(groups, wide)
+        self.relu = nn.ReLU()
+        self.downsample: nn.Module | None = None
+        if stride != 1 or channels != wide:
+            self.downsample = nn.Sequential(
+                nn.Conv2d(channels, wide, 1, stride, bias=False), nn.GroupNorm(groups, wide)
+            )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return (1, 4 * planes, H / stride, W / stride) features."""
+        identity = x if self.downsample is None else self.downsample(x)
+        out: Tensor = self.relu(self.bn1(self.conv1(x)))
+        out = self.relu(self.bn2(self.conv2(out)))
+        out = self.bn3(self.conv3(out))
+        return torch.relu(out + identity)
+
+
+class Backbone(nn.Module):
+    """ResNet-50 with group norm in place of batch norm; the groups are half the base planes in every layer."""
+
+    def __init__(self, base_planes: int) -> None:
+        super().__init__()
+        groups = base_planes // 2
+        self.conv1 = nn.Conv2d(3, base_planes, 7, 2, 3, bias=False)
+        self.bn1 = nn.GroupNorm(groups, base_planes)
+        self.maxpool = nn.MaxPool2d(3, 2, 1)
+        channels = base_planes
+        for level, blocks in enumerate(_BLOCKS):
+            planes = base_planes * 2**level
+            layer = []
+            for block in range(blocks):
+                stride = 2 if level > 0 and block == 0 else 1
+                layer.append(Bottleneck(channels, planes, groups, stride))
+                channels = planes * _EXPANSION
+            self.add_module(f"layer{level + 1}", nn.Sequential(*layer))
+        self.final_channels = channels
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return (1, 32 * base planes, H / 32, W / 32) features of a (1, 3, H, W) image."""
+        out: Tensor = self.maxpool(torch.relu(self.bn1(self.conv1(x))))
+        for level in range(len(_BLOCKS)):
+            out = self.get_submodule(f"layer{level + 1}")(out)
+        return out
+
+
+class RunningMeanAndVar(nn.Module):
+    """Normalisation by the statistics gathered in training; the configuration's switch never turned it off."""
+
+    _mean: Tensor
+    _var: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("_mean", torch.zeros(1, 3, 1, 1))
+        self.register_buffer("_var", torch.zeros(1, 3, 1, 1))
+        self.register_buffer("_count", torch.zeros(()))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the normalised image, same shape; the variance has a floor."""
+        return (x - self._mean) / torch.sqrt(torch.clamp(self._var, min=_VARIANCE_FLOOR))
+
+
+class VisualEncoder(nn.Module):
+    """Image to compressed feature map."""
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__()
+        self.running_mean_and_var = RunningMeanAndVar()
+        self.backbone = Backbone(architecture.base_planes)
+        self.compression = nn.Sequential(
+            nn.Conv2d(self.backbone.final_channels, architecture.compressed_channels, 3, padding=1, bias=False),
+            nn.GroupNorm(1, architecture.compressed_channels),
+            nn.ReLU(),
+        )
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Return (1, C, S / 32, S / 32) features of a (1, S, S, 3) image in [0, 1]."""
+        x = self.running_mean_and_var(image.permute(0, 3, 1, 2))
+        features: Tensor = self.compression(self.backbone(x.to(self.backbone.conv1.weight.dtype)))
+        return features
+
+
+class StateEncoder(nn.Module):
+    """The memory of the episode."""
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__()
+        self.rnn = nn.GRU(architecture.recurrent_input_size, architecture.hidden_size, architecture.recurrent_layers)
+
+
+class Net(nn.Module):
+    """Everything up to the memory: the encoders of what is sensed and told, and the GRU."""
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__()
+        flat = architecture.compressed_channels * architecture.final_grid_px**2
+        self.visual_encoder = VisualEncoder(architecture)
+        self.visual_fc = nn.Sequential(nn.Flatten(), nn.Linear(flat, architecture.visual_size), nn.ReLU())
+        self.gps_embedding = nn.Linear(GPS_SIZE, EMBEDDING_SIZE)
+        self.compass_embedding = nn.Linear(COMPASS_SIZE, EMBEDDING_SIZE)
+        self.obj_categories_embedding = nn.Embedding(architecture.goals, EMBEDDING_SIZE)
+        self.prev_action_embedding = nn.Embedding(architecture.actions + 1, EMBEDDING_SIZE)
+        self.state_encoder = StateEncoder(architecture)
+
+
+class _Linear(nn.Module):
+    """A linear layer under the attribute name that the checkpoints use for it."""
+
+    def __init__(self, attribute: str, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.add_module(attribute, nn.Linear(inputs, outputs))
+
+    def forward(self, x: Tensor) -> Tensor:
+        for layer in self.children():
+            x = layer(x)
+        return x
+
+
+class PIRLNavNetwork(nn.Module):
+    """The whole network for one robot and one step at a time."""
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__()
+        self.architecture = architecture
+        self.net = Net(architecture)
+        self.action_distribution = _Linear("linear", architecture.hidden_size, architecture.actions)
+        self.critic = _Linear("fc", architecture.hidden_size, 1) if architecture.critic else None
+
+    def forward(
+        self, image: Tensor, gps: Tensor, compass: Tensor, goal: Tensor, previous: Tensor, mask: Tensor, hidden: Tensor
+    ) -> NetworkOutput:
+        """Take one step.
+
+        Args:
+            image: (1, S, S, 3) float in [0, 1].
+            gps: (1, 2) float32, metres forward and RIGHT of the episode's start.
+            compass: (1, 1) float32, radians counter-clockwise from the episode's start.
+            goal: (1,) int64 goal category.
+            previous: (1,) int64: 1 + the previous action, 0 at the start of an episode.
+            mask: (1, 1) float32: 0 at the start of an episode, else 1.
+            hidden: (layers, 1, hidden) float32.
+        """
+        net = self.net
+        visual = net.visual_fc(net.visual_encoder(image)).to(hidden.dtype)
+        direction = torch.cat([torch.cos(compass), torch.sin(compass)], dim=1)
+        told = torch.cat(
+            [
+                visual,
+                net.gps_embedding(gps),
+                net.compass_embedding(direction),
+                net.obj_categories_embedding(goal),
+                net.prev_action_embedding(previous),
+            ],
+            dim=1,
+        )
+        features, after = net.state_encoder.rnn(told[None], hidden * mask[None])
+        features = features[0]
+        logits = self.action_distribution(features)
+        value = self.critic(features) if self.critic is not None else torch.full_like(mask, torch.nan)
+        return NetworkOutput(logits, value, after)
+
+
+def expected_shapes(architecture: Architecture) -> dict[str, tuple[int, ...]]:
+    """Return every weight of the network with its shape; allocates none of them."""
+    with torch.device("meta"):
+        return {name: tuple(weight.shape) for name, weight in PIRLNavNetwork(architecture).state_dict().items()}
+
+
+def build_network(architecture: Architecture, weights: dict[str, Tensor]) -> PIRLNavNetwork:
+    """Return the network in evaluation mode, on the CPU, holding `weights`, which fit `expected_shapes`."""
+    with torch.device("meta"):
+        network = PIRLNavNetwork(architecture)
+    network.load_state_dict(weights, assign=True)
+    return network.requires_grad_(requires_grad=False).eval()

@@ -1,0 +1,202 @@
+"""PIRLNav as a policy: camera image and odometry in, one of the protocol's actions out."""
+
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import ModelError, UsageError
+from vsnbench.models.contract import ModelCard
+from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
+from vsnbench.models.pirlnav.engine import StepInput
+from vsnbench.models.pirlnav.localisation import Localiser
+from vsnbench.models.pirlnav.preprocessing import augment, preprocess
+from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings
+from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.settings_file import read_settings
+from vsnbench.models.weights import find_weights
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision, Diagnostics
+from vsnbench.protocol.observation import Observation, Sensor
+
+logger = logging.getLogger(__name__)
+
+WEIGHTS_FILE: Final = "pirlnav.ckpt"
+
+GOALS: Final = MappingProxyType({"chair": 0, "bed": 1, "plant": 2, "toilet": 3, "monitor": 4, "sofa": 5})
+"""The paper's goal -> HM3D's number; its monitor is HM3D's tv_monitor."""
+
+
+@dataclass(frozen=True, slots=True)
+class _NetworkAction:
+    name: str
+    executed: Action
+
+
+ACTIONS: Final = (
+    _NetworkAction("STOP", Action.STOP),
+    _NetworkAction("MOVE_FORWARD", Action.MOVE_FORWARD),
+    _NetworkAction("TURN_LEFT", Action.TURN_LEFT),
+    _NetworkAction("TURN_RIGHT", Action.TURN_RIGHT),
+    _NetworkAction("LOOK_UP", Action.MOVE_BACKWARD),
+    _NetworkAction("LOOK_DOWN", Action.MOVE_FORWARD),
+)
+"""In the order of the network's logits; the camera of these robots cannot tilt (paper, Section 3.2.2)."""
+
+
+class PIRLNav:
+    """The paper's first model."""
+
+    card: ModelCard
+
+    def __init__(
+        self,
+        weights: str | Path | None = None,
+        model_config: str | Path | PIRLNavSettings | None = None,
+        device: str = "auto",
+    ) -> None:
+        """Load a checkpoint and make the network ready.
+
+        Args:
+            weights: the checkpoint; None looks for `$VSNBENCH_WEIGHTS/pirlnav.ckpt`.
+            model_config: a YAML file of `PIRLNavSettings`, or the settings themselves.
+            device: auto, cpu, cuda or mps.
+
+        Raises:
+            UsageError: a setting is unknown or does not fit.
+            ModelError: PyTorch, the weights or the device are missing, or the weights cannot be used.
+        """
+        require_torch()
+        from vsnbench.models.pirlnav.acceleration import choose_engine
+
+        if isinstance(model_config, PIRLNavSettings):
+            settings = model_config
+        else:
+            settings = read_settings(Path(model_config) if model_config else None, PIRLNavSettings)
+        path = find_weights("pirlnav", WEIGHTS_FILE, Path(weights) if weights else None)
+        checkpoint = read_checkpoint(path)
+        _check_heads(checkpoint)
+        self.chosen = choose_engine(checkpoint, settings, device)
+        logger.info("PIRLNav runs on %s", self.chosen.engine.label)
+        self._sampled = settings.decision is Choice.SAMPLED or (
+            settings.decision is Choice.AUTO and checkpoint.fine_tuned
+        )
+        self._as_published = settings.as_published
+        self._image_size_px = checkpoint.architecture.image_size_px
+        self._localiser = Localiser(settings)
+        self._random = np.random.default_rng(0)
+        self._goal: int | None = None
+        self._previous_action = 0
+        self._begins = True
+        self.card = ModelCard(
+            name="pirlnav",
+            goals=frozenset(GOALS),
+            sensors=frozenset({Sensor.RGB, Sensor.ODOMETRY}),
+            weights_sha256=checkpoint.sha256,
+            weights_label=describe_weights(checkpoint),
+            settings=self._record_of(settings, checkpoint),
+        )
+
+    def reset(self, goal: str, seed: int) -> None:
+        """Start an episode.
+
+        Raises:
+            UsageError: the network does not know that goal.
+        """
+        if goal not in GOALS:
+            raise UsageError(f"pirlnav does not know the goal {goal!r}; it knows {', '.join(GOALS)}")
+        self._goal = GOALS[goal]
+        self._random = np.random.default_rng(seed)
+        self._localiser.reset()
+        self._begins = True
+
+    def act(self, observation: Observation) -> Decision:
+        """Return the next action.
+
+        The network is told next time what it chose now, whether or not the robot could carry it out.
+
+        Raises:
+            ModelError: no episode was begun, or the network's answer is not finite.
+        """
+        if self._goal is None:
+            raise ModelError("pirlnav was asked to act before an episode began; call reset first")
+        image = preprocess(observation.rgb, self._image_size_px)
+        if self._as_published:
+            image = augment(image, self._random)
+        location = self._localiser.read(observation.pose)
+        answer = self.chosen.engine.step(
+            StepInput(image, location.gps_m, location.compass_rad, self._goal, self._previous_action, self._begins)
+        )
+        probabilities = softmax(answer.logits)
+        index = self._choose(probabilities)
+        self._previous_action, self._begins = index, False
+        chosen = ACTIONS[index]
+        self._localiser.moved(chosen.executed)
+        scalars = {
+            "gps_forward_m": location.gps_m[0],
+            "gps_right_m": location.gps_m[1],
+            "compass_deg": math.degrees(location.compass_rad),
+        }
+        if math.isfinite(answer.value):
+            scalars["value"] = answer.value
+        return Decision(
+            action=chosen.executed,
+            raw_action=chosen.name,
+            diagnostics=Diagnostics(
+                probabilities={action.name: float(p) for action, p in zip(ACTIONS, probabilities, strict=True)},
+                scalars=scalars,
+                details={"logits": [float(logit) for logit in answer.logits]},
+            ),
+        )
+
+    def _choose(self, probabilities: npt.NDArray[np.float64]) -> int:
+        if not self._sampled:
+            return int(probabilities.argmax())
+        drawn = int(np.searchsorted(np.cumsum(probabilities), self._random.random(), side="right"))
+        return min(drawn, len(ACTIONS) - 1)
+
+    def _record_of(self, settings: PIRLNavSettings, checkpoint: Checkpoint) -> dict[str, Any]:
+        """Return the settings as used: every `auto` resolved."""
+        return settings.model_dump(mode="json") | {
+            "decision": (Choice.SAMPLED if self._sampled else Choice.GREEDY).value,
+            "runtime": self.chosen.runtime.value,
+            "precision": self.chosen.precision.value,
+            "device": self.chosen.device,
+            "architecture": checkpoint.architecture.summary,
+            "training_steps": checkpoint.training_step,
+        }
+
+
+def describe_weights(checkpoint: Checkpoint) -> str:
+    """Return in words what the weights are."""
+    training = "imitation, RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
+    steps = f", {checkpoint.training_step / 1e6:g} M steps" if checkpoint.training_step is not None else ""
+    return f"{checkpoint.path.name} ({training}{steps})"
+
+
+def softmax(logits: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    """Return the probabilities of the actions.
+
+    Raises:
+        ModelError: a logit is not finite.
+    """
+    exact = logits.astype(np.float64)
+    if not np.isfinite(exact).all():
+        raise ModelError(f"pirlnav answered with numbers that are not finite: {logits.tolist()}")
+    powers = np.exp(exact - exact.max())
+    shares: npt.NDArray[np.float64] = powers / powers.sum()
+    return shares
+
+
+def _check_heads(checkpoint: Checkpoint) -> None:
+    sizes = checkpoint.architecture
+    if sizes.actions != len(ACTIONS) or sizes.goals != len(GOALS):
+        raise ModelError(
+            f"{checkpoint.path}: trained for {sizes.actions} actions and {sizes.goals} goals; only PIRLNav's "
+            f"{len(ACTIONS)} actions and HM3D's {len(GOALS)} goals are known here"
+        )

@@ -1,0 +1,88 @@
+"""From camera image to network input: resize, crop, scale; and the training augmentation of the published condition."""
+
+from typing import Final
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[np.float32]
+
+_JITTER: Final = 0.4
+"""Strength of each change of colour in training."""
+_SHIFT_PX: Final = 16
+"""Farthest shift of the image in training."""
+_LUMA: Final = np.array([0.299, 0.587, 0.114], np.float32)
+
+
+def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
+    """Return what the network sees of a camera image.
+
+    The shorter side is resized to `size_px` bilinearly WITHOUT antialiasing, rounded to whole levels, and the centre is
+    cropped. Other resizers differ by a level here and there, which is enough to change an action.
+
+    Args:
+        rgb: (H, W, 3) uint8.
+        size_px: the side of the network's square image.
+
+    Returns:
+        (size, size, 3) float32 in [0, 1].
+    """
+    import torch
+
+    height, width = rgb.shape[:2]
+    shorter = min(height, width)
+    resized = (size_px * height // shorter, size_px * width // shorter)
+    image = torch.from_numpy(rgb).permute(2, 0, 1).float()[None]
+    if resized != (height, width):
+        image = torch.nn.functional.interpolate(
+            image.contiguous(memory_format=torch.channels_last), size=resized, mode="bilinear", align_corners=False
+        )
+    top, left = (round((side - size_px) / 2) for side in resized)
+    crop = image[0, :, top : top + size_px, left : left + size_px].round() / 255
+    return np.ascontiguousarray(crop.permute(1, 2, 0).numpy())
+
+
+def augment(image: Image, random: np.random.Generator) -> Image:
+    """Return the image with the colour jitter and shift of training, which the published code left on in evaluation.
+
+    Args:
+        image: (S, S, 3) float32 in [0, 1].
+        random: where the changes come from.
+    """
+    changes = [_brighten, _contrast, _saturate, _turn_hue]
+    for index in random.permutation(len(changes)):
+        image = changes[index](image, random)
+    size = image.shape[0]
+    padded = cv2.copyMakeBorder(image, _SHIFT_PX, _SHIFT_PX, _SHIFT_PX, _SHIFT_PX, cv2.BORDER_REPLICATE)
+    top, left = random.integers(0, 2 * _SHIFT_PX + 1, 2)
+    return np.ascontiguousarray(padded[top : top + size, left : left + size])
+
+
+def _factor(random: np.random.Generator) -> np.float32:
+    return np.float32(random.uniform(1 - _JITTER, 1 + _JITTER))
+
+
+def _blend(image: Image, other: Image | np.float32, factor: np.float32) -> Image:
+    mixed: Image = np.clip(image * factor + other * (np.float32(1) - factor), 0, 1)
+    return mixed
+
+
+def _brighten(image: Image, random: np.random.Generator) -> Image:
+    return _blend(image, np.float32(0), _factor(random))
+
+
+def _contrast(image: Image, random: np.random.Generator) -> Image:
+    return _blend(image, np.float32((image @ _LUMA).mean()), _factor(random))
+
+
+def _saturate(image: Image, random: np.random.Generator) -> Image:
+    grey: Image = (image @ _LUMA)[..., None]
+    return _blend(image, grey, _factor(random))
+
+
+def _turn_hue(image: Image, random: np.random.Generator) -> Image:
+    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
+    hsv[..., 0] = (hsv[..., 0] + np.float32(random.uniform(-_JITTER, _JITTER) * 360)) % 360
+    turned: Image = np.clip(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), 0, 1)
+    return turned

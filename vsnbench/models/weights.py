@@ -1,0 +1,48 @@
+"""Where a model's weights are found: named on the command line, or in the directory $VSNBENCH_WEIGHTS."""
+
+import hashlib
+import os
+from pathlib import Path
+
+from vsnbench.errors import ModelError
+
+WEIGHTS_VARIABLE = "VSNBENCH_WEIGHTS"
+
+
+def weights_directory() -> Path:
+    """Return the directory of weights: $VSNBENCH_WEIGHTS, else one in the user's data directory."""
+    named = os.environ.get(WEIGHTS_VARIABLE)
+    if named:
+        return Path(named).expanduser()
+    data = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
+    return Path(data).expanduser() / "vsnbench" / "weights"
+
+
+def find_weights(model: str, file_name: str, given: Path | None) -> Path:
+    """Return the file that holds a model's weights.
+
+    Args:
+        model: the model's name, for the message.
+        file_name: what the file is called in the directory of weights, e.g. `pirlnav.ckpt`.
+        given: the file the user named, if any.
+
+    Raises:
+        ModelError: there is no such file; the message says every way to name one.
+    """
+    if given is not None:
+        if not given.is_file():
+            raise ModelError(f"no weights at {given}")
+        return given
+    path = weights_directory() / file_name
+    if not path.is_file():
+        raise ModelError(
+            f"{model} needs weights: name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
+            f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`"
+        )
+    return path
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
