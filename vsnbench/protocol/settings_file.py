@@ -46,7 +46,8 @@ def parse_settings(text: str, origin: str, model: type[Settings], error: type[Vs
         reason = getattr(problem, "problem", None) or "not YAML"
         raise error(f"{where}: not valid YAML: {reason}") from problem
     if not isinstance(content, dict):
-        fields = ", ".join(name for name, field in model.model_fields.items() if field.is_required())
+        required = [name for name, field in model.model_fields.items() if field.is_required()]
+        fields = ", ".join(required or model.model_fields)
         raise error(f"{origin}:1: a {what} file is a mapping with {fields}")
     try:
         return model.model_validate(content)

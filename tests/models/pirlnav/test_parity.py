@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.models.pirlnav.conftest import Recording
 
+from tests.models.pirlnav.conftest import Recording
 from vsnbench.models.pirlnav.acceleration import choose_engine
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.models.pirlnav.engine import Engine, StepInput

@@ -18,11 +18,11 @@ from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings
 from vsnbench.models.safe_checkpoint import require_torch
-from vsnbench.models.settings_file import read_settings
 from vsnbench.models.weights import find_weights
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics
 from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.settings_file import read_settings
 
 logger = logging.getLogger(__name__)
 
@@ -74,10 +74,7 @@ class PIRLNav:
         require_torch()
         from vsnbench.models.pirlnav.acceleration import choose_engine
 
-        if isinstance(model_config, PIRLNavSettings):
-            settings = model_config
-        else:
-            settings = read_settings(Path(model_config) if model_config else None, PIRLNavSettings)
+        settings = _settings_from(model_config)
         path = find_weights("pirlnav", WEIGHTS_FILE, Path(weights) if weights else None)
         checkpoint = read_checkpoint(path)
         _check_heads(checkpoint)
@@ -170,6 +167,14 @@ class PIRLNav:
             "architecture": checkpoint.architecture.summary,
             "training_steps": checkpoint.training_step,
         }
+
+
+def _settings_from(given: str | Path | PIRLNavSettings | None) -> PIRLNavSettings:
+    if given is None:
+        return PIRLNavSettings()
+    if isinstance(given, PIRLNavSettings):
+        return given
+    return read_settings(Path(given), PIRLNavSettings, UsageError, "PIRLNav settings")
 
 
 def describe_weights(checkpoint: Checkpoint) -> str:
