@@ -13,6 +13,7 @@ ENTRY_POINT_GROUP = "vsnbench.models"
 _BUILT_IN: dict[str, str] = {
     "random": "vsnbench.models.random_walk:RandomWalk",
     "forward": "vsnbench.models.forward:ForwardUntilBlocked",
+    "oracle": "vsnbench.models.oracle:Oracle",
     "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
 }
 

@@ -79,9 +79,10 @@ class FreeSpace:
         xs = x_min + RESOLUTION_M * np.arange(columns)
         ys = y_min + RESOLUTION_M * np.arange(rows)
         self.x_m, self.y_m = np.meshgrid(xs, ys)
-        self._points = shapely.points(self.x_m.ravel(), self.y_m.ravel())
+        self.points: npt.NDArray[np.object_] = np.asarray(shapely.points(self.x_m, self.y_m), dtype=object)
+        """(rows, columns): the grid points as shapely points."""
         self._solids = shapely.STRtree(solid_shapes(site, robot_height_m))
-        clearance = self._nearest_solid(self._points).reshape(self.x_m.shape)
+        clearance = self._nearest_solid(self.points.ravel()).reshape(self.x_m.shape)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
         self.clearance_m: FloatGrid = np.where(inside, clearance, 0.0)
         """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
@@ -105,8 +106,7 @@ class FreeSpace:
         shapes = [thing.shape for thing in self.site.instances(goal)]
         if not shapes:
             return np.full(self.cells.shape, np.inf)
-        distances = [shapely.distance(shape, self._points) for shape in shapes]
-        return np.asarray(np.min(distances, axis=0), dtype=np.float64).reshape(self.cells.shape)
+        return np.asarray(np.min([shapely.distance(shape, self.points) for shape in shapes], axis=0), dtype=np.float64)
 
     def geodesic_field_m(self, goal: str, within_m: float = 1.0) -> FloatGrid:
         """Return (rows, columns): shortest way to where a goal instance is nearer than `within_m`; inf if none."""

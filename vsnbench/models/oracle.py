@@ -1,0 +1,169 @@
+"""The model `oracle`: the shortest way on the site's own map to a view of the nearest goal instance, then STOP.
+
+The only policy that is handed the site: an upper bound, and the check that a site and a robot make every trial
+solvable; never a competitor.
+"""
+
+import itertools
+import math
+from dataclasses import asdict, dataclass
+
+from vsnbench.errors import ModelError
+from vsnbench.models.contract import ModelCard
+from vsnbench.models.goal_views import ViewPoints, ViewWish, view_points, wanted_poses
+from vsnbench.models.lattice_planner import Clearance, LatticePlanner
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision, Diagnostics
+from vsnbench.protocol.free_space import BoolGrid, FreeSpace, free_space
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+
+_STOOD_STILL_SHARE = 0.5
+"""A forward move that odometry saw go less than this share of its length was refused or blocked."""
+_STALE_HEADING_RAD = math.radians(3.0)
+"""Headings that drifted farther than this from the planner's need a new planner."""
+
+
+@dataclass(frozen=True, slots=True)
+class OracleSettings:
+    """What the oracle assumes about the robot and how careful it is."""
+
+    robot_radius_m: float = 0.177
+    forward_m: float = ProtocolParameters().forward_m
+    turn_deg: float = ProtocolParameters().turn_deg
+    stop_within_m: float = 0.80
+    """Nearer than this to the goal's footprint it stops; less than the protocol's success distance."""
+    half_view_deg: float = 25.0
+    guard_distance_m: float = DepthGuard().distance_m
+    guard_margin_m: float = DepthGuard().margin_m
+
+
+_DEFAULTS = OracleSettings()
+
+
+class Oracle:
+    """Plans over positions and headings, and plans again whenever the odometry says that the plan no longer fits."""
+
+    def __init__(
+        self,
+        robot_radius_m: float = _DEFAULTS.robot_radius_m,
+        stop_within_m: float = _DEFAULTS.stop_within_m,
+        forward_m: float = _DEFAULTS.forward_m,
+        turn_deg: float = _DEFAULTS.turn_deg,
+    ) -> None:
+        """Take the robot's radius and moves; the defaults are the Turtlebot 2's and the protocol's."""
+        self._settings = OracleSettings(
+            robot_radius_m=robot_radius_m, stop_within_m=stop_within_m, forward_m=forward_m, turn_deg=turn_deg
+        )
+        self.card = ModelCard(
+            name="oracle", sensors=frozenset({Sensor.ODOMETRY}), settings={**asdict(self._settings), "sees_site": True}
+        )
+        self._space: FreeSpace | None = None
+        self._start = Pose(0.0, 0.0)
+        self._goal = ""
+        self._known_views: dict[tuple[str, str, ViewWish], ViewPoints] = {}
+        self._planner: LatticePlanner | None = None
+        self._views: BoolGrid | None = None
+        self._actions: tuple[Action, ...] = ()
+        self._note = ""
+        self._refused: list[Pose] = []
+        self._before_move: Pose | None = None
+
+    def survey(self, site: Site, start: Pose) -> None:
+        """Learn the whole site and where in it the episode starts."""
+        self._space = free_space(site, self._settings.robot_radius_m)
+        self._start = start
+        self._forget()
+
+    def reset(self, goal: str, seed: int) -> None:  # noqa: ARG002 - nothing in it is random
+        """Start an episode towards `goal`."""
+        self._goal = goal
+        self._forget()
+
+    def act(self, observation: Observation) -> Decision:
+        """Return the next action of the plan, made anew where the last move or the odometry contradicts it.
+
+        Raises:
+            ModelError: `survey` was never called.
+        """
+        if self._space is None:
+            raise ModelError("the oracle needs the site: call survey before the episode")
+        here = self._start.compose(observation.pose)
+        if self._before_move is not None:
+            moved_m = here.distance_to(self._before_move)
+            if moved_m < _STOOD_STILL_SHARE * self._settings.forward_m:
+                self._refused.append(self._before_move)
+                self._planner = None
+        self._before_move = None
+        if not self._plan_holds(here):
+            self._make_plan(self._space, here, observation.camera.mount_height_m)
+        if not self._actions:
+            return Decision(Action.STOP, diagnostics=self._explain(here))
+        decision = Decision(self._actions[0], diagnostics=self._explain(here))
+        self._actions = self._actions[1:]
+        if decision.action is Action.MOVE_FORWARD:
+            self._before_move = here
+        return decision
+
+    def _forget(self) -> None:
+        self._planner, self._views, self._actions, self._note = None, None, (), ""
+        self._refused = []
+        self._before_move = None
+
+    def _plan_holds(self, here: Pose) -> bool:
+        """Whether the rest of the plan, driven from where the robot really is, still ends at a view of the goal."""
+        if self._planner is None or self._views is None or self._space is None:
+            return False
+        if self._planner.heading_error_rad(here.heading_rad) > _STALE_HEADING_RAD:
+            return False
+        poses = self._planner.follow(here, self._actions)
+        if len(poses) <= len(self._actions):
+            return False
+        end = poses[-1]
+        cell = self._space.cell_of(*end.position)
+        return bool(self._views[(self._planner.nearest_heading(end.heading_rad), *cell)])
+
+    def _make_plan(self, space: FreeSpace, here: Pose, eye_height_m: float) -> None:
+        """Try the most comfortable plan first, and give up comforts one by one."""
+        settings = self._settings
+        turn_rad = math.radians(settings.turn_deg)
+        half_view_rad, farther_m = math.radians(settings.half_view_deg), settings.stop_within_m + 0.1
+        comforts = (
+            (0.06, half_view_rad, ViewWish(settings.stop_within_m, eye_height_m)),
+            (0.02, half_view_rad, ViewWish(settings.stop_within_m, eye_height_m)),
+            (0.01, math.pi, ViewWish(farther_m, eye_height_m, in_sight=False)),
+        )
+        memories = (self._refused, []) if self._refused else ([],)
+        for refused, (spare_m, half_view_rad, wish) in itertools.product(memories, comforts):
+            clearance = Clearance(
+                settings.robot_radius_m, spare_m, settings.guard_distance_m + 0.02, settings.guard_margin_m + 0.01
+            )
+            planner = LatticePlanner(space, here.heading_rad, settings.forward_m, turn_rad, clearance)
+            for pose in refused:
+                planner.forbid(pose)
+            points = self._view_points(space, wish)
+            views = wanted_poses(space, planner, points, half_view_rad)
+            actions = planner.plan(here, views) if views.any() else None
+            if actions is not None:
+                self._planner, self._views, self._actions, self._note = planner, views, actions, ""
+                return
+        self._planner, self._views, self._actions = None, None, ()
+        self._note = f"no way to any {self._goal} on the map"
+
+    def _view_points(self, space: FreeSpace, wish: ViewWish) -> ViewPoints:
+        key = (space.site.sha256, self._goal, wish)
+        if key not in self._known_views:
+            self._known_views[key] = view_points(space, self._goal, wish)
+        return self._known_views[key]
+
+    def _explain(self, here: Pose) -> Diagnostics:
+        """Show the way ahead in the frame of the episode's start."""
+        if self._planner is None:
+            return Diagnostics(note=self._note or "at the goal")
+        poses = self._planner.follow(here, self._actions)
+        path = tuple(pose.relative_to(self._start).position for pose in poses)
+        return Diagnostics(
+            sub_goal=path[-1], path=path, scalars={"actions_left": float(len(self._actions) + 1)}, note=self._note
+        )
