@@ -1,0 +1,76 @@
+"""`vsnbench run`: run what is left of a campaign."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_WHAT = "What to run"
+_HOW = "How"
+_RECORD = "Record"
+
+
+def command(
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model", "-m", help="random, forward, oracle, ..., or package.module:Class", rich_help_panel=_WHAT
+        ),
+    ],
+    goal: Annotated[
+        list[str],
+        typer.Option("--goal", "-g", help="goal category, several with commas, or all", rich_help_panel=_WHAT),
+    ],
+    site: Annotated[
+        str, typer.Option("--site", help="embedded site, or the path of a site file", rich_help_panel=_WHAT)
+    ] = "apartment",
+    robot: Annotated[
+        str, typer.Option("--robot", "-r", help="simulated, simulated:lola2, ...", rich_help_panel=_WHAT)
+    ] = "simulated",
+    starts: Annotated[
+        str | None,
+        typer.Option("--starts", help="starting positions, like 1-15,20; all when absent", rich_help_panel=_WHAT),
+    ] = None,
+    repetitions: Annotated[
+        int, typer.Option("--repetitions", min=1, help="times each goal meets each start", rich_help_panel=_WHAT)
+    ] = 1,
+    max_steps: Annotated[
+        int, typer.Option("--max-steps", min=1, help="cap on actions; the paper's is 150", rich_help_panel=_HOW)
+    ] = 150,
+    seed: Annotated[int, typer.Option("--seed", help="every random choice follows from it", rich_help_panel=_HOW)] = 0,
+    shuffle: Annotated[
+        bool, typer.Option("--shuffle", help="run the trials in random order", rich_help_panel=_HOW)
+    ] = False,
+    noise: Annotated[
+        bool, typer.Option("--noise", help="noisy depth and odometry in simulation", rich_help_panel=_HOW)
+    ] = False,
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            "--results",
+            envvar="VSNBENCH_RESULTS",
+            help="results directory; ./results when absent",
+            rich_help_panel=_RECORD,
+        ),
+    ] = None,
+    db: Annotated[
+        str | None,
+        typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=_RECORD)
+    ] = False,
+) -> None:
+    """Run the trials of a campaign that have no valid episode yet, and record every step.
+
+    [bold]Examples[/bold]
+
+        vsnbench run --model oracle --goal chair                     the whole protocol for one goal
+        vsnbench run --model random --goal all --starts 1-5          every goal from five positions
+        vsnbench run --model mylab.policy:Policy --goal bed,sofa     your own policy
+        vsnbench run --model forward --goal chair --live             watch it in Rerun
+        vsnbench run --model oracle --goal all --site lab.yaml       a site you surveyed
+
+    Ctrl-C ends the current episode as aborted and halts the robot. The same command goes on with the trials that are
+    left; another seed, site, model or parameter is another campaign.
+    """
