@@ -7,42 +7,38 @@ from hypothesis import strategies as st
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import load_site
-from vsnbench.runner.campaign import CampaignPlan, choose_goals, choose_starts
+from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials, trial_seed
 
 APARTMENT = load_site("apartment")
 ANY = ModelCard("any")
 PAPERS_VLV = ModelCard("vlv", goals=frozenset({"chair", "sofa", "table", "bed", "toilet"}))
 
 
-def plan(seed: int = 0, *, shuffled: bool = False, repetitions: int = 1) -> CampaignPlan:
-    return CampaignPlan(
-        APARTMENT, ProtocolParameters(), ("chair", "bed"), (1, 2, 3), repetitions, seed, shuffled=shuffled
-    )
+GOALS, STARTS = ("chair", "bed"), (1, 2, 3)
 
 
 def test_every_goal_meets_every_start_in_every_repetition_once() -> None:
-    trials = plan(repetitions=2).trials()
+    trials = plan_trials(GOALS, STARTS, 2)
     assert len(trials) == len(set(trials)) == 12
 
 
 @given(seed=st.integers(0, 2**32))
 def test_a_shuffle_keeps_the_trials_and_follows_from_the_seed(seed: int) -> None:
-    shuffled = plan(seed, shuffled=True)
-    assert set(shuffled.trials()) == set(plan().trials())
-    assert shuffled.trials() == plan(seed, shuffled=True).trials()
+    shuffled = plan_trials(GOALS, STARTS, 1, seed)
+    assert set(shuffled) == set(plan_trials(GOALS, STARTS, 1))
+    assert shuffled == plan_trials(GOALS, STARTS, 1, seed)
 
 
 def test_two_seeds_shuffle_differently() -> None:
-    assert plan(1, shuffled=True).trials() != plan(2, shuffled=True).trials()
+    assert plan_trials(GOALS, STARTS, 1, 1) != plan_trials(GOALS, STARTS, 1, 2)
 
 
-def test_a_trial_keeps_its_seed_in_any_order_and_shares_it_with_no_other() -> None:
-    ordered, shuffled = plan(5), plan(5, shuffled=True)
-    seeds = [ordered.trial_seed(trial) for trial in ordered.trials()]
-    assert [shuffled.trial_seed(trial) for trial in ordered.trials()] == seeds
+def test_a_trial_shares_its_seed_with_no_other_and_keeps_it() -> None:
+    trials = plan_trials(GOALS, STARTS, 2)
+    seeds = [trial_seed(5, trial.goal, trial.start, trial.repetition) for trial in trials]
     assert len(set(seeds)) == len(seeds)
+    assert trial_seed(0, "chair", 1, 1) == 1396812000
 
 
 def test_all_goals_are_those_of_the_site_that_the_model_knows_in_the_papers_order() -> None:

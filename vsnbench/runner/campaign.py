@@ -3,54 +3,40 @@
 import hashlib
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from vsnbench.database.records import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """One planned cell of a campaign."""
+def plan_trials(
+    goals: Sequence[str], starts: Sequence[int], repetitions: int, shuffle_seed: int | None = None
+) -> tuple[PlannedTrial, ...]:
+    """Return goals x starting positions x repetitions in the order in which they are run.
 
-    goal: str
-    start: int
-    """Number of the starting position."""
-    repetition: int
-    """From 1."""
+    Args:
+        goals: goal categories.
+        starts: numbers of starting positions.
+        repetitions: how often each goal meets each start.
+        shuffle_seed: run them in the random order that follows from it; in the order given when None.
+    """
+    trials = [
+        PlannedTrial(goal, start, repetition)
+        for repetition in range(1, repetitions + 1)
+        for goal in goals
+        for start in starts
+    ]
+    if shuffle_seed is not None:
+        random.Random(shuffle_seed).shuffle(trials)  # noqa: S311 - an order, not a secret
+    return tuple(trials)
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignPlan:
-    """Goals x starting positions x repetitions in one site, under one set of parameters."""
-
-    site: Site
-    parameters: ProtocolParameters
-    goals: tuple[str, ...]
-    starts: tuple[int, ...]
-    repetitions: int
-    seed: int
-    shuffled: bool = False
-
-    def trials(self) -> tuple[Trial, ...]:
-        """Return every trial in the order in which they are run; shuffled by the seed on request."""
-        trials = [
-            Trial(goal, start, repetition)
-            for repetition in range(1, self.repetitions + 1)
-            for goal in self.goals
-            for start in self.starts
-        ]
-        if self.shuffled:
-            random.Random(self.seed).shuffle(trials)  # noqa: S311 - an order, not a secret
-        return tuple(trials)
-
-    def trial_seed(self, trial: Trial) -> int:
-        """Return the seed of a trial's episodes: of the trial itself, whatever the order it is run in."""
-        text = f"{self.seed}/{trial.goal}/{trial.start}/{trial.repetition}"
-        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
+def trial_seed(campaign_seed: int, goal: str, start: int, repetition: int) -> int:
+    """Return the seed of a trial's episodes: of the trial itself, whatever the order it is run in."""
+    text = f"{campaign_seed}/{goal}/{start}/{repetition}"
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
 def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:
@@ -69,6 +55,8 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
     here = [goal for goal in GOAL_CATEGORIES if goal in site.categories]
     possible = [goal for goal in here if card.goals is None or goal in card.goals]
     if "all" in names:
+        if not possible:
+            raise UsageError(f"site {site.name} has none of the goals that model {card.name} knows")
         return tuple(possible)
     for name in names:
         if name not in GOAL_CATEGORIES:
@@ -98,8 +86,7 @@ def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:
         chosen = range(int(first), int(last if dash else first) + 1)
         if not chosen:
             raise UsageError(f"the range {part.strip()} in --starts {asked} is empty: give the smaller number first")
-        if len(chosen) > 10_000:
-            site.start(int(last))
+        site.start(chosen[-1])
         numbers.extend(chosen)
     for number in numbers:
         site.start(number)
