@@ -1,0 +1,179 @@
+"""Keeps one episode: image files, then the database row, then the copy for Rerun, one step behind the robot.
+
+A step is written by a worker thread while the next one is sensed and driven; the next step is handed over only when
+the one before it is committed. So a killed process loses at most the step that it was in, every committed step has
+its images, and a record that cannot be written stops the robot within one action.
+"""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
+from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.metrics import path_length_m
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
+from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
+from vsnbench.runner.images import EpisodeImages
+from vsnbench.runner.rerun_recording import EpisodeRecording
+from vsnbench.runner.results import ResultsDirectory
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingTarget:
+    """Where episodes are kept and what they are called there."""
+
+    journal: Journal
+    results: ResultsDirectory
+    model: str
+    """The model's name for people, with its weights where it has any."""
+    robot: RobotProfile
+    live_viewer_url: str | None = None
+
+
+class EpisodeRecorderFanOut:
+    """The recorder of one episode of one trial."""
+
+    def __init__(self, target: RecordingTarget, trial: TrialRecord) -> None:
+        self._target = target
+        self._trial = trial
+        self._handle: EpisodeHandle | None = None
+        self._plan: EpisodePlan | None = None
+        self._images: EpisodeImages | None = None
+        self._recording: EpisodeRecording | None = None
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder")
+        self._pending: Future[None] | None = None
+        self._path: list[Pose] = []
+        self._last_number = 0
+        self._robot_time_s = 0.0
+
+    @property
+    def episode_id(self) -> int:
+        """The episode's number; 0 before it has begun."""
+        return self._handle.id if self._handle else 0
+
+    def begin(self, plan: EpisodePlan, start: Fix) -> None:
+        """Open the episode in the database, its directory and its Rerun file."""
+        target, trial = self._target, self._trial
+        self._plan = plan
+        self._path = [start.pose]
+        geodesic_m = self._geodesic_m(start.pose)
+        self._handle = target.journal.begin_episode(
+            EpisodeStart(trial_id=trial.id, seed=plan.seed, pose=start.pose, geodesic_m=geodesic_m)
+        )
+        directory = target.results.episode_directory(self._handle.id)
+        self._images = EpisodeImages(directory)
+        header = EpisodeHeader(
+            episode_id=self._handle.id,
+            uuid=self._handle.uuid,
+            goal=plan.goal,
+            model=target.model,
+            robot=target.robot.title,
+            site=plan.site,
+            start_number=plan.start.number,
+            begin=start,
+            parameters=plan.parameters,
+            robot_radius_m=target.robot.base.radius_m,
+        )
+        self._recording = EpisodeRecording(header, directory / "episode.rrd", target.live_viewer_url)
+
+    def step(self, step: Step) -> None:
+        """Hand a step to the worker, as soon as the one before it is kept."""
+        self._settle()
+        self._path.append(step.after.pose)
+        self._last_number = step.index
+        self._robot_time_s += step.result.duration_s if step.result else 0.0
+        self._pending = self._worker.submit(partial(self._write, step))
+
+    def event(self, kind: str, text: str) -> None:
+        """Keep something that happened after the last step."""
+        self._settle()
+        number = self._last_number or None
+        self._target.journal.add_event(kind, text, episode_id=self.episode_id, step_number=number)
+        if self._recording:
+            self._recording.add(EventFrame(self._last_number, kind, text))
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        """Keep the end and the verdict, in one transaction."""
+        self._settle()
+        length_m = path_length_m(self._path)
+        if self._images:
+            self._images.finish()
+        self._target.journal.end_episode(
+            self.episode_id,
+            EpisodeEnd(
+                end_reason=outcome.verdict.end_reason,
+                actions=outcome.actions,
+                verdict=outcome.verdict,
+                error=outcome.error,
+                path_length_m=length_m,
+                geodesic_m=self._geodesic_m(outcome.final.pose) if outcome.final else None,
+                duration_s=self._robot_time_s,
+                wall_duration_s=outcome.wall_s,
+                final=outcome.final,
+            ),
+        )
+        if self._recording:
+            self._recording.add(
+                EndFrame(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error)
+            )
+
+    def close(self) -> None:
+        """Let go of files and threads, whatever happened before."""
+        self._worker.shutdown(wait=True)
+        if self._recording:
+            self._recording.close()
+
+    def _settle(self) -> None:
+        """Wait until the step before is committed; raises what went wrong with it."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
+
+    def _write(self, step: Step) -> None:
+        if self._images is None:
+            raise RuntimeError("a step came before the episode had begun")
+        observation, decision = step.observation, step.decision
+        images = self._images.write(step.index, observation, step.before)
+        self._target.journal.append_step(
+            self.episode_id,
+            StepRecord(
+                number=step.index,
+                action=decision.action,
+                raw_action=decision.raw_action,
+                result=step.result,
+                observed=observation.pose,
+                stamp_s=observation.stamp_s,
+                world=step.after,
+                rgb_sha256=images.rgb_sha256,
+                depth_sha256=images.depth_sha256,
+                timings=StepTimings(step.timings.sense_s, step.timings.infer_s, step.timings.move_s),
+                probabilities=decision.diagnostics.probabilities,
+                details=decision.diagnostics.details,
+            ),
+        )
+        if self._recording:
+            self._recording.add(
+                StepFrame(
+                    index=step.index,
+                    stamp_s=observation.stamp_s,
+                    rgb_jpeg=images.rgb_jpeg,
+                    depth_png=images.depth_png,
+                    decision=decision,
+                    result=step.result,
+                    blocked=step.blocked,
+                    after=step.after,
+                    infer_s=step.timings.infer_s,
+                )
+            )
+
+    def _geodesic_m(self, pose: Pose) -> float | None:
+        if self._plan is None:
+            return None
+        base, parameters = self._target.robot.base, self._plan.parameters
+        space = free_space(self._plan.site, base.radius_m)
+        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters.success_distance_m)
