@@ -5,10 +5,10 @@ The robot here is a stand-in whose faults are scripted; real episodes are driven
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pytest
@@ -60,6 +60,7 @@ class StandInRobot:
     profile: RobotProfile = PROFILE
     sensors: frozenset[Sensor] = frozenset(Sensor)
     simulated: bool = True
+    conditions: Mapping[str, Any] = field(default_factory=dict)
     looks: int = 0
     executed: list[Action] = field(default_factory=list)
     halts: int = 0

@@ -74,3 +74,22 @@ def command(
     Ctrl-C ends the current episode as aborted and halts the robot. The same command goes on with the trials that are
     left; another seed, site, model or parameter is another campaign.
     """
+    from vsnbench.cli.run_summary import run_and_tell
+    from vsnbench.runner.launch import RunRequest
+    from vsnbench.runner.results import ResultsDirectory
+
+    request = RunRequest(
+        model=model,
+        goals=tuple(goal),
+        results=ResultsDirectory.locate(results, db),
+        site=site,
+        robot=robot,
+        starts=starts,
+        repetitions=repetitions,
+        max_steps=max_steps,
+        seed=seed,
+        shuffle=shuffle,
+        noise=noise,
+        live=live,
+    )
+    raise typer.Exit(run_and_tell(request))

@@ -39,7 +39,7 @@ from vsnbench.database.rows import (
 )
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
-from vsnbench.database.validity import takers
+from vsnbench.database.validity import counts, standing_verdict_id, takers
 from vsnbench.errors import RecordError, TrialTakenError
 from vsnbench.protocol.judge import Verdict
 
@@ -128,6 +128,18 @@ class Journal:
                 .order_by(Trial.place)
             )
             return tuple(TrialRecord(*row) for row in rows)
+
+    def outcomes(self, campaign_id: int) -> tuple[bool, ...]:
+        """Return, for each trial that is done and judged, whether it succeeded."""
+        with _transaction(reading(self.engine)) as connection:
+            rows = connection.execute(
+                select(VerdictTable.success)
+                .select_from(Episode)
+                .join(Trial, Trial.id == Episode.trial_id)
+                .join(VerdictTable, VerdictTable.id == standing_verdict_id(Episode.id))
+                .where(Trial.campaign_id == campaign_id, counts(Episode, VerdictTable))
+            )
+            return tuple(bool(success) for (success,) in rows)
 
     def begin_episode(self, start: EpisodeStart) -> EpisodeHandle:
         """Write a new episode of a trial.

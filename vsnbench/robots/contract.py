@@ -1,7 +1,8 @@
 """What every robot, simulated or real, can do; the runner knows no more about it than this."""
 
+from collections.abc import Mapping
 from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
@@ -21,6 +22,8 @@ class Robot(Protocol):
     profile: RobotProfile
     sensors: frozenset[Sensor]
     simulated: bool
+    conditions: Mapping[str, Any]
+    """What else results depend on, as JSON: noise settings, filters; empty for nothing."""
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start` with odometry zeroed there; a real robot waits until a person has put it there."""

@@ -18,7 +18,7 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
 from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
-from vsnbench.runner.images import EpisodeImages
+from vsnbench.runner.images import EpisodeImages, StampedPose
 from vsnbench.runner.rerun_recording import EpisodeRecording
 from vsnbench.runner.results import ResultsDirectory
 
@@ -47,7 +47,7 @@ class EpisodeRecorderFanOut:
         self._recording: EpisodeRecording | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder")
         self._pending: Future[None] | None = None
-        self._path: list[Pose] = []
+        self._trajectory: list[StampedPose] = []
         self._last_number = 0
         self._robot_time_s = 0.0
 
@@ -60,12 +60,12 @@ class EpisodeRecorderFanOut:
         """Open the episode in the database, its directory and its Rerun file."""
         target, trial = self._target, self._trial
         self._plan = plan
-        self._path = [start.pose]
+        self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
         self._handle = target.journal.begin_episode(
             EpisodeStart(trial_id=trial.id, seed=plan.seed, pose=start.pose, geodesic_m=geodesic_m)
         )
-        directory = target.results.episode_directory(self._handle.id)
+        directory = target.results.episode_directory(self._handle.images_directory)
         self._images = EpisodeImages(directory)
         header = EpisodeHeader(
             episode_id=self._handle.id,
@@ -84,9 +84,12 @@ class EpisodeRecorderFanOut:
     def step(self, step: Step) -> None:
         """Hand a step to the worker, as soon as the one before it is kept."""
         self._settle()
-        self._path.append(step.after.pose)
+        if step.index == 1:
+            self._trajectory = [StampedPose(step.observation.stamp_s, step.before.pose)]
+        driving_s = step.result.duration_s if step.result else 0.0
+        self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.after.pose))
         self._last_number = step.index
-        self._robot_time_s += step.result.duration_s if step.result else 0.0
+        self._robot_time_s += driving_s
         self._pending = self._worker.submit(partial(self._write, step))
 
     def event(self, kind: str, text: str) -> None:
@@ -100,9 +103,9 @@ class EpisodeRecorderFanOut:
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict, in one transaction."""
         self._settle()
-        length_m = path_length_m(self._path)
+        length_m = path_length_m([moment.pose for moment in self._trajectory])
         if self._images:
-            self._images.finish()
+            self._images.finish(self._trajectory)
         self._target.journal.end_episode(
             self.episode_id,
             EpisodeEnd(
@@ -118,9 +121,7 @@ class EpisodeRecorderFanOut:
             ),
         )
         if self._recording:
-            self._recording.add(
-                EndFrame(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error)
-            )
+            self._recording.add(EndFrame(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
 
     def close(self) -> None:
         """Let go of files and threads, whatever happened before."""
@@ -138,7 +139,7 @@ class EpisodeRecorderFanOut:
         if self._images is None:
             raise RuntimeError("a step came before the episode had begun")
         observation, decision = step.observation, step.decision
-        images = self._images.write(step.index, observation, step.before)
+        images = self._images.write(step.index, observation)
         self._target.journal.append_step(
             self.episode_id,
             StepRecord(

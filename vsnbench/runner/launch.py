@@ -1,0 +1,145 @@
+"""From what a person asked for to a running campaign: everything is checked before anything moves or is written."""
+
+import logging
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity, RobotIdentity
+from vsnbench.errors import UsageError
+from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.models.registry import create_policy
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site, load_site
+from vsnbench.robots.contract import Robot
+from vsnbench.robots.registry import open_robot
+from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
+from vsnbench.runner.progress import CampaignProgress
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.results import ResultsDirectory
+from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.stopping import StopSignals
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """What `vsnbench run` was asked for, as it was typed."""
+
+    model: str
+    goals: tuple[str, ...]
+    results: ResultsDirectory
+    site: str = "apartment"
+    robot: str = "simulated"
+    starts: str | None = None
+    repetitions: int = 1
+    max_steps: int = 150
+    seed: int = 0
+    shuffle: bool = False
+    noise: bool = False
+    live: bool = False
+    model_options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Launched:
+    """A campaign, and what the session just run has made of it."""
+
+    campaign: CampaignRecord
+    result: SessionResult
+
+
+def launch(request: RunRequest) -> Launched:
+    """Run the trials of the campaign that are left.
+
+    Raises:
+        UsageError: something named does not exist or does not fit together; nothing was written.
+        VsnbenchError: the site, model, robot or record cannot be used.
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+    """
+    site = load_site(request.site)
+    starts = choose_starts(request.starts, site)
+    parameters = ProtocolParameters(max_actions=request.max_steps)
+    policy = create_policy(request.model, **request.model_options)
+    goals = choose_goals(request.goals, site, policy.card)
+    with ExitStack() as stack:
+        robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
+        _check_sensors(policy, robot)
+        plan = CampaignPlan(
+            site=site,
+            robot=RobotIdentity(robot.profile, request.robot.partition(":")[0], robot.simulated),
+            model=_identity(policy),
+            protocol=parameters,
+            seed=request.seed,
+            trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
+            noise=robot.conditions,
+            shuffled=request.shuffle,
+        )
+        request.results.prepare()
+        journal = stack.enter_context(Journal.open(request.results.database_url))
+        campaign = journal.find_or_create_campaign(plan)
+        viewer_url = _live_viewer() if request.live else None
+        target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url)
+        stop = stack.enter_context(StopSignals())
+        progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
+        result = run_session(
+            journal,
+            campaign,
+            site,
+            parameters,
+            request.seed,
+            robot,
+            policy,
+            partial(EpisodeRecorderFanOut, target),
+            progress,
+            stop,
+        )
+    return Launched(campaign, result)
+
+
+def _identity(policy: Policy) -> ModelIdentity:
+    card = policy.card
+    return ModelIdentity(
+        name=card.name,
+        goals=card.goals,
+        sensors=frozenset(sensor.value for sensor in card.sensors),
+        weights_sha256=card.weights_sha256,
+        weights_label=card.weights_label,
+        settings=card.settings,
+        surveyed=isinstance(policy, SurveyedPolicy),
+    )
+
+
+def _title(policy: Policy) -> str:
+    card = policy.card
+    return f"{card.name} ({card.weights_label})" if card.weights_label else card.name
+
+
+def _check_sensors(policy: Policy, robot: Robot) -> None:
+    missing = policy.card.sensors - robot.sensors
+    if missing:
+        raise UsageError(
+            f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {robot.profile.name} does not "
+            f"have; it has {', '.join(sorted(robot.sensors))}"
+        )
+
+
+def _progress(
+    journal: Journal, campaign: CampaignRecord, policy: Policy, site: Site, parameters: ProtocolParameters
+) -> CampaignProgress:
+    done = journal.outcomes(campaign.id)
+    if campaign.resumed and done:
+        logger.info("campaign %d goes on", campaign.id)
+    return CampaignProgress(
+        f"{_title(policy)} in {site.name}", len(campaign.trials), len(done), sum(done), parameters.max_actions
+    )
+
+
+def _live_viewer() -> str:
+    from vsnbench.runner.rerun_viewer import spawn_live_viewer
+
+    return spawn_live_viewer()
