@@ -1,8 +1,8 @@
 """The simulated robot: the contract of robots, carried out in the embedded world instead of a real one."""
 
-import importlib
+from collections.abc import Mapping
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,6 @@ from vsnbench.motion.controller import MotionController, MotionStatus
 from vsnbench.motion.law import heading_after
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
-from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
@@ -24,34 +23,8 @@ from vsnbench.simulator.noise import NoiseSettings, OdometryDrift, noisy_depth
 from vsnbench.simulator.odometry import WheelOdometry
 from vsnbench.simulator.physics import CONTROL_PERIOD_S, Physics, Touch
 from vsnbench.simulator.primitives import Scene
+from vsnbench.simulator.renderer import Renderer
 from vsnbench.simulator.scene import build_scene
-
-
-class View(Protocol):
-    """What the camera sees from one place."""
-
-    @property
-    def rgb(self) -> npt.NDArray[np.uint8]:
-        """(H, W, 3)."""
-        ...
-
-    @property
-    def depth_m(self) -> npt.NDArray[np.float32]:
-        """(H, W), metres along the optical axis."""
-        ...
-
-    @property
-    def instance(self) -> npt.NDArray[np.int32]:
-        """(H, W), 1-based index of the site's object; 0 for the building."""
-        ...
-
-
-class ViewSource(Protocol):
-    """What draws the scene."""
-
-    def render(self, camera: Camera, base_pose: Pose) -> View:
-        """Return what a camera mounted on a base at `base_pose` sees."""
-        ...
 
 
 class SimulatedRobot:
@@ -70,16 +43,15 @@ class SimulatedRobot:
         profile: RobotProfile,
         parameters: ProtocolParameters | None = None,
         noise: NoiseSettings | None = None,
-        views: ViewSource | None = None,
     ) -> None:
         self.site = site
         self.profile = profile
         self.noise = noise
+        self.conditions: Mapping[str, Any] = {} if noise is None else noise.model_dump(mode="json")
         self.settings = MotionSettings.for_robot(profile, parameters)
         scene = build_scene(site)
         self._physics = Physics(scene, profile.base)
-        self._scene = scene
-        self._views = views
+        self._renderer = Renderer(scene)
         self._shininess = _shininess_of_objects(scene, len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._begun = False
@@ -108,10 +80,8 @@ class SimulatedRobot:
     def observe(self) -> Observation:
         """Return what the camera and the odometry say here; the robot stands still."""
         self._require_begun()
-        if self._views is None:
-            self._views = _renderer(self._scene)
         camera = self.profile.camera
-        view = self._views.render(camera, self._physics.pose)
+        view = self._renderer.render(camera, self._physics.pose)
         depth_m = view.depth_m
         if self.noise is not None:
             shininess = self._shininess[view.instance]
@@ -195,11 +165,6 @@ class SimulatedRobot:
     def _name_of(self, touch: Touch) -> str:
         """Return the id of the object, or what part of the building it is."""
         return self.site.objects[touch.instance - 1].id if touch.instance else touch.category
-
-
-def _renderer(scene: Scene) -> ViewSource:
-    source: ViewSource = importlib.import_module("vsnbench.simulator.raster").Renderer(scene)
-    return source
 
 
 def _reported(pose: Pose) -> Pose:

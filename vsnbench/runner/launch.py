@@ -19,6 +19,7 @@ from vsnbench.robots.registry import open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.rerun_viewer import Viewer, WebViewer, has_display, open_window
 from vsnbench.runner.results import ResultsDirectory
 from vsnbench.runner.session import SessionResult, run_session
 from vsnbench.runner.stopping import StopSignals
@@ -82,7 +83,7 @@ def launch(request: RunRequest) -> Launched:
         request.results.prepare()
         journal = stack.enter_context(Journal.open(request.results.database_url))
         campaign = journal.find_or_create_campaign(plan)
-        viewer_url = _live_viewer() if request.live else None
+        viewer_url = stack.enter_context(_live_viewer()).grpc_url if request.live else None
         target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
@@ -139,7 +140,10 @@ def _progress(
     )
 
 
-def _live_viewer() -> str:
-    from vsnbench.runner.rerun_viewer import spawn_live_viewer
-
-    return spawn_live_viewer()
+def _live_viewer() -> Viewer:
+    """Open Rerun's window, or serve it to a browser where there is no display."""
+    if has_display():
+        return open_window()
+    viewer = WebViewer()
+    logger.warning("no display here: watch live at %s", viewer.address)
+    return viewer

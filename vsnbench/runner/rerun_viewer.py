@@ -107,13 +107,18 @@ class WebViewer(Viewer):
         super().close()
 
 
+def has_display() -> bool:
+    """Whether a window can be opened here."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 def open_window(recording: Path | None = None) -> Viewer:
     """Open the native viewer, on a recording or waiting for one.
 
     Raises:
         VsnbenchError: there is no display here.
     """
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if not has_display():
         raise VsnbenchError("there is no display here for Rerun's window; --web serves it to a browser instead")
     port = free_port()
     return Viewer([str(recording)] if recording is not None else ["--expect-data-soon"], port, port)
