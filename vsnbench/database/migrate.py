@@ -13,7 +13,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, inspect
 
-from vsnbench.database.engine import record_errors, sqlite_path
+from vsnbench.database.engine import open_engine, record_errors, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
 
@@ -43,6 +43,26 @@ def schema_state(engine: Engine) -> SchemaState:
     """
     with record_errors(_url(engine)), engine.connect() as connection:
         return _state(connection)
+
+
+def open_record(url: str) -> Engine:
+    """Return an engine on an existing record for reading only.
+
+    Raises:
+        UsageError: the URL is not one.
+        RecordError: there is no record, or its schema is not this version's; the message says what to do.
+    """
+    engine = open_engine(url, read_only=True)
+    state = schema_state(engine)
+    if state.up_to_date:
+        return engine
+    engine.dispose()
+    if state.current is None:
+        raise RecordError(f"the database {_url(engine)} is empty: `vsnbench run` fills it")
+    raise RecordError(
+        f"the database {_url(engine)} has the older schema {state.current}, this version reads {state.head}: "
+        "`vsnbench db upgrade` brings it up to date, `vsnbench db backup` first keeps a copy"
+    )
 
 
 def upgrade(engine: Engine) -> SchemaState:

@@ -1,0 +1,329 @@
+"""What others read from the record: listings, one episode whole, its steps, the state of campaigns."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Connection, Engine, Select, func, or_, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from vsnbench.database.engine import raise_record_error, reading
+from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
+from vsnbench.database.validity import counts, standing_verdict_id
+from vsnbench.database.views import (
+    CampaignState,
+    EpisodeDetails,
+    EpisodeFilter,
+    EpisodeProvenance,
+    EpisodeSummary,
+    EventRow,
+    StepRow,
+    VerdictRow,
+)
+from vsnbench.errors import RecordError
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.pose import Pose
+
+
+def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
+    """Return episodes in the order of their numbers; with a limit, the latest ones.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = _restricted(_summary_query(), which)
+    with _reader(engine) as connection:
+        if limit is None:
+            return tuple(EpisodeSummary(*row) for row in connection.execute(query.order_by(Episode.id)))
+        rows = connection.execute(query.order_by(Episode.id.desc()).limit(limit)).all()
+        return tuple(EpisodeSummary(*row) for row in reversed(rows))
+
+
+def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
+    """Return how many episodes the filter finds.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = _restricted(_summary_query(), which).with_only_columns(func.count(Episode.id))
+    with _reader(engine) as connection:
+        return int(connection.execute(query).scalar_one())
+
+
+def episode_summary(engine: Engine, episode_id: int) -> EpisodeSummary:
+    """Return one episode on one line.
+
+    Raises:
+        RecordError: there is no such episode, or the database cannot be read.
+    """
+    with _reader(engine) as connection:
+        return _one_summary(connection, episode_id)
+
+
+def counting_episodes(engine: Engine, which: EpisodeFilter) -> tuple[EpisodeSummary, ...]:
+    """Return the one episode of each trial that counts: a result, and the first of its trial.
+
+    Unjudged ones are among them: they wait for a person's word, and a success rate leaves them out.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = _restricted(_summary_query().where(counts(Episode, Verdict)), which).order_by(Episode.id)
+    with _reader(engine) as connection:
+        return tuple(EpisodeSummary(*row) for row in connection.execute(query))
+
+
+def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
+    """Return one episode with its verdicts, events and provenance.
+
+    Raises:
+        RecordError: there is no such episode, or the database cannot be read.
+    """
+    with _reader(engine) as connection:
+        summary = _one_summary(connection, episode_id)
+        episode = connection.execute(select(Episode.__table__).where(Episode.id == episode_id)).one()
+        verdicts = connection.execute(
+            select(
+                Verdict.created_at,
+                Verdict.success,
+                Verdict.end_reason,
+                Verdict.distance_m,
+                Verdict.distance_source,
+                Verdict.goal_instance,
+                Verdict.author,
+                Verdict.source,
+                Verdict.reason,
+            )
+            .where(Verdict.episode_id == episode_id)
+            .order_by(Verdict.id)
+        )
+        events = connection.execute(
+            select(Event.created_at, Event.step_number, Event.kind, Event.text)
+            .where(Event.episode_id == episode_id)
+            .order_by(Event.id)
+        )
+        stands = connection.execute(
+            select(Episode.id)
+            .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+            .where(Episode.id == episode_id, counts(Episode, Verdict))
+        ).first()
+        return EpisodeDetails(
+            summary=summary,
+            seed=episode.seed,
+            error=episode.error,
+            goal_instance=episode.goal_instance,
+            wall_duration_s=episode.wall_duration_s,
+            geodesic_end_m=episode.geodesic_end_m,
+            start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
+            final=_fix(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
+            counts=stands is not None,
+            verdicts=tuple(VerdictRow(*row) for row in verdicts),
+            events=tuple(EventRow(*row) for row in events),
+            provenance=_provenance(connection, episode_id),
+        )
+
+
+def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRow, ...]:
+    """Return the committed steps of an episode in order; none when it does not exist.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
+    with _reader(engine) as connection:
+        return tuple(
+            StepRow(
+                number=row.number,
+                raw_action=row.raw_action,
+                action=row.action,
+                blocked=row.blocked,
+                completed=row.completed,
+                failure=row.failure,
+                stamp_s=row.stamp_s,
+                observed=_pose(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
+                after=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
+                world=_fix(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
+                displacement_m=row.displacement_m,
+                turn_rad=row.turn_rad,
+                duration_s=row.duration_s,
+                corrections=row.corrections,
+                collision_source=row.collision_source,
+                collision_touched=row.collision_touched,
+                rgb_sha256=row.rgb_sha256,
+                depth_sha256=row.depth_sha256,
+                sense_s=row.sense_s,
+                infer_s=row.infer_s,
+                move_s=row.move_s,
+                probabilities=row.probabilities or {},
+                details=row.details or {},
+            )
+            for row in connection.execute(query)
+        )
+
+
+def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
+    """Return every campaign with its progress, in the order of their creation.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    planned = select(func.count()).where(Trial.campaign_id == Campaign.id).correlate(Campaign).scalar_subquery()
+    done = (
+        select(func.count(Episode.id))
+        .join(Trial, Trial.id == Episode.trial_id)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .where(Trial.campaign_id == Campaign.id, counts(Episode, Verdict))
+        .correlate(Campaign)
+        .scalar_subquery()
+    )
+    query = (
+        select(
+            Campaign.id,
+            Campaign.key,
+            Campaign.name,
+            Campaign.created_at,
+            Model.name,
+            Robot.name,
+            Site.name,
+            planned,
+            done,
+        )
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .order_by(Campaign.id)
+    )
+    with _reader(engine) as connection:
+        return tuple(CampaignState(*row) for row in connection.execute(query))
+
+
+@contextmanager
+def _reader(engine: Engine) -> Iterator[Connection]:
+    try:
+        with reading(engine).begin() as connection:
+            yield connection
+    except SQLAlchemyError as error:
+        raise_record_error(error, str(engine.url))
+
+
+def _summary_query() -> Select[*tuple[Any, ...]]:
+    """Select the columns of EpisodeSummary, in its order."""
+    end_reason = func.coalesce(Verdict.end_reason, Episode.end_reason)
+    return (
+        select(
+            Episode.id,
+            Episode.uuid,
+            Campaign.id,
+            Campaign.name,
+            Model.name,
+            Robot.name,
+            Site.name,
+            Trial.goal,
+            Trial.start,
+            Trial.repetition,
+            Episode.origin,
+            end_reason,
+            Verdict.success,
+            Verdict.id.is_not(None),
+            Episode.actions,
+            func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m),
+            func.coalesce(Verdict.distance_source, Episode.distance_source),
+            func.coalesce(end_reason == EndReason.COLLISION.value, False),
+            Episode.path_length_m,
+            Episode.geodesic_start_m,
+            Episode.duration_s,
+            Episode.started_at,
+            Episode.ended_at,
+            Episode.images_directory,
+        )
+        .select_from(Episode)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+    )
+
+
+def _restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[*tuple[Any, ...]]:
+    if which.model:
+        query = query.where(Model.name == which.model)
+    if which.goal:
+        query = query.where(Trial.goal == which.goal)
+    if which.campaign:
+        same = [Campaign.name == which.campaign, Campaign.key.startswith(which.campaign, autoescape=True)]
+        if which.campaign.isdecimal():
+            same.append(Campaign.id == int(which.campaign))
+        query = query.where(or_(*same))
+    match which.outcome:
+        case "":
+            return query
+        case "success":
+            return query.where(Verdict.success.is_(True))
+        case "failure":
+            return query.where(Verdict.success.is_(False))
+        case "running":
+            return query.where(Episode.end_reason.is_(None))
+        case "unjudged":
+            results = [reason.value for reason in EndReason if reason.is_result]
+            return query.where(Verdict.id.is_(None), Episode.end_reason.in_(results))
+        case "void":
+            void = [reason.value for reason in EndReason if not reason.is_result]
+            unjudged_void = Verdict.id.is_(None) & Episode.end_reason.in_(void)
+            return query.where(or_(unjudged_void, Verdict.id.is_not(None) & Verdict.success.is_(None)))
+        case reason:
+            return query.where(func.coalesce(Verdict.end_reason, Episode.end_reason) == reason)
+
+
+def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
+    row = connection.execute(_summary_query().where(Episode.id == episode_id)).first()
+    if row is None:
+        raise RecordError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
+    return EpisodeSummary(*row)
+
+
+def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
+    row = connection.execute(
+        select(
+            Process.vsnbench_version,
+            Process.git_commit,
+            Process.git_dirty,
+            Process.host,
+            Process.operator,
+            Process.command,
+            Process.packages,
+            Process.platform,
+            Model.weights_sha256,
+            Model.weights_label,
+            Model.settings,
+            Robot.backend,
+            Robot.profile,
+            Site.sha256,
+            Site.content,
+            Campaign.protocol,
+            Campaign.protocol_sha256,
+            Campaign.noise,
+            Campaign.key,
+            Campaign.seed,
+        )
+        .select_from(Episode)
+        .join(Process, Process.id == Episode.process_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .where(Episode.id == episode_id)
+    ).one()
+    return EpisodeProvenance(*row)
+
+
+def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
+    return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)
+
+
+def _fix(x_m: float | None, y_m: float | None, heading_rad: float | None, source: str | None) -> Fix | None:
+    pose = _pose(x_m, y_m, heading_rad)
+    return None if pose is None or source is None else Fix(pose, PoseSource(source))

@@ -1,0 +1,185 @@
+"""The shapes in which the record is read: an episode on one line or whole, steps, verdicts, events, campaigns."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeFilter:
+    """Which episodes; what is None or empty does not restrict."""
+
+    model: str = ""
+    goal: str = ""
+    campaign: str = ""
+    """The campaign's number, its name, or the beginning of its key."""
+    outcome: str = ""
+    """`success`, `failure`, `void`, `running`, `unjudged`, or an end reason."""
+
+
+OUTCOMES = ("success", "failure", "void", "running", "unjudged", *(reason.value for reason in EndReason))
+"""What `EpisodeFilter.outcome` understands."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeSummary:
+    """One episode on one line, as its standing verdict sees it."""
+
+    id: int
+    uuid: str
+    campaign_id: int
+    campaign: str
+    model: str
+    robot: str
+    site: str
+    goal: str
+    start: int
+    repetition: int
+    origin: str
+    end_reason: str | None
+    """None while it runs."""
+    success: bool | None
+    """None for a void, running or unjudged episode."""
+    judged: bool
+    """It has a verdict, void or not."""
+    actions: int
+    distance_to_goal_m: float | None
+    distance_source: str | None
+    collision: bool
+    path_length_m: float | None
+    geodesic_start_m: float | None
+    duration_s: float | None
+    started_at: datetime
+    ended_at: datetime | None
+    images_directory: str
+
+    @property
+    def outcome(self) -> str:
+        """One word: success, failure, void, running or unjudged."""
+        if self.end_reason is None:
+            return "running"
+        if not self.judged:
+            return "unjudged" if EndReason(self.end_reason).is_result else "void"
+        return "void" if self.success is None else "success" if self.success else "failure"
+
+
+@dataclass(frozen=True, slots=True)
+class StepRow:
+    """One recorded step."""
+
+    number: int
+    raw_action: str
+    action: str
+    blocked: bool
+    completed: bool
+    failure: str
+    stamp_s: float | None
+    observed: Pose | None
+    """Odometry with the observation, relative to the start."""
+    after: Pose | None
+    """Odometry after the motion."""
+    world: Fix | None
+    """Pose in the site after the motion."""
+    displacement_m: float | None
+    turn_rad: float | None
+    duration_s: float | None
+    corrections: int
+    collision_source: str | None
+    collision_touched: str | None
+    rgb_sha256: str | None
+    depth_sha256: str | None
+    sense_s: float | None
+    infer_s: float | None
+    move_s: float | None
+    probabilities: dict[str, float]
+    details: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictRow:
+    """One judgement; the last one of an episode stands."""
+
+    created_at: datetime
+    success: bool | None
+    end_reason: str
+    distance_m: float | None
+    distance_source: str | None
+    goal_instance: str | None
+    author: str
+    source: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """Something that happened beside the steps."""
+
+    created_at: datetime
+    step_number: int | None
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeProvenance:
+    """What an episode's result depends on."""
+
+    vsnbench_version: str
+    git_commit: str
+    git_dirty: bool
+    host: str
+    operator: str
+    command: str
+    packages: dict[str, str]
+    platform: dict[str, str]
+    weights_sha256: str
+    weights_label: str
+    model_settings: dict[str, Any]
+    robot_backend: str
+    robot_profile: dict[str, Any]
+    site_sha256: str
+    site_content: dict[str, Any]
+    protocol: dict[str, Any]
+    protocol_sha256: str
+    noise: dict[str, Any]
+    campaign_key: str
+    campaign_seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeDetails:
+    """One episode, whole but for its steps."""
+
+    summary: EpisodeSummary
+    seed: int
+    error: str
+    goal_instance: str | None
+    wall_duration_s: float | None
+    geodesic_end_m: float | None
+    start_pose: Pose | None
+    final: Fix | None
+    counts: bool
+    """It is the one that stands for its trial."""
+    verdicts: tuple[VerdictRow, ...]
+    events: tuple[EventRow, ...]
+    provenance: EpisodeProvenance
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignState:
+    """How far a campaign has come."""
+
+    id: int
+    key: str
+    name: str
+    created_at: datetime
+    model: str
+    robot: str
+    site: str
+    trials: int
+    done: int
+    """Trials with an episode that counts."""
