@@ -115,10 +115,12 @@ class Physics:
         self._mujoco.mj_forward(self._world.model, data)
 
     def drive(self, command: Command) -> Touch | None:
-        """Hold a velocity, or as much of it as the base can do, for one control period; ends early at a touch.
+        """Hold a velocity, or as much of it as the base can do, for one control period.
+
+        At a new touch the wheels are stopped for the rest of the period.
 
         Returns:
-            What the shell touches; None while the way is free.
+            What the shell came to touch, or still touches; None while the way is free.
         """
         top_m_s, top_rad_s = self._base.max_linear_m_s, self._base.max_angular_rad_s
         forward_m_s = min(max(command.linear_m_s, -top_m_s), top_m_s)
@@ -130,11 +132,14 @@ class Physics:
         if self._world is self._open:
             step(model, data, _STEPS_PER_PERIOD)
             return None
+        new: Touch | None = None
+        watching = self.touch() is None
         for _ in range(_STEPS_PER_PERIOD):
             step(model, data)
-            if touch := self.touch():
-                return touch
-        return None
+            if watching and (new := self.touch()):
+                watching = False
+                data.ctrl[:] = 0.0
+        return new or self.touch()
 
     def stop(self) -> None:
         """Brake to a standstill."""
@@ -143,6 +148,8 @@ class Physics:
 
     def touch(self) -> Touch | None:
         """Return the first thing that the shell is in contact with."""
+        if self._world is self._open:
+            return None
         contacts = self._world.data.contact
         for number, pair in enumerate(contacts.geom.tolist()):
             if self._shell not in pair:
