@@ -7,6 +7,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import (
+    CampaignPlan,
+    EpisodeEnd,
+    EpisodeStart,
+    ModelIdentity,
+    PlannedTrial,
+    RobotIdentity,
+    StepRecord,
+    StepTimings,
+)
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.protocol.fix import Fix, PoseSource
@@ -14,8 +25,12 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import load_site
+from vsnbench.robots.profiles import load_profile
+from vsnbench.runner.diagnostics_record import diagnostics_to_details
 from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
+from vsnbench.runner.images import depth_path, rgb_path
 from vsnbench.runner.rerun_recording import EpisodeRecording, RecordingSummary
+from vsnbench.runner.results import ResultsDirectory
 
 UUID = "6f0e9a52-0000-4000-8000-000000000017"
 
@@ -54,8 +69,66 @@ def frames(count: int, *, diagnostics: bool = True) -> Iterator[Frame]:
     yield EndFrame(judge(EndReason.STOP, count, distance, told.parameters), count, 5.25, 61.2)
 
 
+def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
+    """Write the episode into a results directory as a run does, without its Rerun file; returns its number."""
+    told = header()
+    profile = load_profile("turtlebot2")
+    model = ModelIdentity("vlv", weights_label="stand-in weights")
+    plan = CampaignPlan(
+        told.site, RobotIdentity(profile, "simulated", True), model, told.parameters, 0, [PlannedTrial("chair", 1)]
+    )
+    results.prepare()
+    with Journal.open(results.database_url) as journal:
+        trial = journal.find_or_create_campaign(plan).trials[0]
+        handle = journal.begin_episode(EpisodeStart(trial.id, 0, told.begin.pose, uuid=UUID))
+        directory = results.episode_directory(handle.images_directory)
+        for frame in frames(count):
+            match frame:
+                case StepFrame():
+                    _keep_images(directory, frame)
+                    journal.append_step(handle.id, _row(frame))
+                case EventFrame():
+                    journal.add_event(frame.kind, frame.text, episode_id=handle.id, step_number=frame.step)
+                case EndFrame() if ended:
+                    journal.end_episode(
+                        handle.id,
+                        EpisodeEnd(
+                            frame.verdict.end_reason,
+                            frame.actions,
+                            frame.verdict,
+                            path_length_m=frame.path_length_m,
+                            duration_s=frame.duration_s,
+                        ),
+                    )
+    return handle.id
+
+
+def _keep_images(directory: Path, frame: StepFrame) -> None:
+    for path, content in (
+        (rgb_path(directory, frame.index), frame.rgb_jpeg),
+        (depth_path(directory, frame.index), frame.depth_png),
+    ):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content or b"")
+
+
+def _row(frame: StepFrame) -> StepRecord:
+    told = frame.decision.diagnostics
+    return StepRecord(
+        number=frame.index,
+        action=frame.decision.action,
+        raw_action=frame.decision.raw_action,
+        result=frame.result,
+        stamp_s=frame.stamp_s,
+        world=frame.after,
+        timings=StepTimings(infer_s=frame.infer_s),
+        probabilities=told.probabilities,
+        details=diagnostics_to_details(told),
+    )
+
+
 def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> RecordingSummary:
-    with EpisodeRecording(header(), path, lossless=True) as recording:
+    with EpisodeRecording(header(), path, rebuilding=True) as recording:
         for frame in frames(count, diagnostics=diagnostics):
             recording.add(frame)
     return recording.close()

@@ -142,14 +142,14 @@ def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
 
 
 def test_an_episode_that_has_not_ended_gets_no_final_name(tmp_path: Path) -> None:
-    with EpisodeRecording(header(), tmp_path / "episode.rrd", lossless=True) as recording:
+    with EpisodeRecording(header(), tmp_path / "episode.rrd") as recording:
         recording.add(next(frames(3)))
     assert recording.close().path is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_adding_after_the_end_is_ignored(tmp_path: Path) -> None:
-    recording = EpisodeRecording(header(), tmp_path / "episode.rrd", lossless=True)
+    recording = EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True)
     for frame in frames(2):
         recording.add(frame)
     assert recording.close().path is not None

@@ -36,7 +36,8 @@ class StepFrame:
     """1 for the first action."""
     stamp_s: float
     """When the image was taken, on the robot's clock."""
-    rgb_jpeg: bytes
+    rgb_jpeg: bytes | None
+    """None where the image is lost or was not kept."""
     depth_png: bytes | None
     """16-bit, millimetres, 0 where invalid."""
     decision: Decision

@@ -104,7 +104,8 @@ class EpisodeDrawing:
         told = frame.decision.diagnostics
         self._counts[frame.decision.action.value] += 1
         self._blocked += frame.blocked
-        log("camera/rgb", rr.EncodedImage(contents=frame.rgb_jpeg, media_type="image/jpeg"))
+        if frame.rgb_jpeg is not None:
+            log("camera/rgb", rr.EncodedImage(contents=frame.rgb_jpeg, media_type="image/jpeg"))
         log(
             "camera/rgb/detections",
             rr.Boxes2D(

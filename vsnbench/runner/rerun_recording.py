@@ -7,6 +7,7 @@ gets its final name; `vsnbench view` then builds it from the record.
 """
 
 import logging
+import os
 import queue
 import threading
 from dataclasses import dataclass
@@ -45,17 +46,19 @@ class EpisodeRecording:
         header: what is known before the first step.
         path: the final file; until it is whole it is called `<path>.part`.
         viewer_url: gRPC address of a viewer that shows the episode as it happens.
-        lossless: wait for room in the queue however long it takes: for rebuilding, where no robot waits.
+        rebuilding: no robot waits, so nothing is dropped however full the queue; and an episode that has not ended is
+            kept as far as it is.
     """
 
     def __init__(
-        self, header: EpisodeHeader, path: Path, viewer_url: str | None = None, *, lossless: bool = False
+        self, header: EpisodeHeader, path: Path, viewer_url: str | None = None, *, rebuilding: bool = False
     ) -> None:
         self._header = header
         self._path = path
-        self._part = path.with_name(path.name + ".part")
+        self._rebuilding = rebuilding
+        self._part = part_path(path, os.getpid() if rebuilding else None)
         self._viewer_url = viewer_url
-        self._patience_s = None if lossless else PATIENCE_S
+        self._patience_s = None if rebuilding else PATIENCE_S
         self._frames: queue.Queue[Frame | None] = queue.Queue(QUEUE_FRAMES)
         self._steps = 0
         self._dropped = 0
@@ -86,10 +89,10 @@ class EpisodeRecording:
         """Write what is queued and finish the file; it gets its name only when it is whole. May be called again."""
         if self._closed is None:
             self._frames.put(None)
-            self._worker.join(CLOSE_TIMEOUT_S)
+            self._worker.join(None if self._rebuilding else CLOSE_TIMEOUT_S)
             if self._worker.is_alive():
                 self._error = f"the recording was not finished after {CLOSE_TIMEOUT_S:g} s"
-            whole = self._ended and not self._dropped and not self._error
+            whole = (self._ended or self._rebuilding) and not self._dropped and not self._error
             try:
                 if whole:
                     self._part.replace(self._path)
@@ -125,6 +128,11 @@ class EpisodeRecording:
         finally:
             recording.flush(timeout_sec=CLOSE_TIMEOUT_S / 2)
             recording.disconnect()
+
+
+def part_path(path: Path, process_id: int | None = None) -> Path:
+    """Return what a recording is called until it is whole; a rebuilding process has a name of its own."""
+    return path.with_name(f"{path.name}.part" if process_id is None else f"{path.name}.{process_id}.part")
 
 
 def open_recording(header: EpisodeHeader, path: Path, viewer_url: str | None) -> "rr.RecordingStream":

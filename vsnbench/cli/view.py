@@ -1,0 +1,53 @@
+"""`vsnbench view`: open a recorded episode in Rerun."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    episode: Annotated[int, typer.Argument(help="The episode's number, as in `vsnbench episodes list`.", min=1)],
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on 127.0.0.1; Ctrl-C ends it.")] = False,
+    port: Annotated[int, typer.Option(help="Port for --web; 0 for any that is free.", min=0, max=65535)] = 9090,
+    path: Annotated[bool, typer.Option("--path", help="Print the file and open nothing.")] = False,
+    results: Annotated[
+        Path | None,
+        typer.Option(help="Results directory.", envvar="VSNBENCH_RESULTS", show_default="./results", file_okay=False),
+    ] = None,
+    db: Annotated[str | None, typer.Option(help="Database elsewhere: any SQLAlchemy URL.")] = None,
+) -> None:
+    """Open a recorded episode in Rerun.
+
+    What the robot saw, the floor plan with the way it went, its actions, why it chose them, and the verdict. The file
+    is built from the record when it is missing, broken, or older than the verdict that stands.
+
+    [bold]Examples[/bold]
+
+    vsnbench view 17                      in Rerun's own window
+
+    vsnbench view 17 --web                in a browser on this machine
+
+    vsnbench view 17 --web --port 8080    the same on another port
+
+    vsnbench view 17 --path               only print which file it is
+    """
+    from vsnbench.runner.rerun_rebuild import current_recording
+    from vsnbench.runner.rerun_viewer import WebViewer, open_window
+    from vsnbench.runner.results import ResultsDirectory
+
+    recording = current_recording(ResultsDirectory.locate(results, db), episode)
+    if path:
+        typer.echo(recording)
+        return
+    if not web:
+        with open_window(recording) as viewer:
+            viewer.wait()
+        return
+    try:
+        with WebViewer(port, recording) as served:
+            typer.echo(served.address)
+            typer.echo(f"Episode {episode} is served there, to this machine only. Ctrl-C ends it.", err=True)
+            served.wait()
+    except KeyboardInterrupt:
+        typer.echo("", err=True)
