@@ -156,6 +156,16 @@ def test_the_clear_width_of_a_doorway_is_clear() -> None:
             assert overlap.area < 1e-6, part
 
 
+def test_a_closed_door_fills_its_opening() -> None:
+    door = Door(name="front door", start=(2.0, 0), end=(2.9, 0), height_m=2.0, closed=True)
+    leaves = [
+        part
+        for part in build_scene(a_site(doors=(door,))).primitives
+        if part.solid and part.category == "door" and part.half_size[0] == pytest.approx(0.45)
+    ]
+    assert any(part.centre[2] - part.half_size[2] == pytest.approx(0.0, abs=1e-6) for part in leaves)
+
+
 def test_floors_cover_their_room_whatever_its_outline() -> None:
     slanted = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (4.0, 4.0), (0.0, 4.0))
     scene = build_scene(a_site(polygon=slanted))

@@ -177,6 +177,9 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
             top = min(door.height_m, height)
             openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
             yield from _door_frame(run, at, half, top)
+            if door.closed:
+                leaf = max(half - 0.03, 0.02)
+                yield run.block(at, (-leaf, leaf), (0.0, top), _DOOR_WOOD, "door")
     for window in site.windows:
         at = run.place(window.start, window.end)
         if at is not None and window.sill_m < height:
