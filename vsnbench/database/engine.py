@@ -33,8 +33,14 @@ def sqlite_path(url: str) -> Path | None:
 
 
 def shown_url(url: str) -> str:
-    """Return the URL as it may be printed: without its password."""
-    return _parse(url).render_as_string(hide_password=True)
+    """Return the database as it may be printed: SQLite's file, or the URL without its password."""
+    file = sqlite_path(url)
+    return str(file) if file else _parse(url).render_as_string(hide_password=True)
+
+
+def shown_database(engine: Engine) -> str:
+    """Return an engine's database as it may be printed."""
+    return shown_url(engine.url.render_as_string(hide_password=False))
 
 
 def open_engine(url: str, *, read_only: bool = False) -> Engine:
@@ -119,7 +125,7 @@ def reading(engine: Engine) -> Engine:
 
 
 @contextmanager
-def record_errors(url: str) -> Iterator[None]:
+def record_errors(engine: Engine) -> Iterator[None]:
     """Turn what the database driver raises into one line for the user.
 
     Raises:
@@ -128,21 +134,15 @@ def record_errors(url: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        raise_record_error(error, url)
+        _raise_record_error(error, engine)
 
 
-def raise_record_error(error: SQLAlchemyError, url: str) -> NoReturn:
-    """Raise the RecordError that says what became of the database at `url`, and what to do.
-
-    Programming errors (a missing table apart) are not the user's: they are raised as they are.
-
-    Raises:
-        RecordError: always, for what a user can do something about.
-    """
+def _raise_record_error(error: SQLAlchemyError, engine: Engine) -> NoReturn:
+    """Raise what a user can do something about as RecordError, and our own mistakes as they are."""
     if not isinstance(error, DBAPIError):
         raise error
     cause = str(error.orig).strip().splitlines()[0] if error.orig and str(error.orig).strip() else str(error)
-    where = shown_url(url)
+    where = shown_database(engine)
     for words, advice in _ADVICE.items():
         if words in cause.lower():
             raise RecordError(f"cannot use the database {where}: {cause}; {advice}") from error

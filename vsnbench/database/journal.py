@@ -8,9 +8,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from sqlalchemy import Connection, Engine, insert, select, update
-from sqlalchemy.exc import SQLAlchemyError
 
-from vsnbench.database.engine import open_engine, raise_record_error, reading
+from vsnbench.database.engine import open_engine, reading, record_errors
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.records import (
@@ -254,11 +253,8 @@ _INSERT_STEP = insert(Step)
 
 @contextmanager
 def _transaction(engine: Engine) -> Iterator[Connection]:
-    try:
-        with engine.begin() as connection:
-            yield connection
-    except SQLAlchemyError as error:
-        raise_record_error(error, str(engine.url))
+    with record_errors(engine), engine.begin() as connection:
+        yield connection
 
 
 def _insert(connection: Connection, table: type[Base], row: Row) -> int:

@@ -13,7 +13,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, inspect
 
-from vsnbench.database.engine import open_engine, record_errors, sqlite_path
+from vsnbench.database.engine import open_engine, record_errors, shown_database, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
 
@@ -41,7 +41,7 @@ def schema_state(engine: Engine) -> SchemaState:
     Raises:
         RecordError: the database cannot be read, is from a newer vsnbench, or is not a record at all.
     """
-    with record_errors(_url(engine)), engine.connect() as connection:
+    with record_errors(engine), engine.connect() as connection:
         return _state(connection)
 
 
@@ -58,9 +58,9 @@ def open_record(url: str) -> Engine:
         return engine
     engine.dispose()
     if state.current is None:
-        raise RecordError(f"the database {_url(engine)} is empty: `vsnbench run` fills it")
+        raise RecordError(f"the database {shown_database(engine)} is empty: `vsnbench run` fills it")
     raise RecordError(
-        f"the database {_url(engine)} has the older schema {state.current}, this version reads {state.head}: "
+        f"the database {shown_database(engine)} has the older schema {state.current}, this version reads {state.head}: "
         "`vsnbench db upgrade` brings it up to date, `vsnbench db backup` first keeps a copy"
     )
 
@@ -77,7 +77,7 @@ def upgrade(engine: Engine) -> SchemaState:
     before = schema_state(engine)
     if before.up_to_date:
         return before
-    with record_errors(_url(engine)), engine.connect() as connection:
+    with record_errors(engine), engine.connect() as connection:
         sqlite = connection.dialect.name == "sqlite"
         if sqlite:
             # A rebuilt table drops its old self: with foreign keys on, that would touch every row that points to it.
@@ -146,13 +146,13 @@ def _state(connection: Connection) -> SchemaState:
         tables = inspect(connection).get_table_names()
         if tables:
             raise RecordError(
-                f"the database {_url(connection.engine)} holds other tables ({', '.join(sorted(tables)[:3])}) and no "
+                f"the database {shown_database(connection.engine)} holds other tables ({', '.join(sorted(tables)[:3])}) and no "
                 "record of vsnbench: choose another database"
             )
         return SchemaState(None, head, tuple(order))
     if current not in order:
         raise RecordError(
-            f"the database {_url(connection.engine)} was written by a newer vsnbench (its schema is {current}, this "
+            f"the database {shown_database(connection.engine)} was written by a newer vsnbench (its schema is {current}, this "
             f"version knows up to {head}): upgrade vsnbench, or choose another results directory"
         )
     return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
@@ -163,7 +163,7 @@ def _check_foreign_keys(connection: Connection) -> None:
     if orphans:
         table, row, parent, _ = orphans[0]
         raise RecordError(
-            f"cannot upgrade the database {_url(connection.engine)}: row {row} of {table} points to a row of {parent} "
+            f"cannot upgrade the database {shown_database(connection.engine)}: row {row} of {table} points to a row of {parent} "
             f"that is not there ({len(orphans)} such rows); nothing was changed, restore a backup"
         )
 
@@ -173,10 +173,6 @@ def _raw(connection: Connection) -> sqlite3.Connection:
     if not isinstance(raw, sqlite3.Connection):
         raise TypeError(f"not an SQLite connection: {raw!r}")
     return raw
-
-
-def _url(engine: Engine) -> str:
-    return engine.url.render_as_string(hide_password=True)
 
 
 def _copy_sqlite(source: Path, target: Path) -> None:

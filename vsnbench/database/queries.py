@@ -5,9 +5,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy import Connection, Engine, Select, func, or_, select
-from sqlalchemy.exc import SQLAlchemyError
 
-from vsnbench.database.engine import raise_record_error, reading
+from vsnbench.database.engine import reading, record_errors
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.database.validity import counts, standing_verdict_id
 from vsnbench.database.views import (
@@ -200,11 +199,8 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
 
 @contextmanager
 def _reader(engine: Engine) -> Iterator[Connection]:
-    try:
-        with reading(engine).begin() as connection:
-            yield connection
-    except SQLAlchemyError as error:
-        raise_record_error(error, str(engine.url))
+    with record_errors(engine), reading(engine).begin() as connection:
+        yield connection
 
 
 def _summary_query() -> Select[*tuple[Any, ...]]:

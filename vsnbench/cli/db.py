@@ -1,0 +1,142 @@
+"""`vsnbench db`: where the results database is, its state, upgrade and backup."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+Results = Annotated[
+    Path | None,
+    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
+]
+Database = Annotated[
+    str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL (postgresql+psycopg://...).")
+]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of words.")]
+
+
+@app.command()
+def path(results: Results = None, db: Database = None) -> None:
+    """Print where the database is (for SQLite its file, else its URL without the password).
+
+    Example: [bold]sqlite3 "$(vsnbench db path)"[/bold]
+    """
+    from vsnbench.database.engine import sqlite_path
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    file = sqlite_path(place.database_url)
+    typer.echo(file.resolve() if file else place.shown_database)
+
+
+@app.command()
+def status(results: Results = None, db: Database = None, as_json: Json = False) -> None:
+    """Say what is in the database: schema, campaigns with their progress, episodes, size.
+
+    Example: [bold]vsnbench db status --results /data/apartment[/bold]
+    """
+    import json
+    from dataclasses import asdict
+
+    from rich.table import Table
+
+    from vsnbench.cli.episode_page import page, safe
+    from vsnbench.database.engine import open_engine, sqlite_path
+    from vsnbench.database.migrate import schema_state
+    from vsnbench.database.queries import campaign_states, count_episodes
+    from vsnbench.database.views import EpisodeFilter
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    engine = open_engine(place.database_url, read_only=True)
+    schema = schema_state(engine)
+    file = sqlite_path(place.database_url)
+    size = file.stat().st_size if file else None
+    campaigns = campaign_states(engine) if schema.up_to_date else ()
+    outcomes = ("success", "failure", "unjudged", "void", "running")
+    episodes = {
+        outcome: count_episodes(engine, EpisodeFilter(outcome=outcome)) for outcome in outcomes if schema.up_to_date
+    }
+    engine.dispose()
+    if as_json:
+        typer.echo(
+            json.dumps(
+                {
+                    "database": place.shown_database,
+                    "schema": schema.current,
+                    "newest_schema": schema.head,
+                    "size_bytes": size,
+                    "episodes": episodes,
+                    "campaigns": [asdict(campaign) for campaign in campaigns],
+                },
+                default=str,
+                indent=2,
+            )
+        )
+        return
+    typer.echo(f"database  {place.shown_database}" + (f"  ({size / 1e6:.1f} MB)" if size else ""))
+    if not schema.up_to_date:
+        have = f"schema {schema.current}" if schema.current else "empty"
+        typer.echo(f"schema    {have}, this version works with {schema.head}: `vsnbench db upgrade` brings it there")
+        return
+    typer.echo(f"schema    {schema.current}, up to date")
+    told = ", ".join(f"{number} {outcome}" for outcome, number in episodes.items() if number)
+    typer.echo(f"episodes  {sum(episodes.values())}" + (f" ({told})" if told else ""))
+    if not campaigns:
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for name, justify in (("campaign", "right"), ("name", "left"), ("trials done", "right"), ("begun (UTC)", "left")):
+        table.add_column(name, justify="right" if justify == "right" else "left")
+    for campaign in campaigns:
+        table.add_row(
+            str(campaign.id),
+            safe(campaign.name),
+            f"{campaign.done} of {campaign.trials}",
+            f"{campaign.created_at:%Y-%m-%d %H:%M}",
+        )
+    typer.echo()
+    page().print(table)
+
+
+@app.command()
+def upgrade(results: Results = None, db: Database = None) -> None:
+    """Bring the database to this version's schema, all of it or nothing; `vsnbench run` does it by itself.
+
+    Example: [bold]vsnbench db backup before.db && vsnbench db upgrade[/bold]
+    """
+    from vsnbench.database.engine import open_engine, sqlite_path
+    from vsnbench.database.migrate import upgrade as migrate
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    if sqlite_path(place.database_url):
+        place.prepare()
+    engine = open_engine(place.database_url)
+    before = migrate(engine)
+    engine.dispose()
+    if before.up_to_date:
+        typer.echo(f"{place.shown_database} is up to date (schema {before.head})")
+    else:
+        typer.echo(f"{place.shown_database}: schema {before.current or 'none'} -> {before.head}")
+
+
+@app.command()
+def backup(
+    target: Annotated[Path, typer.Argument(help="The file to write; it must not exist.")],
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Copy the database to a file, also while a run is writing it; the file appears whole or not at all.
+
+    SQLite becomes one SQLite file, PostgreSQL an archive for pg_restore. The images are not part of it.
+
+    Example: [bold]vsnbench db backup "results-$(date +%F).db"[/bold]
+    """
+    from vsnbench.database.migrate import backup as copy
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    copy(place.database_url, target)
+    typer.echo(f"{target}  ({target.stat().st_size / 1e6:.1f} MB)")

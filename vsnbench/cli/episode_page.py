@@ -1,0 +1,172 @@
+"""One episode as a page in the terminal: how it went, what was done, how it was judged, what it depends on."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from vsnbench.database.views import EpisodeDetails, StepRow
+
+COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
+"""The colour of each outcome."""
+
+
+def page() -> "Console":
+    """Return standard output as rich sees it; what goes into a pipe is not cut to a terminal's width."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+
+
+def print_page(
+    console: "Console",
+    details: "EpisodeDetails",
+    steps: "tuple[StepRow, ...]",
+    directory: Path | None,
+    *,
+    every_step: bool,
+) -> None:
+    """Print the page of an episode; `directory` holds its images, if any were kept."""
+    _print_summary(console, details, directory)
+    _print_actions(console, steps)
+    if every_step:
+        _print_steps(console, steps)
+    _print_judgement(console, details)
+    _print_provenance(console, details)
+
+
+def metres(value: float | None) -> str:
+    """Return a length in metres; nothing when it is not known."""
+    return "" if value is None else f"{value:.2f} m"
+
+
+def safe(text: object) -> str:
+    """Return text from the record for rich: neither its markup nor terminal escapes act."""
+    from rich.markup import escape
+
+    from vsnbench.cli.printable import printable
+
+    return escape(printable(str(text)))
+
+
+def _print_summary(console: "Console", details: "EpisodeDetails", directory: Path | None) -> None:
+    episode = details.summary
+    color = COLORS[episode.outcome]
+    stands = "" if details.counts or episode.outcome == "running" else "; it does not count for its trial"
+    console.print(
+        f"[bold]Episode {episode.id}[/]: {safe(episode.model)} looks for a [bold]{safe(episode.goal)}[/] from "
+        f"position {episode.start}, repetition {episode.repetition}: [{color}]{episode.outcome}[/]{stands}"
+    )
+    source = f" ({episode.distance_source})" if episode.distance_source else ""
+    rows = [
+        ("campaign", f"{episode.campaign_id}: {safe(episode.campaign)}"),
+        ("robot, site", f"{safe(episode.robot)} in {safe(episode.site)}"),
+        (
+            "ended with",
+            safe(episode.end_reason or "still running") + (f": {safe(details.error)}" if details.error else ""),
+        ),
+        ("actions", str(episode.actions)),
+        ("distance to goal", (metres(episode.distance_to_goal_m) or "unknown") + source),
+        (
+            "path",
+            f"{metres(episode.path_length_m) or 'unknown'} (shortest {metres(episode.geodesic_start_m) or 'unknown'})",
+        ),
+        ("duration", _seconds(episode.duration_s) + f" of the robot, {_seconds(details.wall_duration_s)} on the clock"),
+        ("began", f"{episode.started_at:%Y-%m-%d %H:%M:%S} UTC"),
+        ("seed", str(details.seed)),
+        ("uuid", episode.uuid),
+        ("files", safe(directory) if directory else "none"),
+    ]
+    for name, value in rows:
+        console.print(f"  {name:<17} {value}", soft_wrap=True)
+
+
+def _seconds(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} s"
+
+
+def _print_actions(console: "Console", steps: "tuple[StepRow, ...]") -> None:
+    from collections import Counter
+
+    if not steps:
+        return
+    counts = Counter((step.raw_action, step.action) for step in steps)
+    words = ", ".join(
+        f"{count} {safe(raw)}" + (f" as {action}" if raw != action else "")
+        for (raw, action), count in counts.most_common()
+    )
+    blocked = sum(step.blocked for step in steps)
+    console.print(
+        f"  {'steps':<17} {words}" + (f"; {blocked} blocked by the depth guard" if blocked else ""), soft_wrap=True
+    )
+    inferred = sorted(step.infer_s for step in steps if step.infer_s is not None)
+    if inferred:
+        console.print(f"  {'inference':<17} {inferred[len(inferred) // 2] * 1000:.1f} ms (median)")
+    for step in steps:
+        if step.collision_source:
+            touched = f" with {safe(step.collision_touched)}" if step.collision_touched else ""
+            console.print(f"  {'collision':<17} at action {step.number}{touched}, said {step.collision_source}")
+
+
+def _print_steps(console: "Console", steps: "tuple[StepRow, ...]") -> None:
+    from math import degrees
+
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("step", "action", "moved", "turned", "x", "y", "heading", ""):
+        table.add_column(name, justify="left" if name in ("action", "") else "right", no_wrap=bool(name))
+    for step in steps:
+        pose = step.world.pose if step.world else step.after
+        note = "blocked" if step.blocked else step.failure
+        table.add_row(
+            str(step.number),
+            safe(step.raw_action),
+            "" if step.displacement_m is None else f"{step.displacement_m:.3f} m",
+            "" if step.turn_rad is None else f"{degrees(step.turn_rad):.1f}°",
+            f"{pose.x_m:.2f}" if pose else "",
+            f"{pose.y_m:.2f}" if pose else "",
+            f"{pose.heading_deg:.1f}°" if pose else "",
+            safe(f"collision {step.collision_touched or ''}" if step.collision_source else note),
+        )
+    console.print()
+    console.print(table)
+
+
+def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
+    console.print("\n[bold]Verdicts[/] (the last one stands)" if details.verdicts else "\n[bold]No verdict yet[/]")
+    for verdict in details.verdicts:
+        console.print(
+            f"  {verdict.created_at:%Y-%m-%d %H:%M:%S}  {safe(verdict.reason)}  "
+            f"[dim]({safe(verdict.author)}, {safe(verdict.source)})[/]",
+            soft_wrap=True,
+        )
+    if details.events:
+        console.print("\n[bold]Events[/]")
+    for event in details.events:
+        where = f"action {event.step_number}" if event.step_number else ""
+        console.print(
+            f"  {event.created_at:%H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.text)}", soft_wrap=True
+        )
+
+
+def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
+    given = details.provenance
+    git = f", commit {given.git_commit[:12]}{' with changes' if given.git_dirty else ''}" if given.git_commit else ""
+    weights = f"{given.weights_label} {given.weights_sha256[:12]}".strip() or "none"
+    console.print("\n[bold]What the result depends on[/] (--json has all of it)")
+    rows = [
+        ("vsnbench", f"{given.vsnbench_version}{git}, Python {given.platform.get('python', '')}"),
+        ("machine", f"{given.host}, {given.platform.get('processor', '')}"),
+        ("operator", given.operator),
+        ("weights", weights),
+        ("settings", ", ".join(f"{name}={value}" for name, value in given.model_settings.items()) or "none"),
+        ("site", given.site_sha256[:12]),
+        ("protocol", given.protocol_sha256[:12]),
+        ("noise", ", ".join(f"{name}={value}" for name, value in given.noise.items()) or "none"),
+        ("command", given.command),
+    ]
+    for name, value in rows:
+        console.print(f"  {name:<17} {safe(value)}", soft_wrap=True)

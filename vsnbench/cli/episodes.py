@@ -1,0 +1,165 @@
+"""`vsnbench episodes`: list recorded episodes and show one of them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from vsnbench.database.views import EpisodeDetails, EpisodeSummary, StepRow
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+Results = Annotated[
+    Path | None,
+    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
+]
+Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+
+
+@app.command("list")
+def list_(
+    model: Annotated[str, typer.Option("--model", help="Only this model's.")] = "",
+    goal: Annotated[str, typer.Option("--goal", help="Only this goal category.")] = "",
+    campaign: Annotated[
+        str, typer.Option("--campaign", help="Only this campaign: its number, name, or the start of its key.")
+    ] = "",
+    outcome: Annotated[
+        str,
+        typer.Option(
+            "--outcome",
+            help="Only success, failure, void, running or unjudged ones, or those with this end reason (collision...).",
+        ),
+    ] = "",
+    limit: Annotated[int, typer.Option("--limit", min=0, help="Only the latest so many; 0 for all.")] = 50,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """List episodes, the latest ones when there are many.
+
+    [bold]vsnbench episodes list --model random --outcome collision[/bold]
+
+    [bold]vsnbench episodes list --limit 0 --json | jq '.[] | select(.success) | .id'[/bold]
+    """
+    import json
+
+    from rich.table import Table
+
+    from vsnbench.cli.episode_page import COLORS, metres, page, safe
+    from vsnbench.database.migrate import open_record
+    from vsnbench.database.queries import count_episodes, list_episodes
+    from vsnbench.database.views import OUTCOMES, EpisodeFilter
+    from vsnbench.errors import UsageError
+    from vsnbench.runner.results import ResultsDirectory
+
+    if outcome and outcome not in OUTCOMES:
+        raise UsageError(f"no outcome {outcome!r}: there are {', '.join(OUTCOMES)}")
+    which = EpisodeFilter(model=model, goal=goal, campaign=campaign, outcome=outcome)
+    engine = open_record(ResultsDirectory.locate(results, db).database_url)
+    episodes = list_episodes(engine, which, limit or None)
+    if as_json:
+        typer.echo(json.dumps([_summary_object(episode) for episode in episodes], indent=2))
+        return
+    total = count_episodes(engine, which) if limit and len(episodes) == limit else len(episodes)
+    engine.dispose()
+    if not episodes:
+        typer.echo("no such episodes", err=True)
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("episode", "model", "goal", "start", "result", "actions", "to goal", "began (UTC)"):
+        table.add_column(name, justify="right" if name in ("episode", "start", "actions", "to goal") else "left")
+    for episode in episodes:
+        color, why = COLORS[episode.outcome], episode.end_reason if episode.success is not True else None
+        table.add_row(
+            str(episode.id),
+            safe(episode.model),
+            safe(episode.goal),
+            str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else ""),
+            f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
+            str(episode.actions),
+            metres(episode.distance_to_goal_m),
+            f"{episode.started_at:%m-%d %H:%M}",
+        )
+    page().print(table)
+    if total > len(episodes):
+        typer.echo(f"the latest {len(episodes)} of {total}; --limit 0 shows all", err=True)
+
+
+@app.command()
+def show(
+    number: Annotated[int, typer.Argument(help="The episode's number.", min=1)],
+    steps: Annotated[bool, typer.Option("--steps", help="Every step, one a line.")] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Show one episode: how it went, its verdicts, what was asked and done, and what the result depends on.
+
+    [bold]vsnbench episodes show 17[/bold]
+
+    [bold]vsnbench episodes show 17 --json | jq '.steps[].raw_action'[/bold]
+    """
+    import json
+
+    from vsnbench.cli.episode_page import page, print_page
+    from vsnbench.database.migrate import open_record
+    from vsnbench.database.queries import episode_details, episode_steps
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    engine = open_record(place.database_url)
+    details = episode_details(engine, number)
+    taken = episode_steps(engine, number)
+    engine.dispose()
+    directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
+    if as_json:
+        typer.echo(json.dumps(_details_object(details, taken, directory), indent=2, default=str))
+        return
+    print_page(page(), details, taken, directory, every_step=steps)
+
+
+def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
+    """Return what `--json` promises of every episode."""
+    return {
+        "id": episode.id,
+        "uuid": episode.uuid,
+        "campaign": episode.campaign,
+        "campaign_id": episode.campaign_id,
+        "model": episode.model,
+        "robot": episode.robot,
+        "site": episode.site,
+        "goal": episode.goal,
+        "start": episode.start,
+        "repetition": episode.repetition,
+        "origin": episode.origin,
+        "outcome": episode.outcome,
+        "end_reason": episode.end_reason,
+        "success": episode.success,
+        "actions": episode.actions,
+        "distance_to_goal_m": episode.distance_to_goal_m,
+        "distance_source": episode.distance_source,
+        "collision": episode.collision,
+        "path_length_m": episode.path_length_m,
+        "shortest_path_m": episode.geodesic_start_m,
+        "duration_s": episode.duration_s,
+        "started_at": episode.started_at.isoformat(),
+        "ended_at": episode.ended_at.isoformat() if episode.ended_at else None,
+        "images_directory": episode.images_directory,
+    }
+
+
+def _details_object(
+    details: "EpisodeDetails", steps: "tuple[StepRow, ...]", directory: Path | None
+) -> dict[str, object]:
+    from dataclasses import asdict
+
+    whole = asdict(details)
+    del whole["summary"]
+    return {
+        **_summary_object(details.summary),
+        **whole,
+        "directory": str(directory) if directory else None,
+        "steps": [asdict(step) for step in steps],
+    }
