@@ -5,31 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
+from tests.simulator.scenery import LOOKS, a_site
 from vsnbench.errors import SiteError
 from vsnbench.protocol.categories import CATEGORIES
-from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall
+from vsnbench.protocol.site import Door, Site, SiteObject
 from vsnbench.simulator.furniture import MODELS
 from vsnbench.simulator.furniture.canvas import extents, rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Shape
 from vsnbench.simulator.scene import build_scene
-
-LOOKS = [(category, model) for category, looks in MODELS.items() for model in looks]
-
-
-def a_site(*objects: SiteObject, doors: tuple[Door, ...] = (), polygon: tuple[tuple[float, float], ...] = ()) -> Site:
-    return Site(
-        name="plain",
-        rooms=[Room(name="hall", polygon=list(polygon or ((0, 0), (6, 0), (6, 4), (0, 4))))],
-        walls=[
-            Wall(start=(0, 0), end=(6, 0)),
-            Wall(start=(6, 0), end=(6, 4)),
-            Wall(start=(6, 4), end=(0, 4)),
-            Wall(start=(0, 4), end=(0, 0)),
-        ],
-        doors=list(doors),
-        objects=list(objects),
-        starts=[StartingPosition(number=1, position=(1, 1), heading_deg=0)],
-    )
 
 
 def corners(primitive: Primitive) -> list[tuple[float, float]]:

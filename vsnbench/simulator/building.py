@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from shapely.geometry import LineString, Polygon
 
-from vsnbench.protocol.site import Site, Wall, Window
+from vsnbench.protocol.site import Room, Site, Wall, Window
 from vsnbench.simulator.furniture.canvas import rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
 
@@ -16,6 +16,7 @@ _FRAME = Material(rgb("#f3f1ec"), "plain", 0.2)
 _DOOR_WOOD = Material(rgb("#9b6f47"), "wood", 0.2)
 _SKY = Material(rgb("#ffffff"), "sky", 0.0, 1.0)
 _CEILING = Material(rgb("#f5f3ee"), "plaster")
+_CEILING_LIGHT = Material(rgb("#fff6e0"), "plain", 0.0, 0.9)
 _FLOORS = {
     "wood": Material(rgb("#b07c4c"), "planks", 0.35),
     "tiles": Material(rgb("#d5d6d4"), "tiles", 0.45),
@@ -82,6 +83,27 @@ def _floors(site: Site) -> Iterator[Primitive]:
                 solid=False,
             )
     yield _slab(site, (site.ceiling_height_m, site.ceiling_height_m + 0.1), _CEILING, "ceiling")
+    for room in site.rooms:
+        yield from _ceiling_lights(room, site.ceiling_height_m)
+
+
+def _ceiling_lights(room: Room, ceiling_m: float) -> Iterator[Primitive]:
+    """Flat round lights, about one for every four metres of a room."""
+    bands = [(x0, y0, x1, y1) for x0, y0, x1, y1 in rectangles(room.shape, slice_m=2.0)]
+    wide = [band for band in bands if min(band[2] - band[0], band[3] - band[1]) > 1.2] or bands
+    for x0, y0, x1, y1 in wide:
+        columns, rows = math.ceil((x1 - x0) / 4), math.ceil((y1 - y0) / 4)
+        for k in range(columns * rows):
+            x = x0 + (x1 - x0) * (k % columns + 0.5) / columns
+            y = y0 + (y1 - y0) * (k // columns + 0.5) / rows
+            yield Primitive(
+                Shape.CYLINDER,
+                (x, y, ceiling_m - 0.025),
+                (0.17, 0.17, 0.025),
+                _CEILING_LIGHT,
+                category="ceiling",
+                solid=False,
+            )
 
 
 def rectangles(

@@ -1,7 +1,9 @@
 """The visible primitives of a scene as convex polygons in flat arrays: what the rasteriser's kernels read."""
 
+import itertools
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -25,16 +27,14 @@ def semantic_id(category: str) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """P primitives, V vertices, F convex faces of three or four corners; world frame, metres.
+    """P primitives and their F convex faces of three or four corners; world frame, metres.
 
     A face's plane carries two axes: `axis_s` and `axis_t`. Texture and light are looked up by the coordinates
     (s, t) = (axis_s . p, axis_t . p) of a point p of the face.
     """
 
-    vertices: Floats
-    """(V, 3)."""
-    corners: Ints
-    """(F, 4) indices of vertices, counter-clockwise from outside; a triangle repeats its last."""
+    corners: Floats
+    """(F, 4, 3) counter-clockwise from outside; a triangle repeats its last."""
     normals: Floats
     """(F, 3) outward."""
     axis_s: Floats
@@ -76,169 +76,162 @@ def linear(color: tuple[float, float, float]) -> tuple[float, float, float]:
     return (red, green, blue)
 
 
-Polygon = list[tuple[float, float, float]]
+@cache
+def _box_faces() -> Floats:
+    """Return the (6, 4, 3) faces of the cube from -1 to 1."""
+    return np.array(
+        [
+            [(1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1)],
+            [(-1, 1, -1), (-1, -1, -1), (-1, -1, 1), (-1, 1, 1)],
+            [(1, 1, -1), (-1, 1, -1), (-1, 1, 1), (1, 1, 1)],
+            [(-1, -1, -1), (1, -1, -1), (1, -1, 1), (-1, -1, 1)],
+            [(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)],
+            [(-1, 1, -1), (1, 1, -1), (1, -1, -1), (-1, -1, -1)],
+        ],
+        float,
+    )
 
 
-def _box_faces(half: tuple[float, float, float]) -> list[Polygon]:
-    x, y, z = half
-    return [
-        [(x, -y, -z), (x, y, -z), (x, y, z), (x, -y, z)],
-        [(-x, y, -z), (-x, -y, -z), (-x, -y, z), (-x, y, z)],
-        [(x, y, -z), (-x, y, -z), (-x, y, z), (x, y, z)],
-        [(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)],
-        [(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)],
-        [(-x, y, -z), (x, y, -z), (x, -y, -z), (-x, -y, -z)],
-    ]
+def _ring(count: int) -> list[tuple[float, float]]:
+    """Return the corners of a polygon halfway between inscribed and circumscribed: its error has no sign."""
+    reach = (1 + 1 / math.cos(math.pi / count)) / 2
+    return [(reach * math.cos(math.tau * k / count), reach * math.sin(math.tau * k / count)) for k in range(count)]
 
 
-def _segments(radius: float) -> int:
-    return 8 if radius < 0.025 else 12 if radius < 0.06 else 20 if radius < 0.2 else 28
-
-
-def _cylinder_faces(half: tuple[float, float, float]) -> list[Polygon]:
-    radius, _, z = half
-    count = _segments(radius)
-    # Between the inscribed and the circumscribed polygon, so that the error has no sign.
-    reach = radius * (1 + 1 / math.cos(math.pi / count)) / 2
-    ring = [(reach * math.cos(math.tau * k / count), reach * math.sin(math.tau * k / count)) for k in range(count)]
-    faces: list[Polygon] = []
-    for k in range(count):
-        (x0, y0), (x1, y1) = ring[k], ring[(k + 1) % count]
-        faces.append([(x0, y0, -z), (x1, y1, -z), (x1, y1, z), (x0, y0, z)])
+@cache
+def _cylinder_faces(count: int) -> Floats:
+    """Return the faces of a prism of `count` sides, radius and half length 1."""
+    ring = _ring(count)
+    faces = []
+    for (x0, y0), (x1, y1) in itertools.pairwise([*ring, ring[0]]):
+        faces.append([(x0, y0, -1), (x1, y1, -1), (x1, y1, 1), (x0, y0, 1)])
     for side in (1, -1):
         rim = ring if side > 0 else ring[::-1]
-        # Caps are cut into quads that share the first corner.
-        for k in range(1, count - 1, 2):
-            last = min(k + 2, count - 1)
-            faces.append([(*rim[i], side * z) for i in (0, k, k + 1, last)])
-    return faces
+        # The caps' quads share the first corner.
+        faces.extend([(*rim[i], side) for i in (0, k, k + 1, min(k + 2, count - 1))] for k in range(1, count - 1, 2))
+    return np.array(faces, float)
 
 
-def _ellipsoid_faces(half: tuple[float, float, float]) -> list[Polygon]:
-    around = 8 if max(half) < 0.04 else 12 if max(half) < 0.16 else 20
-    rows = around // 2
-    grow = (1 + 1 / math.cos(math.pi / around)) / 2
-    a, b, c = (value * grow for value in half)
+@cache
+def _ball_faces(count: int) -> Floats:
+    """Return the faces of a ball of radius 1 with `count` meridians; a quad of its grid is flat."""
+    rows = count // 2
+    grow = (1 + 1 / math.cos(math.pi / count)) / 2
 
     def point(k: int, row: int) -> tuple[float, float, float]:
-        angle, polar = math.tau * (k % around) / around, math.pi * row / rows
-        return (
-            a * math.sin(polar) * math.cos(angle),
-            b * math.sin(polar) * math.sin(angle),
-            c * math.cos(polar),
-        )
+        angle, polar = math.tau * (k % count) / count, math.pi * row / rows
+        level = grow * math.sin(polar)
+        return (level * math.cos(angle), level * math.sin(angle), grow * math.cos(polar))
 
-    faces: list[Polygon] = []
+    faces = []
     for row in range(rows):
-        for k in range(around):
-            top_left, top_right = point(k, row), point(k + 1, row)
-            low_left, low_right = point(k, row + 1), point(k + 1, row + 1)
+        for k in range(count):
+            upper, lower = (point(k, row), point(k + 1, row)), (point(k, row + 1), point(k + 1, row + 1))
             if row == 0:
-                faces.append([top_left, low_left, low_right])
+                faces.append([upper[0], lower[0], lower[1], lower[1]])
             elif row == rows - 1:
-                faces.append([top_left, low_left, top_right])
+                faces.append([upper[0], lower[0], upper[1], upper[1]])
             else:
-                # A quad of a sphere's grid is flat; stretching keeps it so.
-                faces.append([top_left, low_left, low_right, top_right])
-    return faces
+                faces.append([upper[0], lower[0], lower[1], upper[1]])
+    return np.array(faces)
 
 
-_FACES = {Shape.BOX: _box_faces, Shape.CYLINDER: _cylinder_faces, Shape.ELLIPSOID: _ellipsoid_faces}
+def _faces_of(primitive: Primitive) -> Floats:
+    """Return (n, 4, 3) faces in the primitive's own frame; small round shapes have few."""
+    if primitive.shape is Shape.BOX:
+        unit = _box_faces()
+    elif primitive.shape is Shape.CYLINDER:
+        radius = primitive.half_size[0]
+        unit = _cylinder_faces(8 if radius < 0.025 else 12 if radius < 0.06 else 20 if radius < 0.2 else 28)
+    else:
+        reach = max(primitive.half_size)
+        unit = _ball_faces(8 if reach < 0.06 else 12 if reach < 0.2 else 20)
+    return np.asarray(unit * np.array(primitive.half_size))
+
+
 _SHAPE_IDS = {Shape.BOX: 0, Shape.CYLINDER: 1, Shape.ELLIPSOID: 2}
 _BUILDING = ("wall", "floor", "ceiling")
 
 
 def _axes(
-    primitive: Primitive, rotation: Floats, corners: Floats, normal: Floats, mapping: Mapping
+    primitive: Primitive, rotation: Floats, corners: Floats, normals: Floats, mapping: Mapping
 ) -> tuple[Floats, Floats]:
-    """Choose the axes of a face: level for the building and for pictures, along the grain for everything else."""
-    up = np.array([0.0, 0.0, 1.0])
+    """Choose the axes (n, 3) of faces: level for the building and for pictures, along the grain for the rest."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
     if primitive.shape is Shape.ELLIPSOID:
-        helper = rotation[:, 0] if abs(rotation[:, 0] @ normal) < 0.8 else rotation[:, 1]
-        t = np.cross(normal, helper)
-        t /= np.linalg.norm(t)
-        return np.cross(t, normal), t
-    if primitive.category in ("floor", "ceiling") and abs(normal[2]) > 0.5:
-        return np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    first, second = corners[1] - corners[0], corners[-1] - corners[0]
-    if primitive.shape is Shape.CYLINDER and len(corners) == 4 and abs(normal @ rotation[:, 2]) > 0.5:
-        return rotation[:, 0].copy(), rotation[:, 1].copy()
-    s = first / np.linalg.norm(first)
-    t = second / np.linalg.norm(second)
-    level = mapping is not Mapping.GRAIN or primitive.category in _BUILDING
-    if level:
-        if abs(normal @ up) < 0.9 and abs(s @ up) > abs(t @ up):
-            s, t = t, s
-        if t @ up < -1e-9:
-            t = -t
-        return s, t
-    return (t, s) if np.linalg.norm(second) > np.linalg.norm(first) else (s, t)
+        along = np.abs(normals @ rotation[:, 0]) < 0.8
+        helper = np.where(along[:, None], rotation[:, 0], rotation[:, 1])
+        t = _unit(np.cross(normals, helper))
+        return np.cross(t, normals), t
+    s, t = _unit(first), _unit(second)
+    if primitive.shape is Shape.CYLINDER:
+        caps = np.abs(normals @ rotation[:, 2]) > 0.5
+        s[caps], t[caps] = rotation[:, 0], rotation[:, 1]
+    if primitive.category in ("floor", "ceiling"):
+        lying = np.abs(normals[:, 2]) > 0.5
+        s[lying], t[lying] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    if mapping is not Mapping.GRAIN or primitive.category in _BUILDING:
+        swap = (np.abs(normals[:, 2]) < 0.9) & (np.abs(s[:, 2]) > np.abs(t[:, 2]))
+        s[swap], t[swap] = t[swap], s[swap]
+        t[t[:, 2] < -1e-9] *= -1
+    else:
+        swap = np.linalg.norm(second, axis=1) > np.linalg.norm(first, axis=1)
+        s[swap], t[swap] = t[swap], s[swap]
+    return s, t
+
+
+def _unit(vectors: Floats) -> Floats:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
 
 
 def build_mesh(scene: Scene) -> Mesh:
     """Return the visible primitives of a scene as polygons."""
     shown = [primitive for primitive in scene.primitives if primitive.visible]
     names = list(TEXTURES)
-    vertices: list[tuple[float, float, float]] = []
-    corners: list[list[int]] = []
-    normals, axis_s, axis_t, extent, texture, texture_map, owner = [], [], [], [], [], [], []
-    faces: list[tuple[int, int]] = []
+    columns: dict[str, list[Floats]] = {name: [] for name in ("corners", "normals", "s", "t", "extent", "map")}
+    counts = []
     rotations = [np.array(rotation_matrix(primitive.rotation)) for primitive in shown]
     for index, (primitive, rotation) in enumerate(zip(shown, rotations, strict=True)):
-        first_face = len(corners)
         style = TEXTURES[primitive.material.texture]
-        centre = np.array(primitive.centre)
-        for polygon in _FACES[primitive.shape](primitive.half_size):
-            points = np.array(polygon) @ rotation.T + centre
-            normal = np.cross(points[1] - points[0], points[2] - points[0])
-            length = float(np.linalg.norm(normal))
-            if length < 1e-14:
-                continue
-            normal /= length
-            s, t = _axes(primitive, rotation, points, normal, style.mapping)
-            at = len(vertices)
-            vertices.extend(map(tuple, points))
-            numbers = list(range(at, at + len(points)))
-            corners.append(numbers + [numbers[-1]] * (4 - len(numbers)))
-            along, across = points @ s, points @ t
-            box = (along.min(), along.max(), across.min(), across.max())
-            normals.append(normal)
-            axis_s.append(s)
-            axis_t.append(t)
-            extent.append(box)
-            texture.append(names.index(primitive.material.texture))
-            owner.append(index)
-            if style.mapping is Mapping.FIT:
-                wide, high = max(box[1] - box[0], 1e-9), max(box[3] - box[2], 1e-9)
-                texture_map.append((1 / wide, -box[0] / wide, 1 / high, -box[2] / high))
-            else:
-                away = 0.0 if primitive.category in _BUILDING else 0.6180339887 * index
-                u, v = 1 / style.size_m[0], 1 / style.size_m[1]
-                texture_map.append((u, away % 1.0, v, 1.7 * away % 1.0))
-        faces.append((first_face, len(corners)))
-    half_sizes = np.array([primitive.half_size for primitive in shown])
-    radii = np.array(
-        [
-            max(primitive.half_size) if primitive.shape is Shape.ELLIPSOID else math.hypot(*primitive.half_size)
-            for primitive in shown
-        ]
-    )
+        corners = _faces_of(primitive) @ rotation.T + np.array(primitive.centre)
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        kept = np.linalg.norm(normals, axis=1) > 1e-14
+        corners, normals = corners[kept], _unit(normals[kept])
+        s, t = _axes(primitive, rotation, corners, normals, style.mapping)
+        along, across = (corners @ s[:, :, None])[..., 0], (corners @ t[:, :, None])[..., 0]
+        extent = np.stack([along.min(1), along.max(1), across.min(1), across.max(1)], axis=1)
+        if style.mapping is Mapping.FIT:
+            wide, high = extent[:, 1] - extent[:, 0], extent[:, 3] - extent[:, 2]
+            texture_map = np.stack([1 / wide, -extent[:, 0] / wide, 1 / high, -extent[:, 2] / high], axis=1)
+        else:
+            away = 0.0 if primitive.category in _BUILDING else 0.6180339887 * index
+            row = (1 / style.size_m[0], away % 1.0, 1 / style.size_m[1], 1.7 * away % 1.0)
+            texture_map = np.tile(np.array(row), (len(corners), 1))
+        for name, value in zip(columns, (corners, normals, s, t, extent, texture_map), strict=True):
+            columns[name].append(value)
+        counts.append(len(corners))
+    owner = np.repeat(np.arange(len(shown), dtype=np.int32), counts)
+    ends = np.cumsum(counts)
+    radii = [
+        max(primitive.half_size) if primitive.shape is Shape.ELLIPSOID else math.hypot(*primitive.half_size)
+        for primitive in shown
+    ]
+    textures = np.array([names.index(primitive.material.texture) for primitive in shown], np.int32)
     return Mesh(
-        vertices=np.array(vertices),
-        corners=np.array(corners, np.int32),
-        normals=np.array(normals),
-        axis_s=np.array(axis_s),
-        axis_t=np.array(axis_t),
-        extent=np.array(extent),
-        texture=np.array(texture, np.int32),
-        texture_map=np.array(texture_map),
-        owner=np.array(owner, np.int32),
+        corners=np.concatenate(columns["corners"]),
+        normals=np.concatenate(columns["normals"]),
+        axis_s=np.concatenate(columns["s"]),
+        axis_t=np.concatenate(columns["t"]),
+        extent=np.concatenate(columns["extent"]),
+        texture=textures[owner],
+        texture_map=np.concatenate(columns["map"]),
+        owner=owner,
         centres=np.array([primitive.centre for primitive in shown]),
         rotations=np.array(rotations),
-        half_sizes=half_sizes,
+        half_sizes=np.array([primitive.half_size for primitive in shown]),
         shapes=np.array([_SHAPE_IDS[primitive.shape] for primitive in shown], np.int32),
-        radii=radii * 1.05,
-        faces=np.array(faces, np.int32),
+        radii=np.array(radii) * 1.05,
+        faces=np.stack([ends - counts, ends], axis=1).astype(np.int32),
         colors=np.array([linear(primitive.material.color) for primitive in shown]),
         shininess=np.array([primitive.material.shininess for primitive in shown]),
         glow=np.array([primitive.material.glow for primitive in shown]),

@@ -27,7 +27,6 @@ def draw_faces(
     focal: Any,
     centre_x: Any,
     centre_y: Any,
-    vertices: Any,
     corners: Any,
     normals: Any,
     centres: Any,
@@ -67,19 +66,17 @@ def draw_faces(
         if abs(x) - slope_x * z > radius * norm_x or abs(y) - slope_y * z > radius * norm_y:
             continue
         for face in range(faces[primitive, 0], faces[primitive, 1]):
-            first = corners[face, 0]
-            ex = eye[0] - vertices[first, 0]
-            ey = eye[1] - vertices[first, 1]
-            ez = eye[2] - vertices[first, 2]
+            ex = eye[0] - corners[face, 0, 0]
+            ey = eye[1] - corners[face, 0, 1]
+            ez = eye[2] - corners[face, 0, 2]
             distance = normals[face, 0] * ex + normals[face, 1] * ey + normals[face, 2] * ez
             if distance <= 1e-6:
                 continue
             behind = 0
             for k in range(4):
-                vertex = corners[face, k]
-                px = vertices[vertex, 0] - eye[0]
-                py = vertices[vertex, 1] - eye[1]
-                pz = vertices[vertex, 2] - eye[2]
+                px = corners[face, k, 0] - eye[0]
+                py = corners[face, k, 1] - eye[1]
+                pz = corners[face, k, 2] - eye[2]
                 points[k, 0] = axes[0, 0] * px + axes[0, 1] * py + axes[0, 2] * pz
                 points[k, 1] = axes[1, 0] * px + axes[1, 1] * py + axes[1, 2] * pz
                 points[k, 2] = axes[2, 0] * px + axes[2, 1] * py + axes[2, 2] * pz

@@ -80,7 +80,6 @@ class Renderer:
             focal_px,
             cx,
             cy,
-            mesh.vertices,
             mesh.corners,
             mesh.normals,
             mesh.centres,
@@ -133,7 +132,7 @@ class Renderer:
 @lru_cache(maxsize=8)
 def _prepared(scene: Scene) -> tuple[Mesh, LightMaps]:
     mesh = build_mesh(scene)
-    return mesh, bake_light(mesh)
+    return mesh, bake_light(scene, mesh)
 
 
 def _camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
