@@ -141,20 +141,19 @@ def _state(connection: Connection) -> SchemaState:
     scripts = ScriptDirectory.from_config(_config())
     head = scripts.get_current_head() or ""
     order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
-    where = shown_database(connection.engine)
     current = MigrationContext.configure(connection).get_current_revision()
     if current is None:
         tables = inspect(connection).get_table_names()
         if tables:
             raise RecordError(
-                f"the database {where} holds other tables ({', '.join(sorted(tables)[:3])}) and no record of "
-                "vsnbench: choose another database"
+                f"the database {shown_database(connection.engine)} holds other tables ({', '.join(sorted(tables)[:3])}) and no "
+                "record of vsnbench: choose another database"
             )
         return SchemaState(None, head, tuple(order))
     if current not in order:
         raise RecordError(
-            f"the database {where} was written by a newer vsnbench (its schema is {current}, this version knows up "
-            f"to {head}): upgrade vsnbench, or choose another results directory"
+            f"the database {shown_database(connection.engine)} was written by a newer vsnbench (its schema is {current}, this "
+            f"version knows up to {head}): upgrade vsnbench, or choose another results directory"
         )
     return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
 
@@ -164,8 +163,8 @@ def _check_foreign_keys(connection: Connection) -> None:
     if orphans:
         table, row, parent, _ = orphans[0]
         raise RecordError(
-            f"cannot upgrade the database {shown_database(connection.engine)}: row {row} of {table} points to a row "
-            f"of {parent} that is not there ({len(orphans)} such rows); nothing was changed, restore a backup"
+            f"cannot upgrade the database {shown_database(connection.engine)}: row {row} of {table} points to a row of {parent} "
+            f"that is not there ({len(orphans)} such rows); nothing was changed, restore a backup"
         )
 
 

@@ -1,0 +1,138 @@
+"""Writes small records through the journal, as a run would, for the tests of what reads them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from vsnbench.database.engine import sqlite_url
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import (
+    CampaignPlan,
+    EpisodeEnd,
+    EpisodeStart,
+    ModelIdentity,
+    PlannedTrial,
+    RobotIdentity,
+    StepRecord,
+)
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site, load_site
+from vsnbench.robots.profiles import load_profile
+
+MORNING = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One episode to write."""
+
+    goal: str = "chair"
+    start: int = 1
+    repetition: int = 1
+    success: bool | None = True
+    end_reason: EndReason = EndReason.STOP
+    actions: int = 10
+    distance_m: float | None = 0.5
+    path_m: float | None = 2.0
+    shortest_m: float | None = 2.0
+    remaining_m: float | None = 0.0
+    duration_s: float | None = 30.0
+    steps: Sequence[StepRecord] = ()
+    judged: bool = True
+    final: Pose | None = None
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A record in a directory, and what stays the same in its campaigns."""
+
+    directory: Path
+    site: Site = field(default_factory=lambda: load_site("apartment"))
+
+    @property
+    def url(self) -> str:
+        return sqlite_url(self.directory / "vsnbench.db")
+
+    def journal(self) -> Journal:
+        return Journal.open(self.url)
+
+    def write(
+        self,
+        attempts: Sequence[Attempt],
+        *,
+        model: str = "vlv",
+        weights_label: str = "",
+        trials: Sequence[PlannedTrial] | None = None,
+        simulated: bool = True,
+        robot: str = "turtlebot2",
+        protocol: ProtocolParameters | None = None,
+        surveyed: bool = False,
+        seed: int = 0,
+    ) -> list[int]:
+        """Write a campaign of these attempts, in their order, and return the episodes' numbers."""
+        planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
+        plan = CampaignPlan(
+            site=self.site,
+            robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros", simulated),
+            model=ModelIdentity(model, weights_label=weights_label, surveyed=surveyed),
+            protocol=protocol or ProtocolParameters(),
+            seed=seed,
+            trials=planned,
+        )
+        numbers = []
+        with self.journal() as journal:
+            campaign = journal.find_or_create_campaign(plan)
+            trial_ids = {(t.goal, t.start, t.repetition): t.id for t in campaign.trials}
+            for place, attempt in enumerate(attempts):
+                trial_id = trial_ids[attempt.goal, attempt.start, attempt.repetition]
+                numbers.append(_write_attempt(journal, trial_id, attempt, MORNING + timedelta(minutes=place)))
+        return numbers
+
+
+def _write_attempt(journal: Journal, trial_id: int, attempt: Attempt, at: datetime) -> int:
+    start = EpisodeStart(trial_id, seed=1, pose=Pose(1.0, 1.0), geodesic_m=attempt.shortest_m, started_at=at)
+    handle = journal.begin_episode(start)
+    for step in attempt.steps:
+        journal.append_step(handle.id, step)
+    distance = None
+    if attempt.distance_m is not None:
+        distance = GoalDistance(attempt.distance_m, PoseSource.SIMULATED, "chair-1")
+    verdict = Verdict(attempt.end_reason, attempt.success, "as the test says", distance)
+    journal.end_episode(
+        handle.id,
+        EpisodeEnd(
+            end_reason=attempt.end_reason,
+            actions=attempt.actions,
+            verdict=verdict if attempt.judged else None,
+            path_length_m=attempt.path_m,
+            geodesic_m=attempt.remaining_m,
+            duration_s=attempt.duration_s,
+            wall_duration_s=attempt.duration_s,
+            final=Fix(attempt.final, PoseSource.SIMULATED) if attempt.final else None,
+            ended_at=at + timedelta(seconds=attempt.duration_s or 0),
+        ),
+    )
+    return handle.id
+
+
+def void(goal: str = "chair", start: int = 1, reason: EndReason = EndReason.MOTION_FAILED) -> Attempt:
+    """An attempt that is no result."""
+    return Attempt(goal=goal, start=start, success=None, end_reason=reason, distance_m=None)
+
+
+def step(number: int, action: Action, raw_action: str = "", *, x_m: float = 0.0, blocked: bool = False) -> StepRecord:
+    """A step that ends at (x, 1) in the site."""
+    return StepRecord(
+        number=number,
+        action=action,
+        raw_action=raw_action,
+        result=None if blocked else MotionResult(completed=True, displacement_m=0.25, pose=Pose(x_m, 0.0)),
+        observed=Pose(x_m, 0.0),
+        world=Fix(Pose(1.0 + x_m, 1.0), PoseSource.SIMULATED),
+    )

@@ -1,0 +1,170 @@
+"""What counts, what does not, and that the numbers of a summary are those of its episodes."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.report.records import Attempt, Lab, void
+from vsnbench.database.records import PlannedTrial
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.metrics import soft_spl, spl
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.report.build import read
+from vsnbench.report.record import Selection, soft_spl_of, spl_of
+from vsnbench.report.summary import Results, summarise
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    return Lab(tmp_path)
+
+
+def results_of(lab: Lab, **selection: object) -> Results:
+    return summarise(read(lab.url, Selection(**selection)))  # type: ignore[arg-type]
+
+
+def test_a_goal_has_its_successes_both_averages_and_its_interval(lab: Lab) -> None:
+    lab.write(
+        [
+            Attempt(start=1, success=True, actions=20),
+            Attempt(start=2, success=False, actions=40, distance_m=3.0),
+            Attempt(start=3, success=False, actions=150, end_reason=EndReason.STEP_LIMIT, distance_m=2.0),
+            Attempt(start=4, success=False, actions=10, end_reason=EndReason.COLLISION, distance_m=4.0),
+        ]
+    )
+    (one,) = results_of(lab).conditions
+    (goal,) = one.goals
+    assert (goal.goal, goal.summary.successes, goal.summary.episodes) == ("chair", 1, 4)
+    assert goal.summary.success_rate == 0.25
+    assert goal.summary.mean_actions == 55
+    assert goal.summary.mean_actions_successful == 20
+    assert goal.summary.median_distance_m == 2.5
+    assert (goal.summary.collisions, goal.summary.step_limits) == (1, 1)
+    assert goal.summary.interval.low < 0.25 < goal.summary.interval.high
+    assert one.total == goal.summary
+
+
+def test_void_attempts_are_counted_beside_and_never_inside(lab: Lab) -> None:
+    lab.write([void(), void(reason=EndReason.MODEL_ERROR), Attempt(success=True)])
+    total = results_of(lab).conditions[0].total
+    assert (total.successes, total.episodes, total.void, total.planned) == (1, 1, 2, 1)
+
+
+def test_the_latest_verdict_stands_over_the_end_and_over_the_distance(lab: Lab) -> None:
+    (number,) = lab.write([Attempt(success=True)])
+    with lab.journal() as journal:
+        journal.add_verdict(number, Verdict(EndReason.COLLISION, False, "it touched the sofa"), author="Ana")
+    (one,) = results_of(lab).conditions
+    assert (one.total.successes, one.total.episodes, one.total.collisions) == (0, 1, 1)
+    assert [(end.end_reason, end.counted) for end in one.ends] == [("collision", 1)]
+
+
+def test_an_attempt_made_void_by_a_verdict_leaves_the_rate_and_the_next_attempt_counts(lab: Lab) -> None:
+    (first,) = lab.write([Attempt(success=True)])
+    with lab.journal() as journal:
+        journal.add_verdict(first, Verdict(EndReason.ABORTED, None, "a visitor stood in the way"), author="Ana")
+    lab.write([Attempt(success=False)])
+    total = results_of(lab).conditions[0].total
+    assert (total.successes, total.episodes, total.void) == (0, 1, 1)
+
+
+def test_only_the_first_result_of_a_trial_counts(lab: Lab) -> None:
+    (first,) = lab.write([void()])
+    lab.write([Attempt(success=False)])
+    with lab.journal() as journal:  # the void one turns out to have been a result after all
+        journal.add_verdict(first, Verdict(EndReason.STOP, True, "the log shows a success"), author="Ana")
+    total = results_of(lab).conditions[0].total
+    assert (total.successes, total.episodes, total.void) == (1, 1, 0)
+
+
+def test_an_unjudged_result_is_in_no_rate(lab: Lab) -> None:
+    lab.write([Attempt(start=1), Attempt(start=2, judged=False)])
+    total = results_of(lab).conditions[0].total
+    assert (total.episodes, total.unjudged, total.planned) == (1, 1, 2)
+
+
+def test_coverage_is_trials_done_of_trials_planned(lab: Lab) -> None:
+    planned = [PlannedTrial(goal, start) for goal in ("chair", "bed") for start in range(1, 6)]
+    lab.write([Attempt(start=1), Attempt(start=2)], trials=planned)
+    (one,) = results_of(lab).conditions
+    assert one.total.coverage == 0.2
+    assert [(goal.goal, goal.summary.episodes, goal.summary.planned) for goal in one.goals] == [
+        ("chair", 2, 5),
+        ("bed", 0, 5),
+    ]
+    assert math.isnan(one.goals[1].summary.success_rate)
+    assert math.isnan(one.goals[1].summary.mean_actions)
+
+
+def test_campaigns_that_ask_the_same_question_are_pooled_and_others_are_not(lab: Lab) -> None:
+    lab.write([Attempt(success=True)], seed=1)
+    lab.write([Attempt(success=False)], seed=2)
+    lab.write([Attempt(success=True)], protocol=ProtocolParameters(success_distance_m=2.0))
+    lab.write([Attempt(success=True)], simulated=False)
+    totals = [(one.total.successes, one.total.episodes) for one in results_of(lab).conditions]
+    assert totals == [(1, 2), (1, 1), (1, 1)]
+    names = [one.condition.name for one in results_of(lab).conditions]
+    assert len(set(names)) == 3
+    assert names[2].startswith("vlv real")
+
+
+def test_shared_goals_have_their_own_total(lab: Lab) -> None:
+    lab.write([Attempt("chair"), Attempt("bed", success=False)], model="a")
+    lab.write([Attempt("chair"), Attempt("plant", success=False)], model="b")
+    results = results_of(lab)
+    assert results.shared_goals == ("chair",)
+    for one in results.conditions:
+        assert one.shared is not None
+        assert (one.shared.successes, one.shared.episodes) == (1, 1)
+
+
+def test_starting_positions_that_never_succeed_are_named(lab: Lab) -> None:
+    lab.write([Attempt(g, start, success=start == 1) for g in ("chair", "bed") for start in (1, 2, 10)])
+    (one,) = results_of(lab).conditions
+    assert one.never_succeeding == (2, 10)
+
+
+def test_spl_is_over_the_episodes_whose_lengths_are_known(lab: Lab) -> None:
+    lab.write([Attempt(start=1, shortest_m=2.0, path_m=4.0), Attempt(start=2, shortest_m=None)])
+    total = results_of(lab).conditions[0].total
+    assert (total.spl, total.spl_episodes) == (0.5, 1)
+
+
+LENGTHS = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.tuples(st.booleans(), LENGTHS, LENGTHS, LENGTHS), min_size=1, max_size=20))
+def test_the_columns_of_spl_agree_with_the_protocol(rows: list[tuple[bool, float, float, float]]) -> None:
+    import pandas as pd
+
+    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_length_m"])
+    assert list(spl_of(frame)) == pytest.approx([spl(ok, shortest, path) for ok, shortest, _, path in rows])
+    assert list(soft_spl_of(frame)) == pytest.approx(
+        [soft_spl(shortest, left, path) for _, shortest, left, path in rows]
+    )
+
+
+def test_a_record_without_campaigns_is_one_clear_line(lab: Lab) -> None:
+    lab.journal().close()
+    with pytest.raises(RecordError, match="holds no campaign yet"):
+        read(lab.url, Selection())
+
+
+def test_a_selection_that_fits_nothing_says_what_there_is(lab: Lab) -> None:
+    lab.write([Attempt()])
+    with pytest.raises(UsageError, match=r"its models are vlv; its goals are chair"):
+        read(lab.url, Selection(models=("pirlnav",)))
+    with pytest.raises(UsageError, match=r"its goals are chair"):
+        read(lab.url, Selection(goals=("sofa",)))
+
+
+def test_a_campaign_with_no_valid_episode_is_a_report_of_nothing_done(lab: Lab) -> None:
+    lab.write([void()])
+    (one,) = results_of(lab).conditions
+    assert (one.total.episodes, one.total.void, one.total.coverage) == (0, 1, 0.0)
+    assert math.isnan(one.total.interval.low)

@@ -1,0 +1,112 @@
+"""Results as JSON and CSV: raw numbers for programs, rates as shares of 0 to 1, unknown ones null or empty."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from vsnbench.report.record import Condition
+from vsnbench.report.summary import ConditionSummary, Results, Summary
+from vsnbench.report.text import harmless
+
+
+def to_json(results: Results) -> str:
+    """Return the results as one JSON object: `shared_goals`, and `models` with `goals`, `total` and `starts` each."""
+    content = {
+        "confidence": 0.95,
+        "interval": "wilson",
+        "shared_goals": list(results.shared_goals),
+        "models": [_model(one) for one in results.conditions],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def to_csv(results: Results) -> str:
+    """Return one line a goal and one for each total; the column `goal` says `total` or `total of shared goals`."""
+    file = io.StringIO()
+    writer: csv.DictWriter[str] | None = None
+    for line in _lines(results):
+        if writer is None:
+            writer = csv.DictWriter(file, list(line), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({name: _guarded(value) for name, value in line.items()})
+    if writer is None:
+        file.write("model,goal,successes,episodes\n")
+    return file.getvalue()
+
+
+def summary_fields(summary: Summary) -> dict[str, Any]:
+    """Return a summary under the names that scripts rely on; None for what is unknown."""
+    interval = summary.interval
+    fields = {
+        "successes": summary.successes,
+        "episodes": summary.episodes,
+        "planned": summary.planned,
+        "coverage": summary.coverage,
+        "void": summary.void,
+        "unjudged": summary.unjudged,
+        "success_rate": summary.success_rate,
+        "ci_low": interval.low,
+        "ci_high": interval.high,
+        "mean_actions": summary.mean_actions,
+        "mean_actions_successful": summary.mean_actions_successful,
+        "spl": summary.spl,
+        "soft_spl": summary.soft_spl,
+        "spl_episodes": summary.spl_episodes,
+        "median_distance_to_goal_m": summary.median_distance_m,
+        "collisions": summary.collisions,
+        "step_limits": summary.step_limits,
+    }
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in fields.items()
+    }
+
+
+def condition_fields(condition: Condition) -> dict[str, Any]:
+    """Return what was tested, under the names that scripts rely on."""
+    return {
+        "model": condition.model,
+        "weights_label": condition.weights_label,
+        "weights_sha256": condition.weights_sha256,
+        "surveyed": condition.surveyed,
+        "robot": condition.robot,
+        "environment": condition.environment,
+        "site": condition.site,
+        "max_actions": condition.max_actions,
+        "success_distance_m": condition.success_distance_m,
+        "noise": condition.noisy,
+    }
+
+
+def _model(one: ConditionSummary) -> dict[str, Any]:
+    return {
+        **condition_fields(one.condition),
+        "campaigns": list(one.condition.campaigns),
+        "goals": [{"goal": goal.goal, **summary_fields(goal.summary)} for goal in one.goals],
+        "total": summary_fields(one.total),
+        "total_shared_goals": summary_fields(one.shared) if one.shared else None,
+        "starts": [{"start": start.start, **summary_fields(start.summary)} for start in one.starts],
+        "end_reasons": [
+            {"end_reason": end.end_reason, "attempts": end.attempts, "counted": end.counted} for end in one.ends
+        ],
+    }
+
+
+def _lines(results: Results) -> Iterator[dict[str, Any]]:
+    for one in results.conditions:
+        condition = condition_fields(one.condition)
+        for goal in one.goals:
+            yield {**condition, "goal": goal.goal, **summary_fields(goal.summary)}
+        yield {**condition, "goal": "total", **summary_fields(one.total)}
+        if one.shared:
+            yield {**condition, "goal": "total of shared goals", **summary_fields(one.shared)}
+
+
+def _guarded(value: object) -> object:
+    """Make a text safe to print and to open: a spreadsheet runs one that begins like a formula."""
+    if not isinstance(value, str):
+        return value
+    text = harmless(value)
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text

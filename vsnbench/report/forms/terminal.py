@@ -1,0 +1,72 @@
+"""Sheets as tables on a terminal."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from vsnbench.report.sheets import Sheet
+from vsnbench.report.text import harmless
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
+    """Print the sheets; text from the record is never taken for markup."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    for whole in sheets:
+        sheet = fitted(whole, console.width)
+        table = Table(
+            title=Text(harmless(sheet.title), style="bold"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
+        )
+        for column in sheet.columns:
+            # Numbers are never broken; on a narrow terminal it is the words that wrap.
+            table.add_column(
+                Text(column.heading),
+                justify="right" if column.number else "left",
+                no_wrap=column.number,
+                overflow="fold",
+            )
+        for index, row in enumerate(sheet.rows):
+            if row.total and index and not sheet.rows[index - 1].total:
+                table.add_section()
+            table.add_row(*(Text(harmless(cell.text)) for cell in row.cells), style="bold" if row.total else "")
+        console.print(table)
+        for note in sheet.notes:
+            console.print(Text(harmless(note), style="dim"))
+        if left_out := [column.heading for column in whole.columns if column not in sheet.columns]:
+            console.print(Text(f"No room here for {', '.join(left_out)}: a wider terminal shows them.", style="dim"))
+        console.print()
+
+
+def fitted(sheet: Sheet, width: int) -> Sheet:
+    """Return the sheet without the columns for which a terminal of this width has no room, the least telling first."""
+    places = list(range(len(sheet.columns)))
+    while _width(sheet, places) > width:
+        highest = max(places, key=lambda place: (sheet.columns[place].rank, place))
+        if sheet.columns[highest].rank == 0:
+            break
+        places.remove(highest)
+    return replace(
+        sheet,
+        columns=tuple(sheet.columns[place] for place in places),
+        rows=tuple(replace(row, cells=tuple(row.cells[place] for place in places)) for row in sheet.rows),
+    )
+
+
+def _width(sheet: Sheet, places: list[int]) -> int:
+    texts = [
+        [sheet.columns[place].heading, *(harmless(row.cells[place].text) for row in sheet.rows)] for place in places
+    ]
+    # A word column may wrap to some extent, a number must not.
+    widest = [
+        max(map(len, column)) if sheet.columns[place].number else min(_WRAP, max(map(len, column)))
+        for place, column in zip(places, texts, strict=True)
+    ]
+    return sum(widest) + 3 * len(places) + 1
+
+
+_WRAP = 16

@@ -1,0 +1,354 @@
+"""Reads a record into memory once, an episode a row; every table and figure is a view of this.
+
+A row is 200 bytes or so: the 10 million steps of a large record stay in the database, where they are counted.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Connection, Engine, Select, and_, case, func, select
+
+from vsnbench.database.engine import record_errors
+from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial, Verdict
+from vsnbench.database.validity import is_result, standing_verdict_id
+from vsnbench.protocol.categories import GOAL_CATEGORIES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING = "counted", "unjudged", "void", "superseded", "running"
+"""States of an episode: a trial's one result; a result that awaits its verdict; no result; a second result of a trial
+that has one; not ended."""
+
+COLUMNS: dict[str, str] = {
+    "episode": "number of the episode",
+    "condition": "number of the condition, see `Record.conditions`",
+    "campaign": "number of the campaign",
+    "trial": "number of the trial",
+    "goal": "goal category",
+    "start": "number of the starting position",
+    "repetition": "from 1",
+    "state": "counted, unjudged, void, superseded or running",
+    "end_reason": "after the standing verdict; None while running",
+    "success": "of the standing verdict; False where there is none",
+    "actions": "actions of the policy, STOP and blocked ones included",
+    "path_length_m": "length of the path driven; NaN when unknown",
+    "shortest_m": "geodesic distance from the start to the goal; NaN when unknown",
+    "remaining_m": "geodesic distance from the end to the goal; NaN when unknown",
+    "distance_m": "distance to the goal of the standing verdict; NaN when unknown",
+    "duration_s": "on the robot's clock; NaN when unknown",
+    "wall_duration_s": "wall time; NaN when unknown",
+    "spl": "success weighted by path length; NaN where a length is unknown",
+    "soft_spl": "the same with progress in place of success; NaN where a length is unknown",
+    "started_at": "aware, UTC",
+    "images_directory": "relative to the results directory; empty for none",
+}
+"""Columns of `Record.episodes` and what they hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which part of the record a report is about; an empty field takes everything."""
+
+    models: Sequence[str] = ()
+    goals: Sequence[str] = ()
+    sites: Sequence[str] = ()
+    robots: Sequence[str] = ()
+    campaigns: Sequence[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What was tested: one model on one robot in one site under one protocol; only like is pooled with like."""
+
+    number: int
+    """From 1, in the order of the first campaign."""
+    model: str
+    weights_label: str
+    weights_sha256: str
+    surveyed: bool
+    """The model is handed the site: an upper bound, not a competitor."""
+    robot: str
+    robot_title: str
+    backend: str
+    """What carried out the actions; the tool it came from where the results were imported."""
+    simulated: bool
+    site: str
+    site_sha256: str
+    max_actions: int | None
+    success_distance_m: float | None
+    noisy: bool
+    campaigns: tuple[int, ...]
+    name: str = ""
+    """The model's name, made unique among the conditions of a report by what tells them apart."""
+
+    @property
+    def environment(self) -> str:
+        """`simulated` or `real`."""
+        return "simulated" if self.simulated else "real"
+
+    @property
+    def title(self) -> str:
+        """Name and weights: how every table names the model."""
+        return f"{self.name} ({self.weights_label})" if self.weights_label else self.name
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """What a report is made of."""
+
+    conditions: tuple[Condition, ...]
+    episodes: "pd.DataFrame"
+    """One row an episode; the columns are those of `COLUMNS`."""
+    planned: "pd.DataFrame"
+    """Trials planned: condition, goal, start, trials."""
+    sites: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """SHA-256 of a site -> its content."""
+    results_directory: Path | None = None
+
+    def of(self, condition: Condition) -> "pd.DataFrame":
+        """Return the episodes of one condition."""
+        return self.episodes[self.episodes["condition"] == condition.number]
+
+    def counted(self, condition: Condition | None = None) -> "pd.DataFrame":
+        """Return the episodes that count, of one condition or of all."""
+        rows = self.episodes if condition is None else self.of(condition)
+        return rows[rows["state"] == COUNTED]
+
+
+def goal_order(goal: str) -> tuple[int, str]:
+    """Sort key: the order of the paper's tables, then the alphabet."""
+    return (GOAL_CATEGORIES.index(goal) if goal in GOAL_CATEGORIES else len(GOAL_CATEGORIES), goal)
+
+
+def read_record(engine: Engine, selection: Selection | None = None, results_directory: Path | None = None) -> Record:
+    """Read what a report needs.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    chosen = selection or Selection()
+    with record_errors(engine), engine.connect() as connection:
+        conditions, condition_of = _conditions(connection, chosen)
+        episodes = _episodes(connection, chosen, condition_of)
+        planned = _planned(connection, chosen, condition_of)
+        hashes = {condition.site_sha256 for condition in conditions}
+        rows = connection.execute(select(Site.sha256, Site.content).where(Site.sha256.in_(hashes)))
+        sites: dict[str, Mapping[str, Any]] = {row.sha256: row.content for row in rows}
+    return Record(conditions, episodes, planned, sites, results_directory)
+
+
+def _conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
+    """Return the conditions and campaign id -> number of its condition."""
+    rows = connection.execute(
+        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.noise, Campaign.model_id)
+        .add_columns(Model.name.label("model"), Model.weights_label, Model.weights_sha256, Model.surveyed)
+        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.backend, Robot.simulated)
+        .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .where(*_campaign_filter(chosen))
+        .order_by(Campaign.id)
+    ).all()
+    groups: dict[tuple[object, ...], list[Any]] = {}
+    for row in rows:
+        noise = repr(sorted((row.noise or {}).items(), key=repr))
+        key = (row.model_id, row.robot_id, row.site_sha256, row.protocol_sha256, noise)
+        groups.setdefault(key, []).append(row)
+    conditions = []
+    condition_of: dict[int, int] = {}
+    for number, members in enumerate(groups.values(), start=1):
+        first = members[0]
+        protocol = first.protocol or {}
+        condition_of |= {row.id: number for row in members}
+        conditions.append(
+            Condition(
+                number=number,
+                model=first.model,
+                weights_label=first.weights_label,
+                weights_sha256=first.weights_sha256,
+                surveyed=first.surveyed,
+                robot=first.robot,
+                robot_title=first.title,
+                simulated=first.simulated,
+                site=first.site,
+                site_sha256=first.site_sha256,
+                max_actions=protocol.get("max_actions"),
+                success_distance_m=protocol.get("success_distance_m"),
+                noisy=bool(first.noise),
+                backend=first.backend,
+                campaigns=tuple(row.id for row in members),
+            )
+        )
+    return name_apart(conditions), condition_of
+
+
+def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
+    """Give each condition a name that no other has, from as little as tells them apart."""
+    chosen = [one.model for one in conditions]
+    for index, one in enumerate(conditions):
+        twins = [other for other in conditions if other.model == one.model]
+        if len(twins) == 1:
+            continue
+        mine = _distinctions(one)
+        telling = [
+            word for place, word in enumerate(mine) if any(_distinctions(other)[place] != word for other in twins)
+        ]
+        chosen[index] = " ".join([one.model, *telling])
+    for index, one in enumerate(conditions):
+        if chosen.count(chosen[index]) > 1:
+            chosen[index] = f"{chosen[index]} #{one.number}"
+    return tuple(replace(one, name=name) for one, name in zip(conditions, chosen, strict=True))
+
+
+def _distinctions(condition: Condition) -> list[str]:
+    return [
+        condition.environment,
+        f"on {condition.robot}",
+        f"in {condition.site}",
+        "with noise" if condition.noisy else "without noise",
+        f"within {condition.max_actions} actions",
+        f"under {condition.success_distance_m:g} m" if condition.success_distance_m is not None else "",
+        f"weights {condition.weights_sha256[:8]}" if condition.weights_sha256 else "no weights",
+    ]
+
+
+def _campaign_filter(chosen: Selection) -> list[Any]:
+    wanted: list[Any] = []
+    if chosen.models:
+        wanted.append(Model.name.in_(chosen.models))
+    if chosen.sites:
+        wanted.append(Site.name.in_(chosen.sites))
+    if chosen.robots:
+        wanted.append(Robot.name.in_(chosen.robots))
+    if chosen.campaigns:
+        wanted.append(Campaign.id.in_(chosen.campaigns))
+    return wanted
+
+
+def _trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:
+    wanted: list[Any] = [Trial.campaign_id.in_(list(condition_of))]
+    if chosen.goals:
+        wanted.append(Trial.goal.in_(chosen.goals))
+    return wanted
+
+
+def episodes_query() -> Select[Any]:
+    """Select every episode with its trial and its standing verdict, in the order of their numbers."""
+    result = is_result(Episode, Verdict)
+    state = case(
+        (Episode.end_reason.is_(None), RUNNING),
+        (and_(result, Verdict.id.is_(None)), UNJUDGED),
+        (result, COUNTED),
+        else_=VOID,
+    )
+    return (
+        select(
+            Episode.id,
+            Trial.campaign_id,
+            Trial.id,
+            Trial.goal,
+            Trial.start,
+            Trial.repetition,
+            state,
+            func.coalesce(Verdict.end_reason, Episode.end_reason),
+            func.coalesce(Verdict.success, False),
+            Episode.actions,
+            Episode.path_length_m,
+            Episode.geodesic_start_m,
+            Episode.geodesic_end_m,
+            func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m),
+            Episode.duration_s,
+            Episode.wall_duration_s,
+            Episode.started_at,
+            Episode.images_directory,
+        )
+        .join(Trial, Trial.id == Episode.trial_id)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .order_by(Episode.id)
+    )
+
+
+def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    import numpy as np
+    import pandas as pd
+
+    query = episodes_query().where(*_trial_filter(chosen, condition_of))
+    raw = [
+        *("episode", "campaign", "trial", "goal", "start", "repetition", "state", "end_reason", "success", "actions"),
+        *("path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s"),
+        *("started_at", "images_directory"),
+    ]
+    parts = []
+    for rows in connection.execution_options(yield_per=20_000).execute(query).partitions():
+        part = pd.DataFrame(dict(zip(raw, zip(*rows, strict=True), strict=True)))
+        parts.append(_typed(part))
+    frame = pd.concat(parts, ignore_index=True) if parts else _typed(pd.DataFrame({name: [] for name in raw}))
+    for name in ("goal", "end_reason"):
+        frame[name] = frame[name].astype("category")
+    frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
+    results = frame["state"].isin([COUNTED, UNJUDGED])
+    later = frame.loc[results, "trial"].duplicated(keep="first")
+    frame.loc[later[later].index, "state"] = SUPERSEDED
+    frame.insert(1, "condition", frame["campaign"].map(dict(condition_of)).astype(np.int64))
+    frame["spl"] = spl_of(frame)
+    frame["soft_spl"] = soft_spl_of(frame)
+    return frame[list(COLUMNS)]
+
+
+def _typed(frame: "pd.DataFrame") -> "pd.DataFrame":
+    import numpy as np
+    import pandas as pd
+
+    integers = ("episode", "campaign", "trial", "start", "repetition", "actions")
+    floats = ("path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s")
+    for name in integers:
+        frame[name] = frame[name].astype(np.int64)
+    for name in floats:
+        numbers = frame[name].astype(np.float64)
+        frame[name] = numbers.where(np.isfinite(numbers))  # a database written elsewhere may hold infinities
+    frame["success"] = frame["success"].astype(bool)
+    frame["started_at"] = pd.to_datetime(frame["started_at"], utc=True)
+    return frame
+
+
+def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.spl` of every row at once."""
+    efficiency = _efficiency(frame)
+    return efficiency.where(frame["success"] | efficiency.isna(), 0.0)
+
+
+def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.soft_spl` of every row at once."""
+    shortest, remaining = frame["shortest_m"], frame["remaining_m"]
+    moved = (1.0 - remaining / shortest.where(shortest > 0)).clip(0.0, 1.0)
+    there = (remaining <= 0).astype(float)  # the start was at the goal already
+    progress = moved.where(shortest > 0, there).where(remaining.notna() & shortest.notna())
+    return progress * _efficiency(frame)
+
+
+def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
+    shortest, path = frame["shortest_m"], frame["path_length_m"]
+    longest = shortest.where(shortest >= path, path)
+    ratio = (shortest / longest.where(longest > 0)).where(longest > 0, 1.0)
+    return ratio.where(shortest.notna() & path.notna())
+
+
+def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    import numpy as np
+    import pandas as pd
+
+    rows = connection.execute(
+        select(Trial.campaign_id, Trial.goal, Trial.start, func.count())
+        .where(*_trial_filter(chosen, condition_of))
+        .group_by(Trial.campaign_id, Trial.goal, Trial.start)
+    ).all()
+    frame = pd.DataFrame([tuple(row) for row in rows], columns=["campaign", "goal", "start", "trials"])
+    frame["condition"] = frame["campaign"].map(dict(condition_of)).astype(np.int64)
+    grouped = frame.groupby(["condition", "goal", "start"], observed=True)["trials"].sum().reset_index()
+    for name in ("start", "trials"):
+        grouped[name] = grouped[name].astype(np.int64)
+    return grouped

@@ -1,0 +1,102 @@
+"""A sheet: a table of finished words that every form (terminal, Markdown, LaTeX, HTML) only has to set."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+UNKNOWN = "–"
+"""What stands where there is no number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column's heading; numbers are set flush right."""
+
+    heading: str
+    number: bool = True
+    note: str = ""
+    """What the heading means, for whoever asks."""
+    rank: int = 0
+    """Where there is no room for all columns, those of the highest rank go first; 0 stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A text, and the value it is sorted by where the text would sort wrongly."""
+
+    text: str
+    value: float | str | None = None
+
+    @property
+    def key(self) -> float | str:
+        """What to sort by."""
+        return self.text if self.value is None else self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of a sheet; a total is set apart from what it sums."""
+
+    cells: tuple[Cell, ...]
+    total: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A table with a title and what must be said with it."""
+
+    name: str
+    """A word for file names, anchors and labels."""
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row.cells) != len(self.columns):
+                raise ValueError(
+                    f"sheet {self.name}: a row of {len(row.cells)} cells under {len(self.columns)} columns"
+                )
+
+
+def row(*cells: Cell, total: bool = False) -> Row:
+    """Return a row of these cells."""
+    return Row(tuple(cells), total)
+
+
+def word(text: str) -> Cell:
+    """A cell of plain words."""
+    return Cell(text)
+
+
+def count(number: int) -> Cell:
+    """A cell with a whole number."""
+    return Cell(str(number), number)
+
+
+def of(part: int, whole: int) -> Cell:
+    """A cell like 22/75; sorted by the share."""
+    return Cell(f"{part}/{whole}", part / whole if whole else -1.0)
+
+
+def decimal(number: float, places: int) -> Cell:
+    """A cell with so many decimals; a dash for NaN, sorted before every number."""
+    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else Cell(UNKNOWN, -math.inf)
+
+
+def percent(share: float, places: int = 2) -> Cell:
+    """A cell with a share of 0 to 1 in percent."""
+    return decimal(share * 100, places)
+
+
+def interval_percent(low: float, high: float, places: int = 2) -> Cell:
+    """A cell with an interval of shares in percent; sorted by its lower end."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return Cell(UNKNOWN, -math.inf)
+    return Cell(f"[{low * 100:.{places}f}, {high * 100:.{places}f}]", low)
+
+
+def listed(words: Iterable[object]) -> str:
+    """Return the words with commas; a dash for none."""
+    return ", ".join(str(each) for each in words) or "none"

@@ -1,0 +1,157 @@
+"""The tables of a report as sheets: by goal, by starting position, by end reason."""
+
+from collections.abc import Iterable
+
+from vsnbench.protocol.judge import EndReason
+from vsnbench.report.record import Condition
+from vsnbench.report.sheets import (
+    Cell,
+    Column,
+    Row,
+    Sheet,
+    count,
+    decimal,
+    interval_percent,
+    listed,
+    of,
+    percent,
+    row,
+    word,
+)
+from vsnbench.report.summary import ConditionSummary, Results, Summary
+
+_RATES = (
+    Column("k/n", note="successful episodes of episodes that count, one a trial"),
+    Column("SR %", note="success rate (paper, Section 4.1)"),
+    Column("95 % interval", note="Wilson's interval of the success rate, percent"),
+)
+_MEASURES = (
+    Column("actions", note="mean number of actions over all episodes: the paper's average"),
+    Column("actions (succ.)", rank=1, note="mean number of actions over the successful episodes"),
+    Column("SPL", rank=1, note="success weighted by path length, 0 to 1"),
+    Column("SoftSPL", rank=4, note="the same with progress in place of success, 0 to 1"),
+    Column("median d (m)", rank=3, note="median final distance to the nearest instance's footprint, metres"),
+    Column("coll.", rank=3, note="episodes that ended with a collision"),
+    Column("limit", rank=3, note="episodes that reached the cap on actions"),
+)
+_COVERAGE = (
+    Column("done", note="trials done of trials planned"),
+    Column("void", rank=2, note="attempts that were no result, counted beside"),
+)
+
+
+def goal_sheet(one: ConditionSummary, shared_goals: Iterable[str] = ()) -> Sheet:
+    """Success by goal category under one condition (paper, Tables 4 and 5, with what they leave out)."""
+    rows = [_summary_row(goal.goal, goal.summary) for goal in one.goals]
+    rows.append(_summary_row("all", one.total, total=True))
+    if one.shared:
+        rows.append(_summary_row(f"shared: {listed(shared_goals)}", one.shared, total=True))
+    return Sheet(
+        name=f"goals-{one.condition.number}",
+        title=f"{one.condition.title}: success by goal",
+        columns=(Column("goal", number=False), *_RATES, *_MEASURES, *_COVERAGE),
+        rows=tuple(rows),
+        notes=(described(one.condition), *_caveats(one.total)),
+    )
+
+
+def start_sheet(one: ConditionSummary) -> Sheet:
+    """Success by starting position under one condition, and which positions never succeed."""
+    never = one.never_succeeding
+    return Sheet(
+        name=f"starts-{one.condition.number}",
+        title=f"{one.condition.title}: success by starting position",
+        columns=(Column("start"), *_RATES, *_MEASURES, *_COVERAGE),
+        rows=tuple(
+            Row((count(start.start), *_rates(start.summary), *_measures(start.summary), *_coverage(start.summary)))
+            for start in one.starts
+        ),
+        notes=(f"Positions that never succeed: {listed(never)}.",) if one.total.episodes else (),
+    )
+
+
+def end_sheet(results: Results) -> Sheet:
+    """Why episodes ended, by condition."""
+    rows = [
+        row(
+            word(one.condition.title),
+            word(end.end_reason),
+            count(end.attempts),
+            count(end.counted),
+            percent(end.counted / one.total.episodes if one.total.episodes else float("nan")),
+            word("result" if end.end_reason in _RESULTS else "void: run again"),
+        )
+        for one in results.conditions
+        for end in one.ends
+    ]
+    return Sheet(
+        name="ends",
+        title="How episodes ended",
+        columns=(
+            Column("model", number=False),
+            Column("end reason", number=False),
+            Column("attempts"),
+            Column("counted"),
+            Column("% of counted"),
+            Column("kind", number=False),
+        ),
+        rows=tuple(rows),
+    )
+
+
+_RESULTS = {reason.value for reason in EndReason if reason.is_result}
+
+
+def described(condition: Condition) -> str:
+    """Say in one line what was tested, and how."""
+    words = [
+        f"{condition.robot_title or condition.robot}, {condition.environment}",
+        f"site {condition.site}",
+        f"at most {condition.max_actions} actions" if condition.max_actions is not None else "",
+        f"success under {condition.success_distance_m:g} m" if condition.success_distance_m is not None else "",
+        "sensor noise on" if condition.noisy else "",
+        "the model is handed the site: an upper bound, not a competitor" if condition.surveyed else "",
+    ]
+    return "; ".join(each for each in words if each) + "."
+
+
+def _caveats(total: Summary) -> list[str]:
+    notes = []
+    if not total.episodes:
+        notes.append("No trial of this condition is done yet.")
+    elif total.episodes < total.planned:
+        notes.append(f"Incomplete: {total.episodes} of {total.planned} planned trials are done ({total.coverage:.1%}).")
+    if total.unjudged:
+        notes.append(f"{total.unjudged} episodes await a verdict and are in no rate.")
+    if 0 < total.spl_episodes < total.episodes:
+        notes.append(f"SPL over the {total.spl_episodes} episodes whose path lengths are known.")
+    return notes
+
+
+def _summary_row(name: str, summary: Summary, *, total: bool = False) -> Row:
+    return Row((word(name), *_rates(summary), *_measures(summary), *_coverage(summary)), total)
+
+
+def _rates(summary: Summary) -> tuple[Cell, ...]:
+    interval = summary.interval
+    return (
+        of(summary.successes, summary.episodes),
+        percent(summary.success_rate),
+        interval_percent(interval.low, interval.high),
+    )
+
+
+def _measures(summary: Summary) -> tuple[Cell, ...]:
+    return (
+        decimal(summary.mean_actions, 1),
+        decimal(summary.mean_actions_successful, 1),
+        decimal(summary.spl, 3),
+        decimal(summary.soft_spl, 3),
+        decimal(summary.median_distance_m, 2),
+        count(summary.collisions),
+        count(summary.step_limits),
+    )
+
+
+def _coverage(summary: Summary) -> tuple[Cell, ...]:
+    return (of(summary.episodes, summary.planned), count(summary.void))
