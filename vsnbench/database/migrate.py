@@ -146,13 +146,15 @@ def _state(connection: Connection) -> SchemaState:
         tables = inspect(connection).get_table_names()
         if tables:
             raise RecordError(
-                f"the database {shown_database(connection.engine)} holds other tables ({', '.join(sorted(tables)[:3])}) and no "
+                f"the database {shown_database(connection.engine)} holds other "
+                f"tables ({', '.join(sorted(tables)[:3])}) and no "
                 "record of vsnbench: choose another database"
             )
         return SchemaState(None, head, tuple(order))
     if current not in order:
         raise RecordError(
-            f"the database {shown_database(connection.engine)} was written by a newer vsnbench (its schema is {current}, this "
+            f"the database {shown_database(connection.engine)} was written by a newer vsnbench "
+            f"(its schema is {current}, this "
             f"version knows up to {head}): upgrade vsnbench, or choose another results directory"
         )
     return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
@@ -163,7 +165,8 @@ def _check_foreign_keys(connection: Connection) -> None:
     if orphans:
         table, row, parent, _ = orphans[0]
         raise RecordError(
-            f"cannot upgrade the database {shown_database(connection.engine)}: row {row} of {table} points to a row of {parent} "
+            f"cannot upgrade the database {shown_database(connection.engine)}: row {row} of {table} points to a "
+            f"row of {parent} "
             f"that is not there ({len(orphans)} such rows); nothing was changed, restore a backup"
         )
 

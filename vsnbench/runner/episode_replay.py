@@ -56,7 +56,7 @@ def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
     try:
         if not schema_state(engine).up_to_date:
             raise RecordError(f"{results.shown_database} is of an older vsnbench: run `vsnbench db upgrade` first")
-        with record_errors(results.shown_database), Session(reading(engine)) as session:
+        with record_errors(engine), Session(reading(engine)) as session:
             return _Reader(session, results, episode_id).replay()
     finally:
         engine.dispose()
