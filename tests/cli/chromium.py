@@ -32,8 +32,11 @@ class Chromium:
         self._profile, self._size = profile, (width, height)
         self._last_id = 0
         self._buffer = b""
+        self._loaded = False
         self.requests: list[str] = []
         """Addresses the page asked for."""
+        self.answered: list[str] = []
+        """Addresses from which it got an answer."""
 
     def __enter__(self) -> Self:
         to_browser_read, self._write = os.pipe()
@@ -100,7 +103,11 @@ class Chromium:
                 return result
 
     def open(self, url: str) -> None:
+        """Go to a page and wait until it has loaded; its scripts may still be at work."""
+        self._loaded = False
         self.call("Page.navigate", {"url": url})
+        while not self._loaded:
+            self._receive(60.0)
 
     def screenshot(self) -> bytes:
         """Return what the page shows, as PNG."""
@@ -116,6 +123,10 @@ class Chromium:
             self._buffer += part
         line, _, self._buffer = self._buffer.partition(b"\0")
         message: dict[str, Any] = json.loads(line)
-        if message.get("method") == "Network.requestWillBeSent":
+        if message.get("method") == "Page.loadEventFired":
+            self._loaded = True
+        elif message.get("method") == "Network.requestWillBeSent":
             self.requests.append(message["params"]["request"]["url"])
+        elif message.get("method") == "Network.responseReceived":
+            self.answered.append(message["params"]["response"]["url"])
         return message

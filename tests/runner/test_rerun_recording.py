@@ -68,7 +68,9 @@ def test_every_entity_has_every_step(tmp_path: Path) -> None:
     path = tmp_path / "episode.rrd"
     summary = write(path, count=6)
     assert (summary.path, summary.steps, summary.dropped, summary.error) == (path, 6, 0, "")
-    assert {entity: steps_of(path, entity) for entity in PER_STEP} == {entity: list(range(1, 7)) for entity in PER_STEP}
+    missing = {entity: set(range(1, 7)) - set(steps_of(path, entity)) for entity in PER_STEP}
+    assert not any(missing.values()), missing
+    assert steps_of(path, "/plan/end") == [7], "after the last action"
     assert set(STATIC) <= {chunk.entity_path for chunk in chunks(path) if chunk.is_static}
     assert not list(tmp_path.glob("*.part"))
 

@@ -19,6 +19,7 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         with_scores: whether the policy gave numbers worth a plot of their own.
     """
     import rerun.blueprint as rrb
+    from rerun.blueprint import encodings
 
     x_m = [x for room in header.site.rooms for x, _ in room.polygon]
     y_m = [y for room in header.site.rooms for _, y in room.polygon]
@@ -46,13 +47,13 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         background=[250, 250, 248],
         overrides={"plan/trajectory": [rrb.VisibleTimeRanges([so_far])]},
     )
+    # The free corner of a curve that falls towards the goal.
+    legend = rrb.PlotLegend(corner="righttop")
     middle = rrb.Vertical(
         plan,
         rrb.StateTimelineView(origin="actions", name="Actions"),
         rrb.TimeSeriesView(
-            origin="distance",
-            name="Distance to the goal (m)",
-            time_ranges=[whole_episode],
+            origin="distance", name="Distance to the goal (m)", plot_legend=legend, time_ranges=[whole_episode]
         ),
         row_shares=[9, 2, 3],
     )
@@ -61,11 +62,17 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         rrb.TextDocumentView(origin="decision/text", name="Decision"),
     ]
     if with_scores:
-        documents.append(rrb.TimeSeriesView(origin="decision/scores", name="Scores", time_ranges=[whole_episode]))
-    documents.append(rrb.TextLogView(origin="events", name="Events"))
-    told = rrb.Vertical(*documents, row_shares=[5, 4, 3, 3] if with_scores else [5, 4, 3])
+        documents.append(
+            rrb.TimeSeriesView(origin="decision/scores", name="Scores", plot_legend=legend, time_ranges=[whole_episode])
+        )
+    columns = rrb.TextLogColumns(
+        timeline_columns=[encodings.TimelineColumn(timeline=TIMELINE, visible=True)],
+        text_log_columns=[encodings.TextLogColumn(kind="body", visible=True)],
+    )
+    documents.append(rrb.TextLogView(origin="events", name="Events", columns=columns))
+    told = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
     return rrb.Blueprint(
-        rrb.Horizontal(seen, middle, told, column_shares=[5, 7, 4]),
+        rrb.Horizontal(seen, middle, told, column_shares=[5, 7, 5]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),

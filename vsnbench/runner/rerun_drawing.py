@@ -5,6 +5,7 @@ Entities: `camera/rgb` (with `detections`), `camera/depth`, `plan/**`, `actions/
 """
 
 import collections
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,13 @@ ACTION_RGBA = {
     Action.MOVE_BACKWARD: 0x5FB3A8FF,
     Action.STOP: 0xD43F3AFF,
 }
-OUTCOME_RGBA = {"moved": 0x9CCC9CFF, "blocked": 0xE0B040FF, "collision": 0xCE2C28FF, "failed": 0x7A1F1BFF}
+OUTCOME_RGBA = {
+    "moved": 0x9CCC9CFF,
+    "stopped": 0xB8B8B8FF,
+    "blocked": 0xE0B040FF,
+    "collision": 0xCE2C28FF,
+    "failed": 0x7A1F1BFF,
+}
 ALARMING = frozenset({"collision", "motion_failed", "sensor_lost", "model_error", "aborted", "interrupted"})
 DEPTH_UNITS_PER_METRE = 1000.0
 
@@ -149,7 +156,7 @@ class EpisodeDrawing:
         said = "" if frame.decision.raw_action == action else f" (model: {frame.decision.raw_action})"
         far = "" if distance_m is None else f" · {distance_m:.2f} m away"
         return (
-            f"### {header.goal}{far}\n"
+            f"### Looking for: {header.goal}{far}\n"
             f"action {frame.index} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(frame)}"
         )
 
@@ -163,7 +170,10 @@ class EpisodeDrawing:
     def _end(self, frame: EndFrame) -> None:
         import rerun as rr
 
-        self._set_time(frame.actions, None)
+        # One past the last action: that one gets its width in the lanes, and the plan shows where it ended.
+        self._set_time(frame.actions + 1, None)
+        for lane in ("actions/action", "actions/outcome"):
+            self._recording.log(lane, rr.StateChange(state=[None]))
         self._plan.draw_end(frame.verdict)
         failed = frame.verdict.success is False
         self._recording.log(
@@ -178,26 +188,26 @@ class EpisodeDrawing:
         header, verdict = self._header, frame.verdict
         word = {True: "Success", False: "Failure", None: "Void"}[verdict.success]
         rows = [
-            ("episode", f"{header.episode_id}"),
             ("model", header.model),
             ("robot", header.robot),
-            ("goal", header.goal),
-            ("start", f"{header.start_number}"),
-            ("end", verdict.end_reason.value),
-            ("actions", f"{frame.actions}" + (f", {self._blocked} blocked" if self._blocked else "")),
+            ("start", f"{header.start_number} of {header.site.title or header.site.name}"),
+            ("end", verdict.end_reason.value.replace("_", " ")),
         ]
         if verdict.distance is not None:
             near = verdict.distance
-            rows.append(("distance to goal", f"{near.distance_m:.3f} m, {near.instance} ({near.source.value})"))
+            rows.append(("distance", f"{near.distance_m:.3f} m from {near.instance} ({near.source.value})"))
+        rows.append(("actions", f"{frame.actions}: {self._counted()}"))
         if frame.path_length_m is not None:
             rows.append(("path", f"{frame.path_length_m:.2f} m"))
         if frame.duration_s is not None:
-            rows.append(("duration", f"{frame.duration_s:.1f} s"))
-        rows += [(name.replace("_", " ").lower(), str(count)) for name, count in self._counts.most_common()]
-        table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-        return f"# {word}\n\n{verdict.text}\n\n| | |\n| --- | --- |\n{table}\n" + (
-            f"\n{frame.error}\n" if frame.error else ""
-        )
+            rows.append(("duration", f"{frame.duration_s:.1f} s of the robot's time"))
+        if frame.error:
+            rows.append(("error", frame.error))
+        return f"# {word}: {header.goal}\n\n{verdict.text}\n\n" + _table([("episode", str(header.episode_id)), *rows])
+
+    def _counted(self) -> str:
+        counted = [f"{count} {name.lower().replace('_', ' ')}" for name, count in self._counts.most_common()]
+        return ", ".join([*counted, f"{self._blocked} blocked"] if self._blocked else counted)
 
 
 def _outcome(frame: StepFrame) -> str:
@@ -205,7 +215,9 @@ def _outcome(frame: StepFrame) -> str:
         return "blocked"
     if frame.result is not None and frame.result.collision is not None:
         return "collision"
-    return "moved" if frame.result is None or frame.result.completed else "failed"
+    if frame.result is not None and not frame.result.completed:
+        return "failed"
+    return "stopped" if frame.decision.action is Action.STOP else "moved"
 
 
 def _running_text(header: EpisodeHeader) -> str:
@@ -222,15 +234,16 @@ def _decision_text(frame: StepFrame) -> str:
     if told.note:
         lines.append(told.note)
     if told.probabilities:
-        lines.append("| action | p | |\n| --- | --- | --- |")
-        lines[-1] += "".join(
-            f"\n| {name} | {p:.3f} | {'█' * round(p * 16)} |" for name, p in told.probabilities.items()
-        )
+        lines.append(_table([(name, f"{p:.3f}", "█" * round(p * 16)) for name, p in told.probabilities.items()]))
     if told.scalars:
-        lines.append(
-            "| | |\n| --- | --- |" + "".join(f"\n| {name} | {value:.4g} |" for name, value in told.scalars.items())
-        )
+        lines.append(_table([(name, f"{value:.4g}") for name, value in told.scalars.items()]))
     return "\n\n".join(lines)
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Return a Markdown table; its first row serves as the heading that Markdown insists on."""
+    lines = [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
 
 
 def _markdown(text: str) -> "rr.TextDocument":

@@ -104,8 +104,7 @@ class FloorPlan:
 
         log, header = self._recording.log, self._header
         here = self._here.pose
-        log("plan/robot/shell", rr.LineStrips2D([_circle(here, header.robot_radius_m)], colors=ROBOT_RGB, radii=0.025))
-        log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
+        self._draw_robot(here)
         if frame.after is not None:
             there = frame.after.pose
             progress = min(1.0, frame.index / header.parameters.max_actions)
@@ -125,12 +124,20 @@ class FloorPlan:
         """Log where it ended, in the colour of the verdict."""
         import rerun as rr
 
+        here = self._here.pose
+        self._draw_robot(here)
         color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
-        label = f"{verdict.end_reason.value}"
+        label = verdict.end_reason.value.replace("_", " ")
         self._recording.log(
-            "plan/end",
-            rr.Points2D([self._here.pose.position], colors=color, radii=0.07, labels=[label], draw_order=50.0),
+            "plan/end", rr.Points2D([here.position], colors=color, radii=0.08, labels=[label], draw_order=50.0)
         )
+
+    def _draw_robot(self, here: Pose) -> None:
+        import rerun as rr
+
+        shell = _circle(here, self._header.robot_radius_m)
+        self._recording.log("plan/robot/shell", rr.LineStrips2D([shell], colors=ROBOT_RGB, radii=0.025))
+        self._recording.log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
 
     def _mark_trouble(self, frame: StepFrame) -> None:
         import rerun as rr
@@ -173,10 +180,7 @@ class FloorPlan:
         way = [begin.compose(Pose(*point)).position for point in told.path]
         log("plan/policy/path", rr.LineStrips2D([way] if len(way) > 1 else [], colors=POLICY_RGB, radii=0.02))
         target = [] if told.sub_goal is None else [begin.compose(Pose(*told.sub_goal)).position]
-        log(
-            "plan/policy/sub_goal",
-            rr.Points2D(target, colors=POLICY_RGB, radii=0.08, labels=["sub-goal"] * len(target)),
-        )
+        log("plan/policy/sub_goal", rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
 
 
 def _site_picture(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:

@@ -1,0 +1,162 @@
+"""`vsnbench view` as a user types it: the file, the browser, and what is said when neither can be had."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from tests.cli.chromium import Chromium
+from tests.runner.synthetic_episode import record
+from vsnbench.runner.results import ResultsDirectory
+
+WIDTH, HEIGHT = 1600, 1000
+DRAWN_WITHIN_S = 45.0
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    return tmp_path / "results"
+
+
+def directory(path: Path) -> ResultsDirectory:
+    return ResultsDirectory.locate(path, environment={})
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "vsnbench.cli.main", "view", *arguments]
+
+
+def view(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    inherited = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(command(*arguments), capture_output=True, text=True, env=inherited | environment, timeout=60)
+
+
+def test_path_prints_the_file_and_builds_it_first(results: Path) -> None:
+    number = record(directory(results), 2)
+    done = view(str(number), "--path", "--results", str(results))
+    assert done.returncode == 0, done.stderr
+    file = Path(done.stdout.strip())
+    assert file == results / "episodes" / f"{number:06d}" / "episode.rrd"
+    assert file.read_bytes()[:4] == b"RRF2"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["99"], 2, "there is no episode 99"),
+        (["1"], 1, "there is no display here"),
+        (["one"], 2, "episode"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_in_one_line(results: Path, arguments: list[str], code: int, said: str) -> None:
+    record(directory(results), 2)
+    done = view(*arguments, "--results", str(results))
+    assert (done.returncode, done.stdout) == (code, "")
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_port_that_is_taken_is_named(results: Path) -> None:
+    record(directory(results), 2)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = view("1", "--web", "--port", str(port), "--results", str(results))
+    assert done.returncode == 2
+    assert f"127.0.0.1:{port}" in done.stderr
+
+
+def listeners_of(root: int) -> set[str]:
+    """Return the addresses on which a process and its children listen, from /proc."""
+    family = {root}
+    for stat in sorted(Path("/proc").glob("[0-9]*/stat"), key=lambda path: int(path.parent.name)):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) in family:
+            family.add(int(stat.parent.name))
+    inodes = set()
+    for process in family:
+        for link in Path(f"/proc/{process}/fd").iterdir():
+            target = str(link.readlink()) if link.is_symlink() else ""
+            if target.startswith("socket:["):
+                inodes.add(target[8:-1])
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            columns = line.split()
+            if columns[3] == "0A" and columns[9] in inodes:
+                found.add(columns[1].split(":")[0])
+    return found
+
+
+def variety(picture: npt.NDArray[np.uint8]) -> int:
+    """Return how many different colours (4 bits a channel) take up at least a thousandth of the picture."""
+    coarse = (picture // 16).reshape(-1, 3).astype(np.int64) @ np.array([256, 16, 1])
+    return int((np.bincount(coarse) > coarse.size / 1000).sum())
+
+
+def greenish(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    """Return where a BGR picture has the colour of goal instances on the floor plan."""
+    blue, green, red = (picture[..., channel].astype(int) for channel in range(3))
+    return (green > red + 50) & (green > blue + 40) & (green > 120)
+
+
+@pytest.mark.browser
+def test_a_browser_shows_every_panel_and_talks_to_nobody_else(results: Path, tmp_path: Path) -> None:
+    number = record(directory(results), 8)
+    server = subprocess.Popen(
+        command(str(number), "--web", "--port", "0", "--results", str(results)), stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert server.stdout is not None
+        address = server.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:")
+        assert listeners_of(server.pid) == {"0100007F"}, "on the loopback interface only"
+        with Chromium(tmp_path / "profile", WIDTH, HEIGHT) as browser:
+            browser.open(f"{address}?renderer=webgl")
+            picture = shown_panels(browser)
+            asked = {url.split("/")[2].split(":")[0] for url in browser.requests if url.startswith(("http:", "https:"))}
+            answered = {url.split("/")[2].split(":")[0] for url in browser.answered}
+        (tmp_path / "view.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+        assert answered == {"127.0.0.1"}
+        assert "tel.rerun.io" not in asked, "no usage statistics"
+        # The plan is not mirrored: the sofa corner with the armchair lies lower left of the dining chairs.
+        rows, columns = np.nonzero(greenish(picture[60:620, 480:1130]))
+        assert rows.size > 500
+        armchair = columns < np.quantile(columns, 0.02) + 20
+        assert rows[armchair].mean() > rows[(columns > columns[armchair].max()) & (columns < 400)].mean()
+    finally:
+        server.send_signal(signal.SIGINT)
+        assert server.wait(15) == 0, "Ctrl-C is the way to end it"
+
+
+def shown_panels(browser: Chromium) -> npt.NDArray[np.uint8]:
+    """Return the page, BGR, as soon as every panel shows something."""
+    panels = {
+        "rgb": (slice(230, 590), slice(5, 460)),
+        "depth": (slice(645, 960), slice(5, 460)),
+        "floor plan": (slice(70, 630), slice(480, 1125)),
+        "actions": (slice(690, 765), slice(480, 1125)),
+        "verdict": (slice(60, 400), slice(1135, 1590)),
+        "decision": (slice(430, 650), slice(1135, 1590)),
+    }
+    needed = {"rgb": 12, "depth": 12, "floor plan": 8, "actions": 4, "verdict": 3, "decision": 3}
+    deadline = time.monotonic() + DRAWN_WITHIN_S
+    while True:
+        shot = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert shot is not None
+        picture = np.asarray(shot, np.uint8)
+        found = {name: variety(picture[where]) for name, where in panels.items()}
+        if all(found[name] >= count for name, count in needed.items()):
+            return picture
+        assert time.monotonic() < deadline, f"panels stay blank: {found}"
+        time.sleep(0.5)
