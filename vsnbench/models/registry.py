@@ -34,7 +34,7 @@ def create_policy(name: str, **options: Any) -> Policy:
         UsageError: there is no such model, or it has no such option.
         ModelError: the plug-in cannot be imported or made, or is no policy.
     """
-    where, factory = _find(name)
+    where, factory = locate(name)
     try:
         inspect.signature(factory).bind(**options)
     except (TypeError, ValueError) as error:
@@ -52,8 +52,13 @@ def create_policy(name: str, **options: Any) -> Policy:
     return policy
 
 
-def _find(name: str) -> tuple[str, Any]:
-    """Return what the name stands for as `module:Class`, and the class or function that makes the policy."""
+def locate(name: str) -> tuple[str, Any]:
+    """Return what the name stands for as `module:Class`, and the class or function that makes the policy.
+
+    Raises:
+        UsageError: there is no such model.
+        ModelError: it cannot be imported, or is nothing that could make a policy.
+    """
     plug_ins = _plug_ins()
     if name in _BUILT_IN:
         where = _BUILT_IN[name]

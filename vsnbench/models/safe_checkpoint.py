@@ -4,7 +4,7 @@ The file's outside (a zip archive of plain records) and its declared sizes are c
 names is consulted; only then PyTorch's weights-only reader loads it, with the permitted classes mapped to a dictionary.
 """
 
-import pickle
+import struct
 import tarfile
 import zipfile
 from collections import OrderedDict
@@ -86,7 +86,7 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
                         f"{origin}: storage {storage.key[:20]} should have {storage.size_bytes} bytes, the file has "
                         f"{has}; damaged or forged, nothing was loaded"
                     )
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, struct.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         raise ModelError(f"{origin}: truncated or damaged ({error}); download it again") from error
 
 
@@ -100,7 +100,9 @@ def _load(path: Path, allowed_classes: frozenset[str]) -> Any:
             raise ModelError(f"{path}: reading it would call {foreign[0][:80]}; refused, nothing was run")
         with safe_globals([(OrderedDict, name) for name in sorted(allowed_classes)]):
             return torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, pickle.UnpicklingError, ValueError, TypeError, KeyError, AttributeError, EOFError) as error:
+    except ModelError:
+        raise
+    except Exception as error:  # PyTorch's reader has no error of its own: a damaged file can raise anything
         reason = str(error).partition("\n")[0][:120]
         raise ModelError(f"{path}: damaged, PyTorch cannot read it ({reason}); download it again") from error
 

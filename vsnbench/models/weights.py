@@ -1,4 +1,4 @@
-"""Where a model's weights are found: named on the command line, or in the directory $VSNBENCH_WEIGHTS."""
+"""Where a model's weights are found: named on the command line, or in the directory of weights."""
 
 import hashlib
 import os

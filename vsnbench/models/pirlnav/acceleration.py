@@ -34,6 +34,8 @@ class ChosenEngine:
     """`single` or `half`."""
     agreement: Agreement | None
     """None for the reference itself."""
+    refused: str = ""
+    """Why something faster is not used."""
 
 
 def available_device(wanted: str) -> str:
@@ -80,34 +82,30 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
     if agreement.holds:
         precision = Precision.HALF if half else Precision.SINGLE
         return ChosenEngine(candidate, Runtime.TORCH, device, precision, agreement)
-    _warn(candidate, agreement)
-    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None)
+    return _reference_only(reference, _disagreement(candidate, agreement))
 
 
 def _on_cpu(
     checkpoint: Checkpoint, settings: PIRLNavSettings, network: PIRLNavNetwork, reference: TorchEngine, threads: int
 ) -> ChosenEngine:
-    eager = ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None)
     if settings.runtime is Runtime.TORCH:
-        return eager
+        return _reference_only(reference)
     lacking = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if lacking:
         if settings.runtime is Runtime.ONNXRUNTIME:
             raise ModelError(f"runtime: onnxruntime needs {' and '.join(lacking)}: pip install 'vsnbench[neural]'")
-        logger.info("%s not installed: running in PyTorch, which is slower", " and ".join(lacking))
-        return eager
+        return _reference_only(reference, f"{' and '.join(lacking)} not installed")
     candidate = _onnx_engine(checkpoint, network, threads)
-    if candidate is None:
-        return eager
+    if isinstance(candidate, str):
+        return _reference_only(reference, candidate)
     agreement = compare(reference, candidate, checkpoint.architecture, SINGLE_TOLERANCE)
     if not agreement.holds:
-        _warn(candidate, agreement)
-        return eager
+        return _reference_only(reference, _disagreement(candidate, agreement))
     return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, agreement)
 
 
-def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | None:
-    """Return the onnxruntime engine; a spoilt file in the cache is exported anew, once."""
+def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | str:
+    """Return the onnxruntime engine, or why there is none; a spoilt file in the cache is exported anew, once."""
     from vsnbench.models.pirlnav.onnx_engine import OnnxEngine, exported_graph
 
     problem = ""
@@ -122,18 +120,19 @@ def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) 
         except ModelError as error:
             problem = str(error)
             graph.unlink(missing_ok=True)
-    logger.warning("onnxruntime cannot be used (%s): running in PyTorch, which is slower", problem)
-    return None
+    return f"onnxruntime cannot be used: {problem}"
 
 
-def _warn(candidate: Engine, agreement: Agreement) -> None:
-    logger.warning(
-        "%s disagrees with PyTorch on the CPU (logits off by %.2g, allowed %.2g; %d of %d actions differ): not used",
-        candidate.label,
-        agreement.largest_difference,
-        agreement.tolerance,
-        agreement.different_actions,
-        agreement.steps,
+def _reference_only(reference: TorchEngine, refused: str = "") -> ChosenEngine:
+    if refused:
+        logger.warning("%s; running in PyTorch on the CPU, which is slower", refused)
+    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None, refused)
+
+
+def _disagreement(candidate: Engine, agreement: Agreement) -> str:
+    return (
+        f"{candidate.label} disagrees with PyTorch on the CPU (logits off by {agreement.largest_difference:.2g}, "
+        f"allowed {agreement.tolerance:.2g}; {agreement.different_actions} of {agreement.steps} actions differ)"
     )
 
 

@@ -1,17 +1,21 @@
-"""PIRLNav as a policy: camera image and odometry in, one of the protocol's actions out."""
+"""The model `pirlnav`: PIRLNav (CVPR 2023), end to end, from the authors' checkpoints.
+
+Camera image and odometry in, one of the protocol's actions out.
+"""
 
 import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import ModelCard
+from vsnbench.models.description import ModelCheck
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput
 from vsnbench.models.pirlnav.localisation import Localiser
@@ -25,8 +29,6 @@ from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.settings_file import read_settings
 
 logger = logging.getLogger(__name__)
-
-WEIGHTS_FILE: Final = "pirlnav.ckpt"
 
 GOALS: Final = MappingProxyType({"chair": 0, "bed": 1, "plant": 2, "toilet": 3, "monitor": 4, "sofa": 5})
 """The paper's goal -> HM3D's number; its monitor is HM3D's tv_monitor."""
@@ -52,6 +54,11 @@ ACTIONS: Final = (
 class PIRLNav:
     """The paper's first model."""
 
+    known_goals: ClassVar = tuple(GOALS)
+    needed_sensors: ClassVar = (Sensor.RGB, Sensor.ODOMETRY)
+    weights_file: ClassVar = "pirlnav.ckpt"
+    settings_class: ClassVar = PIRLNavSettings
+
     card: ModelCard
 
     def __init__(
@@ -75,9 +82,7 @@ class PIRLNav:
         from vsnbench.models.pirlnav.acceleration import choose_engine
 
         settings = _settings_from(model_config)
-        path = find_weights("pirlnav", WEIGHTS_FILE, Path(weights) if weights else None)
-        checkpoint = read_checkpoint(path)
-        _check_heads(checkpoint)
+        checkpoint = _checkpoint_at(weights)
         self.chosen = choose_engine(checkpoint, settings, device)
         logger.info("PIRLNav runs on %s", self.chosen.engine.label)
         self._sampled = settings.decision is Choice.SAMPLED or (
@@ -92,12 +97,30 @@ class PIRLNav:
         self._begins = True
         self.card = ModelCard(
             name="pirlnav",
-            goals=frozenset(GOALS),
-            sensors=frozenset({Sensor.RGB, Sensor.ODOMETRY}),
+            goals=frozenset(self.known_goals),
+            sensors=frozenset(self.needed_sensors),
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
         )
+
+    @classmethod
+    def check(
+        cls,
+        weights: str | Path | None = None,
+        model_config: str | Path | PIRLNavSettings | None = None,
+        device: str = "auto",
+    ) -> ModelCheck:
+        """Say what is in a checkpoint, and compare and time what would run it; arguments and errors as for the class.
+
+        Raises:
+            UsageError: a setting is unknown or does not fit.
+            ModelError: the weights cannot be used.
+        """
+        require_torch()
+        from vsnbench.models.pirlnav.checking import check_checkpoint
+
+        return check_checkpoint(_checkpoint_at(weights), _settings_from(model_config), device)
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
@@ -177,6 +200,18 @@ def _settings_from(given: str | Path | PIRLNavSettings | None) -> PIRLNavSetting
     return read_settings(Path(given), PIRLNavSettings, UsageError, "PIRLNav settings")
 
 
+def _checkpoint_at(weights: str | Path | None) -> Checkpoint:
+    path = find_weights("pirlnav", PIRLNav.weights_file, Path(weights) if weights else None)
+    checkpoint = read_checkpoint(path)
+    sizes = checkpoint.architecture
+    if sizes.actions != len(ACTIONS) or sizes.goals != len(GOALS):
+        raise ModelError(
+            f"{path}: trained for {sizes.actions} actions and {sizes.goals} goals; only PIRLNav's {len(ACTIONS)} "
+            f"actions and HM3D's {len(GOALS)} goals are known here"
+        )
+    return checkpoint
+
+
 def describe_weights(checkpoint: Checkpoint) -> str:
     """Return in words what the weights are."""
     training = "imitation, RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
@@ -196,12 +231,3 @@ def softmax(logits: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
     powers = np.exp(exact - exact.max())
     shares: npt.NDArray[np.float64] = powers / powers.sum()
     return shares
-
-
-def _check_heads(checkpoint: Checkpoint) -> None:
-    sizes = checkpoint.architecture
-    if sizes.actions != len(ACTIONS) or sizes.goals != len(GOALS):
-        raise ModelError(
-            f"{checkpoint.path}: trained for {sizes.actions} actions and {sizes.goals} goals; only PIRLNav's "
-            f"{len(ACTIONS)} actions and HM3D's {len(GOALS)} goals are known here"
-        )

@@ -1,0 +1,92 @@
+"""Checkpoints of the released layout are read whole, with either prefix and with or without a critic."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.models.pirlnav.checkpoints import SMALL, weights, write_checkpoint
+from vsnbench.errors import ModelError
+from vsnbench.models.pirlnav.architecture import Architecture
+from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+from vsnbench.models.pirlnav.network import expected_shapes
+from vsnbench.models.pirlnav.policy import PIRLNav
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.pose import Pose
+
+CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
+
+
+def test_the_fixture_says_what_it_is(small_checkpoint: Path) -> None:
+    checkpoint = read_checkpoint(small_checkpoint)
+    assert checkpoint.architecture == Architecture(base_planes=8, visual_size=32, hidden_size=64)
+    assert checkpoint.training_step == 260_000_000
+    assert checkpoint.trainer == "pirlnav-ppo"
+    assert checkpoint.prefix == "actor_critic."
+    assert checkpoint.sha256 == "df429dd5ffb1d535a3f77a159c506c617eff3a596b7f620589d9393d5f66c03d"
+
+
+@pytest.mark.parametrize("critic", [True, False], ids=["critic", "no critic"])
+@pytest.mark.parametrize("prefix", ["actor_critic.", "model."])
+def test_prefixes_and_critics(tmp_path: Path, prefix: str, critic: bool) -> None:
+    sizes = SMALL.model_copy(update={"critic": critic})
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "made.ckpt", sizes, prefix=prefix))
+    assert checkpoint.architecture == sizes
+    assert checkpoint.prefix == prefix
+    assert len(checkpoint.weights) == (185 if critic else 183)
+    for name, weight in weights(sizes).items():
+        assert torch.equal(checkpoint.weights[name], weight)
+
+
+def test_the_other_class_of_configuration_is_read_too(tmp_path: Path) -> None:
+    path = write_checkpoint(tmp_path / "yacs.ckpt", config_module="yacs.config", config_name="CfgNode")
+    assert read_checkpoint(path).architecture == SMALL
+
+
+def test_a_configuration_of_another_class_is_refused(tmp_path: Path) -> None:
+    path = write_checkpoint(tmp_path / "other.ckpt", config_module="omegaconf.dictconfig", config_name="DictConfig")
+    with pytest.raises(ModelError, match=r"omegaconf\.dictconfig\.DictConfig"):
+        read_checkpoint(path)
+
+
+def test_half_precision_weights_are_widened(tmp_path: Path) -> None:
+    halves = {name: weight.half() for name, weight in weights(SMALL).items()}
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "half.ckpt", state=halves))
+    assert {weight.dtype for weight in checkpoint.weights.values()} == {torch.float32}
+
+
+def test_the_released_sizes_have_the_released_number_of_parameters() -> None:
+    def count(sizes: Architecture) -> int:
+        shapes = expected_shapes(sizes)
+        return sum(int(np.prod(shape)) for name, shape in shapes.items() if "running_mean_and_var" not in name)
+
+    assert len(expected_shapes(Architecture())) == 185
+    assert count(Architecture()) == 48_957_127
+    assert count(Architecture(critic=False)) == 48_957_127 - 2049
+
+
+@pytest.fixture
+def full_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A checkpoint of the released size; it and its exported graph do not stay behind, being 400 MB."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    yield write_checkpoint(tmp_path / "full.ckpt", Architecture(), step=301_989_888)
+    shutil.rmtree(tmp_path)
+
+
+def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> None:
+    path = full_checkpoint
+    assert path.stat().st_size == pytest.approx(196e6, rel=0.01)
+    policy = PIRLNav(path, device="cpu")
+    assert policy.chosen.runtime == "onnxruntime"
+    assert policy.chosen.agreement is not None
+    assert policy.chosen.agreement.largest_difference < 1e-4
+    assert policy.card.weights_label == "full.ckpt (imitation, RL fine-tuned, 301.99 M steps)"
+    rgb = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
+    policy.reset("bed", seed=3)
+    for step in range(2):
+        decision = policy.act(Observation(rgb, None, Pose(0.25 * step, 0.0), float(step), CAMERA))
+        assert sum(decision.diagnostics.probabilities.values()) == pytest.approx(1)

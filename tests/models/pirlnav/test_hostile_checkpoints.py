@@ -1,0 +1,228 @@
+"""A file from a hostile hand, or a broken one, is refused in one line; nothing in it runs and memory stays bounded."""
+
+import contextlib
+import io
+import os
+import pickle
+import resource
+import subprocess
+import tarfile
+import zipfile
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.models.pirlnav.checkpoints import SMALL, weights, write_archive, write_checkpoint, write_forged
+from vsnbench.errors import ModelError
+from vsnbench.models.pickle_inspection import declared_storages
+from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES, read_checkpoint
+
+MARKER = "was-run"
+
+
+class Calls:
+    """Pickles as a call of any function."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self.call = function, arguments
+
+    def __reduce__(self) -> Any:
+        return self.call
+
+
+def refusal(path: Path) -> str:
+    """Return the one line with which a file is refused; fail if anything in it ran or much memory was taken."""
+    before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ModelError) as raised:
+        read_checkpoint(path)
+    grown_mib = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib) / 1024
+    assert not (path.parent / MARKER).exists()
+    assert grown_mib < 100
+    line = str(raised.value)
+    assert "\n" not in line
+    assert path.name in line
+    return line
+
+
+@pytest.mark.parametrize("outer", [True, False], ids=["as the whole file", "inside the state dict"])
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda marker: Calls(os.system, f"touch {marker}"), "posix.system"),
+        (lambda marker: Calls(eval, f"open({marker!r}, 'w').close()"), "eval"),
+        (lambda marker: Calls(subprocess.Popen, ["touch", marker]), "Popen"),
+    ],
+    ids=["os.system", "eval", "Popen"],
+)
+def test_a_checkpoint_that_would_run_something_is_refused_by_name(
+    tmp_path: Path, call: Callable[[str], Calls], name: str, outer: bool
+) -> None:
+    evil = call(str(tmp_path / MARKER))
+    path = tmp_path / "evil.ckpt"
+    torch.save(evil if outer else {"state_dict": {"w": torch.zeros(2), "x": evil}, "config": {}}, path)
+    line = refusal(path)
+    assert name in line
+    assert "nothing was run" in line
+
+
+def test_the_call_in_those_files_is_real(tmp_path: Path) -> None:
+    path = tmp_path / "evil.ckpt"
+    torch.save(Calls(os.system, f"touch {tmp_path / MARKER}"), path)
+    torch.load(path, weights_only=False)
+    assert (tmp_path / MARKER).exists()
+
+
+def test_a_bare_pickle_is_refused(tmp_path: Path) -> None:
+    for protocol in range(5):
+        path = tmp_path / f"bare{protocol}.ckpt"
+        path.write_bytes(pickle.dumps(Calls(os.system, f"touch {tmp_path / MARKER}"), protocol))
+        assert "bare pickle" in refusal(path)
+
+
+def test_the_legacy_format_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "legacy.ckpt"
+    torch.save({"state_dict": weights(SMALL)}, path, _use_new_zipfile_serialization=False)
+    assert "legacy format" in refusal(path)
+
+
+def test_the_oldest_format_a_tar_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "oldest.ckpt"
+    with tarfile.open(path, "w") as archive:
+        for name in ("storages", "tensors", "pickle"):
+            content = pickle.dumps(Calls(os.system, f"touch {tmp_path / MARKER}"))
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    assert "tar archive" in refusal(path)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_torchscript_program_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "script.ckpt"
+    torch.jit.save(torch.jit.script(torch.nn.Linear(2, 2)), str(path))
+    assert "TorchScript" in refusal(path)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.9, 0.9999])
+def test_a_truncated_file_is_refused(tmp_path: Path, small_checkpoint: Path, kept: float) -> None:
+    whole = small_checkpoint.read_bytes()
+    path = tmp_path / "short.ckpt"
+    path.write_bytes(whole[: int(len(whole) * kept)])
+    assert "download it again" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"<!DOCTYPE html><title>Sign in</title>", "web page"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:00", "Git LFS"),
+        (b"PIRL" * 100, "not a PyTorch checkpoint"),
+    ],
+)
+def test_what_came_in_place_of_weights_is_named(tmp_path: Path, content: bytes, what: str) -> None:
+    path = tmp_path / "other.ckpt"
+    path.write_bytes(content)
+    assert what in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("elements", "shape", "stride", "says"),
+    [
+        (10**13, (10**13,), (1,), "should have 40000000000000 bytes, the file has 4"),
+        (1, (10**13,), (1,), "declared over 1 stored numbers"),
+        (1, (10**6, 10**6), (0, 0), "declared over 1 stored numbers"),
+        (1, (2**62, 4), (1, 2**62), "declared over 1 stored numbers"),
+        (1, (1,), (-1,), "impossible shape"),
+        (-1, (1,), (1,), "without a size"),
+    ],
+    ids=["storage", "shape", "expanded", "overflowing", "negative stride", "negative storage"],
+)
+def test_a_tensor_bomb_is_refused_before_memory_is_taken(
+    tmp_path: Path, elements: int, shape: tuple[int, ...], stride: tuple[int, ...], says: str
+) -> None:
+    assert says in refusal(write_forged(tmp_path / "bomb.ckpt", elements, shape, stride))
+
+
+def test_a_compression_bomb_is_refused(tmp_path: Path) -> None:
+    path = write_archive(tmp_path / "zip.ckpt", bytes(300 * 2**20), zipfile.ZIP_DEFLATED)
+    assert path.stat().st_size < 2**20
+    assert "compressed" in refusal(path)
+
+
+def test_nested_tuples_that_would_be_hashed_for_ever_are_refused(tmp_path: Path) -> None:
+    nest = b"\x80\x02)" + b"".join(b"q\x00h\x00\x86" for _ in range(80)) + b"."
+    assert "nested without end" in refusal(write_archive(tmp_path / "nest.ckpt", nest))
+
+
+def test_a_pickle_that_does_what_no_checkpoint_does_is_refused(tmp_path: Path) -> None:
+    path = write_archive(tmp_path / "instance.ckpt", b"(cbuiltins\ndict\n(ios\nsystem\n.")
+    assert "nothing was run" in refusal(path)
+
+
+def test_a_vlv_file_is_named_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "vlv_model.torch"
+    torch.save({"model_state_dict": OrderedDict({"resnet.conv1.weight": torch.zeros(64, 3, 7, 7)})}, path)
+    assert "VLV weights" in refusal(path)
+
+
+def test_missing_weights_are_counted_and_one_is_named(tmp_path: Path) -> None:
+    state = weights(SMALL)
+    del state["net.visual_fc.1.bias"], state["net.gps_embedding.weight"]
+    line = refusal(write_checkpoint(tmp_path / "missing.ckpt", state=state))
+    assert "2 of 185 weights are missing" in line
+    assert "net.gps_embedding.weight" in line
+
+
+def test_surplus_weights_are_refused(tmp_path: Path) -> None:
+    state = weights(SMALL) | {"net.depth_encoder.weight": torch.zeros(2)}
+    assert "net.depth_encoder.weight" in refusal(write_checkpoint(tmp_path / "surplus.ckpt", state=state))
+
+
+def test_a_wrong_shape_is_named_with_both_shapes(tmp_path: Path) -> None:
+    state = weights(SMALL) | {"net.visual_fc.1.bias": torch.zeros(9)}
+    line = refusal(write_checkpoint(tmp_path / "shape.ckpt", state=state))
+    assert "net.visual_fc.1.bias has shape (9,)" in line
+    assert "(8,)" in line
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path, number: float) -> None:
+    state = weights(SMALL)
+    state["net.visual_encoder.compression.0.weight"][0, 0, 0, 0] = number
+    line = refusal(write_checkpoint(tmp_path / "nan.ckpt", state=state))
+    assert "net.visual_encoder.compression.0.weight holds NaN or infinite" in line
+
+
+def test_a_configuration_of_absurd_size_is_refused(tmp_path: Path) -> None:
+    huge = SMALL.model_copy(update={"hidden_size": 10**9})
+    line = refusal(write_checkpoint(tmp_path / "huge.ckpt", huge, state=weights(SMALL)))
+    assert "POLICY.STATE_ENCODER.hidden_size is 1000000000" in line
+
+
+def test_another_backbone_is_refused(tmp_path: Path) -> None:
+    other = SMALL.model_copy(update={"backbone": "vit_small_patch16"})
+    line = refusal(write_checkpoint(tmp_path / "vit.ckpt", other, state=weights(SMALL)))
+    assert "vit_small_patch16" in line
+
+
+def test_a_checkpoint_without_its_configuration_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bare-weights.ckpt"
+    torch.save({"state_dict": weights(SMALL)}, path)
+    assert "no configuration" in refusal(path)
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_flipped_byte_never_does_more_than_refuse(small_checkpoint: Path, data: st.DataObject) -> None:
+    with zipfile.ZipFile(small_checkpoint) as archive:
+        pickled = bytearray(archive.read("ckpt/data.pkl")[:6000])
+    for _ in range(data.draw(st.integers(1, 4))):
+        pickled[data.draw(st.integers(0, len(pickled) - 1))] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(ModelError):
+        declared_storages(bytes(pickled), CONFIG_CLASSES, "fuzzed")

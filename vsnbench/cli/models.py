@@ -1,0 +1,246 @@
+"""`vsnbench models`: which models there are, what is in a checkpoint, and fetching one."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from vsnbench.models.description import ModelCheck, ModelDescription
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+ModelName = Annotated[str, typer.Argument(help="A model's name, or package.module:Class.", metavar="MODEL")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+@app.command("list")
+def list_models(as_json: Json = False) -> None:
+    """List the models: built-in ones and installed plug-ins.
+
+    [bold]Examples[/bold]
+
+        vsnbench models list
+        vsnbench models list --json
+    """
+    from vsnbench.errors import ModelError
+    from vsnbench.models.description import describe_model
+    from vsnbench.models.registry import known_models
+
+    described, broken = [], []
+    for name in known_models():
+        try:
+            described.append(describe_model(name))
+        except ModelError as error:
+            broken.append({"name": name, "error": str(error)})
+    if as_json:
+        _print_json([_description_json(model) for model in described] + broken)
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("model", "what it is", "goals", "weights"):
+        table.add_column(heading, overflow="fold")
+    for model in described:
+        table.add_row(model.name, model.summary, _goals(model), _weights_state(model))
+    for each in broken:
+        table.add_row(each["name"], f"[red]{each['error']}[/red]")
+    Console().print(table)
+
+
+@app.command()
+def show(name: ModelName, as_json: Json = False) -> None:
+    """Show one model: goals, sensors, options, settings, and where its weights are looked for.
+
+    [bold]Examples[/bold]
+
+        vsnbench models show pirlnav
+        vsnbench models show mylab.policy:Policy --json
+    """
+    from vsnbench.models.description import describe_model
+
+    model = describe_model(name)
+    if as_json:
+        _print_json(_description_json(model))
+        return
+    console = Console()
+    console.print(f"[bold]{model.name}[/bold]: {model.summary}\n", highlight=False)
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("class", model.where)
+    grid.add_row("goals", _goals(model))
+    if model.sensors:
+        grid.add_row("sensors", ", ".join(model.sensors))
+    grid.add_row("options", ", ".join(f"--{option.replace('_', '-')}" for option in model.options) or "none")
+    grid.add_row("weights", _weights_state(model))
+    if model.weights_file:
+        from vsnbench.models.weights import weights_directory
+
+        grid.add_row("", f"looked for at {weights_directory() / model.weights_file}")
+    console.print(grid, highlight=False, soft_wrap=True)
+    if model.settings_class is not None:
+        console.print("\n[bold]Settings[/bold] (a YAML file, given as --model-config)", highlight=False)
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for heading in ("setting", "default", "meaning"):
+            table.add_column(heading, overflow="fold")
+        for field, default, meaning in _settings_of(model):
+            table.add_row(field, default, meaning)
+        console.print(table, highlight=False)
+
+
+@app.command()
+def check(
+    name: ModelName,
+    weights: Annotated[
+        Path | None, typer.Option("--weights", "-w", help="The checkpoint; else $VSNBENCH_WEIGHTS is searched.")
+    ] = None,
+    model_config: Annotated[Path | None, typer.Option("--model-config", help="YAML of the model's settings.")] = None,
+    device: Annotated[str, typer.Option("--device", help="auto, cpu, cuda or mps.")] = "auto",
+    as_json: Json = False,
+) -> None:
+    """Say what is in a checkpoint, compare what would run it with plain PyTorch, and time both.
+
+    The file is read without running anything in it; one that is damaged or hostile is refused.
+
+    [bold]Examples[/bold]
+
+        vsnbench models check pirlnav --weights objectnav_rl_ft_hd.ckpt
+        vsnbench models check pirlnav --device cpu --json
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.models.description import describe_model
+    from vsnbench.models.registry import locate
+
+    if not describe_model(name).can_check:
+        raise UsageError(f"model {name} has no weights to check")
+    _, factory = locate(name)
+    report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
+    if as_json:
+        _print_json(_check_json(report))
+    else:
+        _print_check(report)
+
+
+@app.command()
+def fetch(
+    name: ModelName,
+    url: Annotated[str, typer.Argument(help="Where the weights lie.", metavar="URL")],
+    sha256: Annotated[str, typer.Option("--sha256", help="The hash they must have.", metavar="HASH")],
+) -> None:
+    """Download weights into the directory of weights; goes on where it stopped, keeps only what has the hash.
+
+    Known links are listed in docs/pirlnav.md. The directory is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
+
+    [bold]Example[/bold]
+
+        vsnbench models fetch pirlnav https://example.org/objectnav_rl_ft_hd.ckpt --sha256 5d1c...
+    """
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+    from vsnbench.errors import UsageError
+    from vsnbench.models.description import describe_model
+    from vsnbench.models.fetching import fetch as download
+    from vsnbench.models.weights import weights_directory
+
+    model = describe_model(name)
+    if not model.weights_file:
+        raise UsageError(f"model {name} has no weights to fetch")
+    destination = weights_directory() / model.weights_file
+    columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(model.weights_file, total=None)
+        fresh = download(url, destination, sha256, lambda here, whole: bar.update(task, completed=here, total=whole))
+    typer.echo(f"{destination}" if fresh else f"{destination} (was already there)")
+    if model.can_check:
+        typer.echo(f"next: vsnbench models check {name}", err=True)
+
+
+def _print_json(value: object) -> None:
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+def _goals(model: "ModelDescription") -> str:
+    return "any" if model.goals is None else ", ".join(model.goals)
+
+
+def _weights_state(model: "ModelDescription") -> str:
+    from vsnbench.models.weights import weights_directory
+
+    if not model.weights_file:
+        return "needs none"
+    return (
+        "[green]found[/green]" if (weights_directory() / model.weights_file).is_file() else "[yellow]not here[/yellow]"
+    )
+
+
+def _settings_of(model: "ModelDescription") -> list[tuple[str, str, str]]:
+    if model.settings_class is None:
+        return []
+    rows = []
+    for field, info in model.settings_class.model_fields.items():
+        default = getattr(info.default, "value", info.default)
+        shown = {None: "not set", True: "true", False: "false"}.get(default, str(default))
+        rows.append((field, shown, info.description or ""))
+    return rows
+
+
+def _description_json(model: "ModelDescription") -> dict[str, Any]:
+    return {
+        "name": model.name,
+        "class": model.where,
+        "summary": model.summary,
+        "goals": None if model.goals is None else list(model.goals),
+        "sensors": [sensor.value for sensor in model.sensors],
+        "options": list(model.options),
+        "weights_file": model.weights_file or None,
+        "settings": {name: default for name, default, _ in _settings_of(model)},
+    }
+
+
+def _check_json(report: "ModelCheck") -> dict[str, Any]:
+    return {
+        "model": report.model,
+        "weights": str(report.weights),
+        "sha256": report.sha256,
+        "size_bytes": report.size_bytes,
+        **report.facts,
+        "engine": report.chosen_engine,
+        "parity": None if report.parity is None else dict(report.parity),
+        "timings": [{"engine": t.engine, "median_ms": round(t.median_ms, 3), "steps": t.steps} for t in report.timings],
+        "warning": report.warning or None,
+    }
+
+
+def _print_check(report: "ModelCheck") -> None:
+    console = Console()
+    console.print(f"[bold]{report.weights}[/bold]", highlight=False, soft_wrap=True)
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("sha256", report.sha256)
+    grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
+    for fact, value in report.facts.items():
+        grid.add_row(fact.replace("_", " "), _fact_text(value))
+    grid.add_row("runs on", report.chosen_engine)
+    grid.add_row("parity", _parity_text(report))
+    for timing in report.timings:
+        grid.add_row("time", f"{timing.median_ms:.1f} ms a step, median of {timing.steps}: {timing.engine}")
+    if len(report.timings) == 2:
+        reference, chosen = report.timings
+        grid.add_row("", f"{reference.median_ms / chosen.median_ms:.2f} times as fast as the reference")
+    console.print(grid, highlight=False, soft_wrap=True)
+
+
+def _fact_text(value: str | int | float | bool | None) -> str:  # noqa: PYI041 - each is meant
+    if value is None:
+        return "not said"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def _parity_text(report: "ModelCheck") -> str:
+    if report.parity is None:
+        return "this is the reference itself" + (f": {report.warning}" if report.warning else "")
+    return (
+        f"[green]agrees[/green] with PyTorch on the CPU: logits within {report.parity['largest_logit_difference']:.1e} "
+        f"(allowed {report.parity['tolerance']:.1e}), same actions, {report.parity['steps']} steps"
+    )

@@ -1,0 +1,74 @@
+"""Checks a PIRLNav checkpoint: what is in it, whether the chosen engine agrees with eager, and how fast both are."""
+
+import statistics
+import time
+
+from vsnbench.models.description import ModelCheck, Timing
+from vsnbench.models.pirlnav.acceleration import choose_engine
+from vsnbench.models.pirlnav.checkpoint import Checkpoint
+from vsnbench.models.pirlnav.engine import Engine, synthetic_steps
+from vsnbench.models.pirlnav.network import build_network
+from vsnbench.models.pirlnav.settings import PIRLNavSettings
+from vsnbench.models.pirlnav.torch_engine import TorchEngine
+
+_TIMED_STEPS = 24
+
+
+def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ModelCheck:
+    """Check a checkpoint that was read.
+
+    Raises:
+        UsageError: device or settings do not fit.
+        ModelError: the machine has no such device or runtime.
+    """
+    chosen = choose_engine(checkpoint, settings, device)
+    sizes = checkpoint.architecture
+    reference = TorchEngine(build_network(sizes, dict(checkpoint.weights)))
+    timings = [time_steps(reference, checkpoint)]
+    if chosen.agreement is not None:
+        timings.append(time_steps(chosen.engine, checkpoint))
+    agreement = chosen.agreement
+    parity = None
+    if agreement is not None:
+        parity = {
+            "agrees": agreement.holds,
+            "steps": agreement.steps,
+            "largest_logit_difference": agreement.largest_difference,
+            "tolerance": agreement.tolerance,
+            "different_actions": agreement.different_actions,
+        }
+    return ModelCheck(
+        model="pirlnav",
+        weights=checkpoint.path,
+        sha256=checkpoint.sha256,
+        size_bytes=checkpoint.path.stat().st_size,
+        facts={
+            "architecture": sizes.summary,
+            "image": f"{sizes.image_size_px} x {sizes.image_size_px} px",
+            "actions": sizes.actions,
+            "goals": sizes.goals,
+            "weights": len(checkpoint.weights),
+            "parameters": checkpoint.parameter_count,
+            "critic": sizes.critic,
+            "trainer": checkpoint.trainer or None,
+            "training_steps": checkpoint.training_step,
+            "key_prefix": checkpoint.prefix,
+        },
+        chosen_engine=chosen.engine.label,
+        parity=parity,
+        timings=tuple(timings),
+        warning=chosen.refused,
+    )
+
+
+def time_steps(engine: Engine, checkpoint: Checkpoint) -> Timing:
+    """Time single steps of an engine, one after the other, after a few to warm up."""
+    steps = synthetic_steps(checkpoint.architecture)
+    for step in steps:
+        engine.step(step)
+    durations_ms = []
+    for index in range(_TIMED_STEPS):
+        begun = time.perf_counter()
+        engine.step(steps[index % len(steps)])
+        durations_ms.append((time.perf_counter() - begun) * 1e3)
+    return Timing(engine.label, statistics.median(durations_ms), _TIMED_STEPS)
