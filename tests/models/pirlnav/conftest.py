@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+import torch
 
 DATA = Path(__file__).parents[2] / "data" / "pirlnav"
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> None:
+    """Small networks on a busy machine: threads would wait for each other."""
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)

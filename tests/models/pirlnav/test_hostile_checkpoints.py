@@ -217,6 +217,7 @@ def test_a_checkpoint_without_its_configuration_is_refused(tmp_path: Path) -> No
     assert "no configuration" in refusal(path)
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_flipped_byte_never_does_more_than_refuse(small_checkpoint: Path, data: st.DataObject) -> None:

@@ -1,0 +1,306 @@
+"""The policy around the network: goals, actions, memory, chance, settings, and what goes into the record."""
+
+import json
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.models.pirlnav.checkpoints import SMALL, write_checkpoint
+from tests.models.pirlnav.conftest import Recording
+from vsnbench.errors import ModelError, UsageError
+from vsnbench.models.contract import Policy
+from vsnbench.models.pirlnav import acceleration
+from vsnbench.models.pirlnav.engine import StepInput, StepOutput
+from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
+from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
+from vsnbench.models.registry import create_policy
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.pose import Pose
+
+CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
+EAGER = PIRLNavSettings(runtime=Runtime.TORCH)
+
+
+def look(recording: Recording, step: int, pose: Pose | None = None) -> Observation:
+    return Observation(recording.frames[step], None, pose or Pose(0.0, 0.0), float(step), CAMERA)
+
+
+def episode(policy: PIRLNav, recording: Recording, seed: int, steps: int = 12, goal: str = "chair") -> list[Decision]:
+    policy.reset(goal, seed)
+    return [policy.act(look(recording, step)) for step in range(steps)]
+
+
+class Scripted:
+    """Answers with fixed preferences and remembers what it was told."""
+
+    label = "scripted"
+
+    def __init__(self, *chosen: int) -> None:
+        self.chosen = list(chosen)
+        self.told: list[StepInput] = []
+
+    def step(self, step: StepInput) -> StepOutput:
+        logits = np.full(6, -20.0, np.float32)
+        logits[self.chosen[len(self.told)]] = 20.0
+        self.told.append(step)
+        return StepOutput(logits, float("nan"))
+
+
+@pytest.fixture
+def policy(small_checkpoint: Path) -> PIRLNav:
+    return PIRLNav(small_checkpoint, EAGER, "cpu")
+
+
+def scripted(policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, *chosen: int) -> Scripted:
+    engine = Scripted(*chosen)
+    chosen_engine = policy.chosen
+    monkeypatch.setattr(
+        policy,
+        "chosen",
+        acceleration.ChosenEngine(engine, chosen_engine.runtime, "cpu", chosen_engine.precision, None),
+    )
+    return engine
+
+
+def test_looking_up_drives_back_and_looking_down_drives_on_with_the_models_word_kept(
+    policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, recording: Recording
+) -> None:
+    scripted(policy, monkeypatch, *range(6))
+    decisions = episode(policy, recording, seed=0, steps=6)
+    assert [(d.raw_action, d.action) for d in decisions] == [
+        ("STOP", Action.STOP),
+        ("MOVE_FORWARD", Action.MOVE_FORWARD),
+        ("TURN_LEFT", Action.TURN_LEFT),
+        ("TURN_RIGHT", Action.TURN_RIGHT),
+        ("LOOK_UP", Action.MOVE_BACKWARD),
+        ("LOOK_DOWN", Action.MOVE_FORWARD),
+    ]
+
+
+def test_after_a_blocked_move_the_network_is_told_what_it_chose(
+    policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, recording: Recording
+) -> None:
+    engine = scripted(policy, monkeypatch, 1, 5, 2)
+    policy.reset("sofa", seed=0)
+    for step in range(3):  # the robot never moves: every forward was refused
+        policy.act(look(recording, step, Pose(0.0, 0.0)))
+    assert [step.previous_index for step in engine.told] == [0, 2, 6]
+    assert [step.begins for step in engine.told] == [True, False, False]
+    assert {step.goal for step in engine.told} == {5}
+
+
+def test_every_goal_has_its_hm3d_number(policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, recording: Recording) -> None:
+    engine = scripted(policy, monkeypatch, *[1] * 6)
+    for goal in ("chair", "bed", "plant", "toilet", "monitor", "sofa"):
+        policy.reset(goal, seed=0)
+        policy.act(look(recording, 0))
+    assert [step.goal for step in engine.told] == [0, 1, 2, 3, 4, 5]
+    assert all(step.begins for step in engine.told)
+
+
+def test_the_robots_odometry_reaches_the_network_as_forward_and_right(
+    policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, recording: Recording
+) -> None:
+    engine = scripted(policy, monkeypatch, 1)
+    policy.reset("chair", seed=0)
+    decision = policy.act(look(recording, 0, Pose.from_degrees(1.5, -0.5, 60)))
+    assert engine.told[0].gps_m == (1.5, 0.5)
+    assert engine.told[0].compass_rad == pytest.approx(np.pi / 3)
+    assert decision.diagnostics.scalars["compass_deg"] == pytest.approx(60)
+    assert "value" not in decision.diagnostics.scalars
+
+
+def test_a_goal_it_does_not_know_is_refused_with_those_it_knows(policy: PIRLNav) -> None:
+    assert policy.card.goals == frozenset({"chair", "bed", "plant", "toilet", "monitor", "sofa"})
+    with pytest.raises(UsageError, match=r"'table'.*chair.*monitor.*sofa"):
+        policy.reset("table", seed=0)
+
+
+def test_acting_before_an_episode_begins_is_an_error(policy: PIRLNav, recording: Recording) -> None:
+    with pytest.raises(ModelError, match="reset"):
+        policy.act(look(recording, 0))
+
+
+def test_sampling_follows_from_the_seed_and_nothing_else(small_checkpoint: Path, recording: Recording) -> None:
+    policy = PIRLNav(small_checkpoint, PIRLNavSettings(decision=Choice.SAMPLED, runtime=Runtime.TORCH), "cpu")
+    first = [decision.raw_action for decision in episode(policy, recording, seed=4)]
+    other = [decision.raw_action for decision in episode(policy, recording, seed=5)]
+    again = [decision.raw_action for decision in episode(policy, recording, seed=4)]
+    assert first == again
+    assert first != other
+
+
+def test_samples_come_as_often_as_their_probabilities_say(policy: PIRLNav, recording: Recording) -> None:
+    policy.reset("chair", seed=1)
+    shares = np.array([0.05, 0.5, 0.2, 0.15, 0.1, 0.0])
+    drawn = np.bincount([policy._choose(shares) for _ in range(4000)], minlength=6) / 4000
+    np.testing.assert_allclose(drawn, shares, atol=0.03)
+
+
+@pytest.mark.parametrize(("critic", "decision"), [(True, "sampled"), (False, "greedy")])
+def test_by_default_weights_decide_as_their_authors_evaluated_them(tmp_path: Path, critic: bool, decision: str) -> None:
+    path = write_checkpoint(tmp_path / "made.ckpt", SMALL.model_copy(update={"critic": critic}))
+    assert PIRLNav(path, EAGER, "cpu").card.settings["decision"] == decision
+
+
+def test_the_record_can_be_written_as_json_and_names_the_weights(policy: PIRLNav, recording: Recording) -> None:
+    assert isinstance(policy, Policy)
+    card = policy.card
+    assert card.sensors == {Sensor.RGB, Sensor.ODOMETRY}
+    assert card.weights_sha256 == "df429dd5ffb1d535a3f77a159c506c617eff3a596b7f620589d9393d5f66c03d"
+    assert card.weights_label == "ckpt.pth (imitation, RL fine-tuned, 260 M steps)"
+    assert json.loads(json.dumps(dict(card.settings)))["runtime"] == "torch"
+    decision = episode(policy, recording, seed=0, steps=1)[0]
+    assert list(decision.diagnostics.probabilities) == [action.name for action in ACTIONS]
+    assert json.loads(json.dumps(decision.diagnostics.details))["logits"]
+    assert np.isfinite(decision.diagnostics.scalars["value"])
+
+
+def test_as_published_images_are_augmented_from_the_seed(small_checkpoint: Path, recording: Recording) -> None:
+    published = PIRLNav(small_checkpoint, PIRLNavSettings(as_published=True, runtime=Runtime.TORCH), "cpu")
+    correct = PIRLNav(small_checkpoint, EAGER, "cpu")
+    logits = [
+        [d.diagnostics.details["logits"] for d in episode(policy, recording, seed=seed, steps=3)]
+        for policy, seed in [(published, 1), (published, 1), (published, 2), (correct, 1), (correct, 2)]
+    ]
+    assert logits[0] == logits[1]
+    assert logits[0] != logits[2]
+    assert logits[3][0] == logits[4][0]
+    assert published.card.settings["as_published"] is True
+
+
+def test_settings_come_from_a_file_and_go_into_the_record(tmp_path: Path, small_checkpoint: Path) -> None:
+    file = tmp_path / "pirlnav.yaml"
+    file.write_text("decision: greedy\ncompass: turns\nruntime: torch\n")
+    policy = create_policy("pirlnav", weights=small_checkpoint, model_config=file, device="cpu")
+    assert policy.card.settings["decision"] == "greedy"
+    assert policy.card.settings["compass"] == "turns"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("decision: greedy\ncompas: turns\n", r"pirlnav\.yaml:2: compas: "),
+        ("decision: best\n", r"pirlnav\.yaml:1: decision: "),
+        ("\n\nthreads: 0\n", r"pirlnav\.yaml:3: threads: "),
+        ("decision: [\n", r"pirlnav\.yaml:\d: not valid YAML"),
+        ("- greedy\n", r"pirlnav\.yaml:1: .* is a mapping with decision, compass"),
+    ],
+)
+def test_a_wrong_setting_is_refused_by_line_and_field(
+    tmp_path: Path, small_checkpoint: Path, text: str, says: str
+) -> None:
+    file = tmp_path / "pirlnav.yaml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=says):
+        PIRLNav(small_checkpoint, file, "cpu")
+
+
+def test_without_weights_one_line_says_all_three_ways() -> None:
+    with pytest.raises(ModelError) as raised:
+        PIRLNav()
+    line = str(raised.value)
+    assert "\n" not in line
+    for way in ("--weights", "$VSNBENCH_WEIGHTS/pirlnav.ckpt", "vsnbench models fetch pirlnav"):
+        assert way in line
+
+
+def test_weights_are_found_in_the_directory_of_weights(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pirlnav.ckpt").write_bytes(small_checkpoint.read_bytes())
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path))
+    assert PIRLNav(model_config=EAGER, device="cpu").card.weights_label.startswith("pirlnav.ckpt")
+
+
+def test_without_pytorch_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(ModelError, match=r"PyTorch.*pip install 'vsnbench\[neural\]'"):
+        PIRLNav()
+
+
+@pytest.mark.parametrize(
+    ("settings", "device", "error"),
+    [
+        (PIRLNavSettings(), "tpu", "no device 'tpu'"),
+        (PIRLNavSettings(precision="half"), "cpu", "half needs a CUDA device"),
+    ],
+)
+def test_what_cannot_run_is_refused(small_checkpoint: Path, settings: PIRLNavSettings, device: str, error: str) -> None:
+    with pytest.raises(UsageError, match=error):
+        PIRLNav(small_checkpoint, settings, device)
+
+
+def test_a_device_that_is_not_there_is_refused(small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import torch
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ModelError, match="finds no cuda device"):
+        PIRLNav(small_checkpoint, None, "cuda")
+
+
+def test_the_graph_is_exported_once_for_the_same_weights(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
+    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
+    assert graph.name.startswith("pirlnav-df429dd5ffb1d535")
+    written = graph.stat().st_mtime_ns
+    PIRLNav(small_checkpoint, None, "cpu")
+    assert graph.stat().st_mtime_ns == written
+
+
+def test_a_spoilt_graph_in_the_cache_is_exported_anew(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    PIRLNav(small_checkpoint, None, "cpu")
+    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
+    graph.write_bytes(b"spoilt")
+    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
+
+
+def test_a_graph_of_other_weights_is_noticed_and_not_used(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    sizes = PIRLNav.check(small_checkpoint, EAGER, "cpu")
+    assert sizes.parity is None
+    from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+
+    other = write_checkpoint(tmp_path / "other.ckpt", read_checkpoint(small_checkpoint).architecture)
+    PIRLNav(other, None, "cpu")
+    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
+    graph.rename(graph.with_name(f"pirlnav-{sizes.sha256}-v1.onnx"))
+    with caplog.at_level(logging.WARNING):
+        policy = PIRLNav(small_checkpoint, None, "cpu")
+    assert policy.chosen.runtime is Runtime.TORCH
+    assert "disagrees with PyTorch" in caplog.text
+    assert policy.card.settings["runtime"] == "torch"
+
+
+def test_a_cache_that_cannot_be_written_does_not_stop_the_model(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "vsnbench").write_text("a file where the cache should be")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.TORCH
+    assert "onnxruntime cannot be used" in caplog.text
+
+
+def test_steps_keep_no_history(policy: PIRLNav, recording: Recording) -> None:
+    import torch
+
+    episode(policy, recording, seed=0, steps=3)
+    hidden = policy.chosen.engine._hidden  # type: ignore[attr-defined]
+    assert isinstance(hidden, torch.Tensor)
+    assert hidden.grad_fn is None
+    assert hidden.requires_grad is False
