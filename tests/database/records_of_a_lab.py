@@ -1,0 +1,106 @@
+"""A small plan, and episodes of it, for the tests of the record."""
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import (
+    CampaignPlan,
+    EpisodeEnd,
+    EpisodeHandle,
+    EpisodeStart,
+    ModelIdentity,
+    PlannedTrial,
+    RobotIdentity,
+    StepRecord,
+)
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.site import Site, parse_site
+
+SITE_TEXT = """
+name: cell
+title: A cell
+rooms: [{name: cell, polygon: [[0, 0], [4, 0], [4, 4], [0, 4]]}]
+walls: [{start: [0, 0], end: [4, 0]}]
+starts: [{number: 1, position: [1, 1], heading_deg: 0}, {number: 2, position: [2, 1], heading_deg: 90}]
+"""
+
+
+def cell() -> Site:
+    return parse_site(SITE_TEXT, "cell.yaml")
+
+
+def profile() -> RobotProfile:
+    return RobotProfile.model_validate(
+        {
+            "name": "puck",
+            "title": "Puck",
+            "base": {
+                "radius_m": 0.177,
+                "height_m": 0.4,
+                "mass_kg": 6.3,
+                "track_m": 0.23,
+                "wheel_radius_m": 0.035,
+                "max_linear_m_s": 0.7,
+                "max_angular_rad_s": 3.1,
+                "odometry_rate_hz": 50,
+            },
+            "camera": {"width": 64, "height": 48, "horizontal_fov_deg": 60, "mount_height_m": 0.3},
+        }
+    )
+
+
+def plan(
+    *, goals: tuple[str, ...] = ("chair", "sofa"), seed: int = 7, settings: dict[str, object] | None = None
+) -> CampaignPlan:
+    return CampaignPlan(
+        site=cell(),
+        robot=RobotIdentity(profile(), "simulated", simulated=True),
+        model=ModelIdentity("random", settings=settings or {"temperature": 1.0}),
+        protocol=ProtocolParameters(),
+        seed=seed,
+        trials=[PlannedTrial(goal, start) for goal in goals for start in (1, 2)],
+    )
+
+
+def forward(number: int) -> StepRecord:
+    """Step `number` of a drive straight ahead."""
+    return StepRecord(
+        number=number,
+        action=Action.MOVE_FORWARD,
+        raw_action="LOOK_DOWN",
+        result=MotionResult(True, 0.25, 0.0, 1.5, pose=Pose(number * 0.25, 0.0, 0.0)),
+        observed=Pose((number - 1) * 0.25, 0.0, 0.0),
+        stamp_s=float(number),
+        world=Fix(Pose(1 + number * 0.25, 1.0, 0.0), PoseSource.SIMULATED),
+        rgb_sha256="0" * 64,
+        depth_sha256="1" * 64,
+        probabilities={"MOVE_FORWARD": 0.75, "STOP": 0.25},
+        details={"note": "straight on"},
+    )
+
+
+def stopped(*, success: bool, actions: int = 3) -> EpisodeEnd:
+    distance = GoalDistance(0.4 if success else 2.4, PoseSource.SIMULATED, "chair_1")
+    return EpisodeEnd(
+        EndReason.STOP,
+        actions,
+        Verdict(EndReason.STOP, success, "judged", distance),
+        path_length_m=0.25 * actions,
+        duration_s=1.5 * actions,
+    )
+
+
+def void(reason: EndReason = EndReason.ABORTED) -> EpisodeEnd:
+    return EpisodeEnd(reason, 1, Verdict(reason, None, "void"), error="a person ended it")
+
+
+def run(journal: Journal, trial_id: int, end: EpisodeEnd, steps: int = 3) -> EpisodeHandle:
+    episode = journal.begin_episode(EpisodeStart(trial_id, seed=1, pose=Pose(1.0, 1.0, 0.0), geodesic_m=2.0))
+    for number in range(1, steps + 1):
+        journal.append_step(episode.id, forward(number))
+    journal.end_episode(episode.id, end)
+    return episode
