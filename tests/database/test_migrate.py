@@ -145,7 +145,7 @@ def test_a_rebuilt_table_keeps_the_rows_that_point_to_it(
 ) -> None:
     oldest(sqlite, ROWS_OF_0001)
     migrate.upgrade(open_engine(sqlite))
-    body = "batch = op.batch_alter_table('episode', recreate='always')\n    with batch as table: table.drop_column('error')"
+    body = "with op.batch_alter_table('episode', recreate='always') as table: table.drop_column('error')"
     with_one_more_migration(tmp_path, monkeypatch, body)
     engine = open_engine(sqlite)
     migrate.upgrade(engine)
@@ -185,7 +185,7 @@ def test_two_processes_that_start_on_an_empty_server_migrate_it_once(postgresql:
     def start() -> None:
         try:
             Journal.open(postgresql).close()
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             failures.append(error)
 
     threads = [threading.Thread(target=start) for _ in range(4)]

@@ -1,0 +1,261 @@
+import math
+import os
+import statistics
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.database.records_of_a_lab import cell, forward, plan, run, stopped, void
+from vsnbench.database.engine import open_engine
+from vsnbench.database.journal import Journal
+from vsnbench.database.queries import episode_details, episode_steps, list_episodes
+from vsnbench.database.records import CampaignPlan, EpisodeStart, PlannedTrial, StepRecord
+from vsnbench.database.views import EpisodeFilter
+from vsnbench.errors import RecordError, TrialTakenError, UsageError
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.protocol.parameters import ProtocolParameters
+
+
+def test_the_same_plan_finds_its_campaign_again_with_the_trials_that_are_left(url: str) -> None:
+    with Journal.open(url) as journal:
+        campaign = journal.find_or_create_campaign(plan())
+        assert not campaign.resumed
+        assert [(trial.goal, trial.start) for trial in campaign.trials] == [
+            ("chair", 1), ("chair", 2), ("sofa", 1), ("sofa", 2),
+        ]  # fmt: skip
+        run(journal, campaign.trials[0].id, stopped(success=True))
+        run(journal, campaign.trials[1].id, stopped(success=False))
+        run(journal, campaign.trials[2].id, void())
+    with Journal.open(url) as journal:
+        again = journal.find_or_create_campaign(plan())
+        assert again.resumed
+        assert again.trials == campaign.trials
+        assert journal.trials_left(again.id) == campaign.trials[2:]
+
+
+def other_protocol(given: CampaignPlan) -> CampaignPlan:
+    return replace(given, protocol=ProtocolParameters(max_actions=149))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda given: replace(given, seed=8),
+        lambda given: replace(given, noise={"odometry": 0.01}),
+        lambda given: replace(given, trials=[*given.trials, PlannedTrial("chair", 1, 2)]),
+        lambda given: replace(given, model=replace(given.model, settings={"temperature": 0.5})),
+        lambda given: replace(given, model=replace(given.model, weights_sha256="f" * 64)),
+        lambda given: replace(given, robot=replace(given.robot, backend="ros")),
+        lambda given: replace(given, site=cell().model_copy(update={"title": "Another cell"})),
+        other_protocol,
+    ],
+)
+def test_whatever_could_change_a_result_makes_another_campaign(change: object) -> None:
+    assert callable(change)
+    assert change(plan()).key != plan().key
+
+
+def test_names_and_the_order_of_trials_do_not_make_another_campaign() -> None:
+    given = plan()
+    shuffled = replace(given, trials=list(reversed(given.trials)), shuffled=True, name="Tuesday")
+    assert shuffled.key == given.key
+
+
+def test_a_plan_without_trials_or_with_one_twice_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        replace(plan(), trials=[])
+    with pytest.raises(ValueError, match="twice"):
+        replace(plan(), trials=[PlannedTrial("chair", 1), PlannedTrial("chair", 1)])
+
+
+def test_a_trial_that_runs_or_counts_is_not_begun_again(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        with pytest.raises(TrialTakenError, match=f"episode {episode.id} is running it"):
+            journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        journal.end_episode(episode.id, stopped(success=False))
+        with pytest.raises(TrialTakenError, match=f"episode {episode.id} counts for it"):
+            journal.begin_episode(EpisodeStart(trial.id, seed=1))
+
+
+def test_a_void_attempt_leaves_its_trial_open_and_so_does_a_result_that_a_person_makes_void(url: str) -> None:
+    with Journal.open(url) as journal:
+        campaign = journal.find_or_create_campaign(plan(goals=("chair",)))
+        trial = campaign.trials[0]
+        run(journal, trial.id, void(EndReason.MOTION_FAILED))
+        second = run(journal, trial.id, stopped(success=True))
+        assert trial not in journal.trials_left(campaign.id)
+        journal.add_verdict(second.id, Verdict(EndReason.ABORTED, None, "the cat stood in the way"), author="ada")
+        assert trial in journal.trials_left(campaign.id)
+        run(journal, trial.id, stopped(success=False))
+        assert trial not in journal.trials_left(campaign.id)
+
+
+def test_an_episode_that_awaits_a_persons_word_is_not_run_again(url: str) -> None:
+    with Journal.open(url) as journal:
+        campaign = journal.find_or_create_campaign(plan(goals=("chair",)))
+        run(journal, campaign.trials[0].id, replace(stopped(success=True), verdict=None))
+        assert journal.trials_left(campaign.id) == campaign.trials[1:]
+
+
+def test_verdicts_are_only_added_and_the_latest_stands(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = run(journal, trial.id, stopped(success=True))
+        tape = GoalDistance(1.2, PoseSource.TAPE, "chair_1")
+        journal.add_verdict(episode.id, Verdict(EndReason.STOP, False, "tape says 1.20 m", tape), author="ada")
+        details = episode_details(journal.engine, episode.id)
+    assert [verdict.success for verdict in details.verdicts] == [True, False]
+    assert details.verdicts[1].author == "ada"
+    assert details.summary.success is False
+    assert (details.summary.distance_to_goal_m, details.summary.distance_source) == (1.2, "tape")
+
+
+def test_a_verdict_needs_an_episode_that_has_ended(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        verdict = Verdict(EndReason.COLLISION, False, "it touched the table")
+        with pytest.raises(RecordError, match="still running"):
+            journal.add_verdict(episode.id, verdict, author="ada")
+        with pytest.raises(UsageError, match="no episode 999"):
+            journal.add_verdict(999, verdict, author="ada")
+
+
+def test_an_episode_ends_once(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = run(journal, trial.id, stopped(success=True))
+        with pytest.raises(RecordError, match="has ended already"):
+            journal.end_episode(episode.id, stopped(success=False))
+        assert len(episode_details(journal.engine, episode.id).verdicts) == 1
+
+
+def test_a_step_comes_back_as_it_was_written(url: str) -> None:
+    collision = MotionResult(
+        False, 0.11, 0.02, 0.9, Collision(CollisionSource.BUMPER, "table_1"), "bumper", 2, forward(2).observed
+    )
+    strange = {
+        "array": np.arange(3),
+        "nan": math.nan,
+        "half": np.float32(0.5),
+        "nul": "a\x00b",
+        "deep": [{"inf": math.inf}],
+    }
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        journal.append_step(episode.id, forward(1))
+        journal.append_step(episode.id, StepRecord(2, Action.MOVE_FORWARD, observed=forward(2).observed))
+        journal.append_step(episode.id, replace(forward(3), result=collision, details=strange))
+        first, blocked, third = episode_steps(journal.engine, episode.id)
+    given = forward(1)
+    assert (first.raw_action, first.action, first.completed, first.blocked) == (
+        "LOOK_DOWN",
+        "MOVE_FORWARD",
+        True,
+        False,
+    )
+    assert (first.observed, first.world) == (given.observed, given.world)
+    assert first.after == (given.result.pose if given.result else None)
+    assert (first.probabilities, first.details) == (given.probabilities, given.details)
+    assert (blocked.blocked, blocked.completed, blocked.displacement_m, blocked.after) == (
+        True,
+        False,
+        0.0,
+        blocked.observed,
+    )
+    assert (third.collision_source, third.collision_touched, third.failure, third.corrections) == (
+        "bumper", "table_1", "bumper", 2,
+    )  # fmt: skip
+    assert third.details == {"array": [0, 1, 2], "nan": None, "half": 0.5, "nul": "a\ufffdb", "deep": [{"inf": None}]}
+
+
+def test_a_step_of_no_episode_and_a_step_twice_are_our_own_mistakes(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        journal.append_step(episode.id, forward(1))
+        for episode_id in (episode.id, 999):
+            with pytest.raises(Exception, match=r"(?i)constraint") as caught:
+                journal.append_step(episode_id, forward(1))
+            assert not isinstance(caught.value, RecordError)
+
+
+def test_times_come_back_aware_and_in_utc(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        run(journal, trial.id, stopped(success=True))
+        (episode,) = list_episodes(journal.engine, EpisodeFilter())
+    assert episode.started_at.utcoffset() is not None
+    assert abs(episode.started_at.timestamp() - time.time()) < 60
+
+
+def test_two_writers_at_once_lose_nothing_and_share_the_trials(url: str) -> None:
+    campaign = Journal.open(url).find_or_create_campaign(plan())
+
+    def work(_: int) -> int:
+        done = 0
+        with Journal.open(url) as journal:
+            for trial in journal.trials_left(campaign.id):
+                try:
+                    run(journal, trial.id, stopped(success=True, actions=30), steps=30)
+                except TrialTakenError:
+                    continue
+                done += 1
+        return done
+
+    with ThreadPoolExecutor(4) as pool:
+        assert sum(pool.map(work, range(4))) == len(campaign.trials)
+    engine = open_engine(url)
+    episodes = list_episodes(engine, EpisodeFilter())
+    assert sorted((episode.goal, episode.start) for episode in episodes) == sorted(
+        (trial.goal, trial.start) for trial in campaign.trials
+    )
+    assert all(len(episode_steps(engine, episode.id)) == 30 for episode in episodes)
+
+
+def test_a_reader_does_not_wait_for_a_writer(sqlite: str) -> None:
+    with Journal.open(sqlite) as journal:
+        campaign = journal.find_or_create_campaign(plan())
+        with journal.engine.begin():  # holds the write lock
+            assert len(journal.trials_left(campaign.id)) == 4
+            assert list_episodes(journal.engine, EpisodeFilter()) == ()
+
+
+def test_a_committed_step_costs_little(sqlite: str, capsys: pytest.CaptureFixture[str]) -> None:
+    seconds = []
+    with Journal.open(sqlite) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        for number in range(1, 1001):
+            step = forward(number)
+            begin = time.perf_counter()
+            journal.append_step(episode.id, step)
+            seconds.append(time.perf_counter() - begin)
+    median_ms, worst_ms = statistics.median(seconds) * 1000, max(seconds) * 1000
+    with capsys.disabled():
+        print(f"\nappend_step: median {median_ms:.2f} ms, worst {worst_ms:.1f} ms")
+    assert median_ms < 2
+
+
+def test_provenance_names_the_process_and_its_code(sqlite: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VSNBENCH_OPERATOR", "ada")
+    with Journal.open(sqlite) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        given = episode_details(journal.engine, run(journal, trial.id, stopped(success=True)).id).provenance
+    assert given.operator == "ada"
+    assert given.packages["sqlalchemy"]
+    assert given.model_settings == {"temperature": 1.0}
+    assert given.protocol["max_actions"] == 150
+    assert given.site_content["name"] == "cell"
+    if Path(__file__).parents[2].joinpath(".git").exists() and os.access("/usr/bin/git", os.X_OK):
+        assert len(given.git_commit) == 40

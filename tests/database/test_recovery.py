@@ -1,0 +1,122 @@
+import os
+import signal
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from sqlalchemy import text
+
+from tests.database.records_of_a_lab import forward, plan, run, stopped
+from vsnbench.database.journal import Journal
+from vsnbench.database.provenance import ProcessIdentity, this_process
+from vsnbench.database.queries import episode_details, episode_steps
+from vsnbench.database.records import EpisodeStart
+
+RUNNER = """
+import sys
+from tests.database.records_of_a_lab import forward, plan
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import EpisodeStart
+
+journal = Journal.open(sys.argv[1])
+trial = journal.find_or_create_campaign(plan()).trials[0]
+episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+number = 0
+while True:
+    number += 1
+    journal.append_step(episode.id, forward(number))
+    print(number, flush=True)
+"""
+
+
+def killed_in_mid_episode(url: str, steps: int) -> int:
+    """Run an episode in another process, kill -9 it after some steps; return the last step it had reported."""
+    root = Path(__file__).parents[2]
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, url],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )
+    assert process.stdout is not None
+    reported = [int(process.stdout.readline()) for _ in range(steps)][-1]
+    process.kill()
+    reported = max([reported, *map(int, process.stdout.read().split())])
+    assert process.wait() == -signal.SIGKILL
+    return reported
+
+
+def test_an_episode_whose_process_was_killed_is_interrupted_keeps_its_steps_and_is_run_again(url: str) -> None:
+    reported = killed_in_mid_episode(url, 25)
+    with Journal.open(url) as journal:
+        (recovered,) = journal.recovered
+        assert recovered.steps >= reported
+        steps = episode_steps(journal.engine, recovered.id)
+        assert [step.number for step in steps] == list(range(1, recovered.steps + 1))
+        details = episode_details(journal.engine, recovered.id)
+        assert (details.summary.end_reason, details.summary.outcome) == ("interrupted", "void")
+        assert details.summary.actions == recovered.steps
+        assert details.summary.path_length_m is not None
+        assert abs(details.summary.path_length_m - 0.25 * recovered.steps) < 1e-6
+        assert not details.counts
+        assert [event.kind for event in details.events] == ["recovered"]
+        campaign = journal.find_or_create_campaign(plan())
+        assert campaign.resumed
+        assert journal.trials_left(campaign.id) == campaign.trials
+        for trial in journal.trials_left(campaign.id):
+            run(journal, trial.id, stopped(success=True))
+        assert journal.trials_left(campaign.id) == ()
+
+
+def test_recovery_happens_once(sqlite: str) -> None:
+    killed_in_mid_episode(sqlite, 3)
+    assert len(Journal.open(sqlite).recovered) == 1
+    with Journal.open(sqlite) as journal:
+        assert journal.recovered == ()
+        assert len(episode_details(journal.engine, 1).verdicts) == 1
+
+
+def test_the_episode_of_a_living_process_is_left_alone(url: str) -> None:
+    with Journal.open(url) as first:
+        trial = first.find_or_create_campaign(plan()).trials[0]
+        episode = first.begin_episode(EpisodeStart(trial.id, seed=1))
+        assert Journal.open(url).recovered == ()
+        first.append_step(episode.id, forward(1))
+        first.end_episode(episode.id, stopped(success=True))
+
+
+def test_on_a_shared_server_another_machine_counts_as_dead_only_after_long_silence(postgresql: str) -> None:
+    with Journal.open(postgresql) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET boot_id = 'another kernel', host = 'another robot'"))
+        assert journal.recover() == ()
+        with journal.engine.begin() as connection:
+            long_ago = datetime.now(UTC) - timedelta(hours=1)
+            connection.execute(text("UPDATE episode SET started_at = :then"), {"then": long_ago})
+        assert len(journal.recover()) == 1
+
+
+def test_a_file_written_under_another_kernel_was_written_by_the_dead(sqlite: str) -> None:
+    with Journal.open(sqlite) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET boot_id = 'before the power cut'"))
+        assert len(journal.recover()) == 1
+
+
+def test_a_process_is_told_from_a_later_one_with_the_same_number() -> None:
+    here = this_process()
+    assert here.is_alive(here) is True
+    reborn = ProcessIdentity(here.host, here.pid, here.boot_id, here.pid_namespace, here.start_ticks - 1)
+    assert reborn.is_alive(here) is False
+
+
+def test_a_process_in_another_container_cannot_be_asked() -> None:
+    here = this_process()
+    elsewhere = ProcessIdentity(here.host, here.pid, here.boot_id, "pid:[1]", here.start_ticks)
+    assert elsewhere.is_alive(here) is None
