@@ -1,5 +1,7 @@
 """What kind of robot it is: base, speeds, camera and ROS names. The YAML files live in `vsnbench/robots/profiles`."""
 
+from typing import Annotated, Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.protocol.camera import Camera
@@ -31,23 +33,34 @@ class Speeds(BaseModel):
     acceleration_share: float = Field(default=1 / 3, gt=0, le=0.5, description="share of the way spent accelerating")
 
 
+RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
+"""A topic or service name; empty for what the robot does not have."""
+
+
 class RosNames(BaseModel):
     """The ROS topics and services of this robot; an empty name means the robot does not have it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    command: str = "/cmd_vel"
-    odometry: str = "/odom"
-    reset_odometry: str = ""
-    bumper: str = ""
-    cliff: str = ""
-    wheel_drop: str = ""
-    color: str = "/camera/color/image_raw"
-    color_info: str = "/camera/color/camera_info"
-    depth: str = "/camera/depth/image_raw"
-    depth_info: str = "/camera/depth/camera_info"
-    discrete_move: str = "/discrete_move"
+    command: RosName = Field(default="/cmd_vel", min_length=1)
+    odometry: RosName = Field(default="/odom", min_length=1)
+    reset_odometry: RosName = ""
+    bumper: RosName = ""
+    bumper_type: Literal["kobuki_msgs/BumperEvent", "std_msgs/Bool"] = "kobuki_msgs/BumperEvent"
+    cliff: RosName = ""
+    cliff_type: Literal["kobuki_msgs/CliffEvent", "std_msgs/Bool"] = "kobuki_msgs/CliffEvent"
+    wheel_drop: RosName = ""
+    wheel_drop_type: Literal["kobuki_msgs/WheelDropEvent", "std_msgs/Bool"] = "kobuki_msgs/WheelDropEvent"
+    color: RosName = Field(default="/camera/color/image_raw", min_length=1)
+    color_info: RosName = "/camera/color/camera_info"
+    depth: RosName = "/camera/depth/image_raw"
+    depth_info: RosName = "/camera/depth/camera_info"
+    discrete_move: RosName = Field(default="/discrete_move", min_length=1)
     camera_rate_hz: float = Field(default=30.0, gt=0, le=240)
+    depth_frames: int = Field(default=10, ge=1, le=100, description="depth images of one median (paper, vsn.yaml)")
+    command_timeout_s: float = Field(
+        default=0.6, gt=0, le=60, description="the base stands still when it hears no command for this long"
+    )
 
 
 class RobotProfile(BaseModel):

@@ -1,0 +1,1 @@
+"""`discrete_move` for the tools of ROS, where upstream's package is not built."""
