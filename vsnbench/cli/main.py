@@ -40,8 +40,9 @@ EXAMPLES = """
     vsnbench report
     vsnbench view 1
 
-With no robot named, a simulated Turtlebot 2 drives in an embedded apartment. Results go to ./results, or where
---results or $VSNBENCH_RESULTS says. Interrupted? Type the same command again: it goes on with the trials left.
+With no robot named, a simulated Turtlebot 2 drives in an embedded apartment.
+Results go to ./results, or where --results or $VSNBENCH_RESULTS says.
+Interrupted? The same command goes on with the trials that are left.
 """
 
 

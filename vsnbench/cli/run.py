@@ -7,6 +7,7 @@ import typer
 
 _WHAT = "What to run"
 _HOW = "How"
+_MODEL = "Model"
 _RECORD = "Record"
 
 
@@ -14,7 +15,10 @@ def command(
     model: Annotated[
         str,
         typer.Option(
-            "--model", "-m", help="random, forward, oracle, ..., or package.module:Class", rich_help_panel=_WHAT
+            "--model",
+            "-m",
+            help="random, forward, oracle, pirlnav, ..., or package.module:Class",
+            rich_help_panel=_WHAT,
         ),
     ],
     goal: Annotated[
@@ -44,6 +48,15 @@ def command(
     noise: Annotated[
         bool, typer.Option("--noise", help="noisy depth and odometry in simulation", rich_help_panel=_HOW)
     ] = False,
+    weights: Annotated[
+        Path | None, typer.Option("--weights", help="file of the model's weights", rich_help_panel=_MODEL)
+    ] = None,
+    model_config: Annotated[
+        Path | None, typer.Option("--model-config", help="YAML file of the model's settings", rich_help_panel=_MODEL)
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option("--device", help="auto, cpu, cuda or mps", rich_help_panel=_MODEL)
+    ] = None,
     results: Annotated[
         Path | None,
         typer.Option(
@@ -67,17 +80,20 @@ def command(
 
         vsnbench run --model oracle --goal chair                     the whole protocol for one goal
         vsnbench run --model random --goal all --starts 1-5          every goal from five positions
+        vsnbench run --model pirlnav --weights il.ckpt --goal all    PIRLNav from the authors' checkpoint
         vsnbench run --model mylab.policy:Policy --goal bed,sofa     your own policy
         vsnbench run --model forward --goal chair --live             watch it in Rerun
         vsnbench run --model oracle --goal all --site lab.yaml       a site you surveyed
 
-    Ctrl-C ends the current episode as aborted and halts the robot. The same command goes on with the trials that are
-    left; another seed, site, model or parameter is another campaign.
+    Ctrl-C halts the robot and ends the current episode as aborted.
+    The same command goes on with the trials that are left.
+    Another seed, site, model or parameter is another campaign.
     """
     from vsnbench.cli.run_summary import run_and_tell
     from vsnbench.runner.launch import RunRequest
     from vsnbench.runner.results import ResultsDirectory
 
+    options = {"weights": weights, "model_config": model_config, "device": device}
     request = RunRequest(
         model=model,
         goals=tuple(goal),
@@ -91,5 +107,6 @@ def command(
         shuffle=shuffle,
         noise=noise,
         live=live,
+        model_options={name: value for name, value in options.items() if value is not None},
     )
     raise typer.Exit(run_and_tell(request))
