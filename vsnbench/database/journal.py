@@ -39,7 +39,7 @@ from vsnbench.database.rows import (
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
 from vsnbench.database.validity import counts, standing_verdict_id, takers
-from vsnbench.errors import RecordError, TrialTakenError
+from vsnbench.errors import RecordError, TrialTakenError, UsageError
 from vsnbench.protocol.judge import Verdict
 
 
@@ -189,12 +189,13 @@ class Journal:
         """Append a judgement to an ended episode; from now on it stands.
 
         Raises:
-            RecordError: there is no such episode, or it is still running.
+            UsageError: there is no such episode.
+            RecordError: it is still running.
         """
         with _transaction(self.engine) as connection:
             row = connection.execute(select(Episode.end_reason).where(Episode.id == episode_id)).first()
             if row is None:
-                raise RecordError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
+                raise UsageError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
             if row.end_reason is None:
                 raise RecordError(f"episode {episode_id} is still running: judge it when it has ended")
             connection.execute(insert(VerdictTable), verdict_row(episode_id, verdict, author=author, source=source))

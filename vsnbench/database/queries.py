@@ -19,7 +19,7 @@ from vsnbench.database.views import (
     StepRow,
     VerdictRow,
 )
-from vsnbench.errors import RecordError
+from vsnbench.errors import UsageError
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.pose import Pose
@@ -54,7 +54,8 @@ def episode_summary(engine: Engine, episode_id: int) -> EpisodeSummary:
     """Return one episode on one line.
 
     Raises:
-        RecordError: there is no such episode, or the database cannot be read.
+        UsageError: there is no such episode.
+        RecordError: the database cannot be read.
     """
     with _reader(engine) as connection:
         return _one_summary(connection, episode_id)
@@ -77,7 +78,8 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
     """Return one episode with its verdicts, events and provenance.
 
     Raises:
-        RecordError: there is no such episode, or the database cannot be read.
+        UsageError: there is no such episode.
+        RecordError: the database cannot be read.
     """
     with _reader(engine) as connection:
         summary = _one_summary(connection, episode_id)
@@ -276,7 +278,7 @@ def _restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select
 def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
     row = connection.execute(_summary_query().where(Episode.id == episode_id)).first()
     if row is None:
-        raise RecordError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
+        raise UsageError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
     return EpisodeSummary(*row)
 
 

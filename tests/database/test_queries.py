@@ -1,0 +1,81 @@
+import pytest
+
+from tests.database.records_of_a_lab import forward, plan, run, stopped, void
+from vsnbench.database.journal import Journal
+from vsnbench.database.queries import campaign_states, count_episodes, counting_episodes, episode_summary, list_episodes
+from vsnbench.database.records import EpisodeEnd, EpisodeStart
+from vsnbench.database.views import EpisodeFilter
+from vsnbench.errors import UsageError
+from vsnbench.protocol.judge import EndReason, Verdict
+
+
+@pytest.fixture
+def journal(url: str) -> Journal:
+    """Six episodes: void, success, failure by collision, unjudged, running, and one of another campaign."""
+    journal = Journal.open(url)
+    chair_1, chair_2, sofa_1, sofa_2 = journal.find_or_create_campaign(plan()).trials
+    run(journal, chair_1.id, void())
+    run(journal, chair_1.id, stopped(success=True))
+    collision = Verdict(EndReason.COLLISION, False, "failed: collision at action 3")
+    run(journal, chair_2.id, EpisodeEnd(EndReason.COLLISION, 3, collision))
+    run(journal, sofa_1.id, EpisodeEnd(EndReason.STOP, 3))
+    journal.append_step(journal.begin_episode(EpisodeStart(sofa_2.id, seed=1)).id, forward(1))
+    other = journal.find_or_create_campaign(plan(goals=("bed",), seed=8))
+    run(journal, other.trials[0].id, stopped(success=False))
+    return journal
+
+
+@pytest.mark.parametrize(
+    ("which", "found"),
+    [
+        (EpisodeFilter(), [1, 2, 3, 4, 5, 6]),
+        (EpisodeFilter(outcome="success"), [2]),
+        (EpisodeFilter(outcome="failure"), [3, 6]),
+        (EpisodeFilter(outcome="void"), [1]),
+        (EpisodeFilter(outcome="unjudged"), [4]),
+        (EpisodeFilter(outcome="running"), [5]),
+        (EpisodeFilter(outcome="collision"), [3]),
+        (EpisodeFilter(goal="chair"), [1, 2, 3]),
+        (EpisodeFilter(campaign="2"), [6]),
+        (EpisodeFilter(model="random", goal="sofa", outcome="unjudged"), [4]),
+        (EpisodeFilter(model="oracle"), []),
+        (EpisodeFilter(campaign="%"), []),
+    ],
+)
+def test_a_filter_finds(journal: Journal, which: EpisodeFilter, found: list[int]) -> None:
+    assert [episode.id for episode in list_episodes(journal.engine, which)] == found
+    assert count_episodes(journal.engine, which) == len(found)
+
+
+def test_every_episode_has_one_word_for_its_outcome(journal: Journal) -> None:
+    outcomes = [episode.outcome for episode in list_episodes(journal.engine, EpisodeFilter())]
+    assert outcomes == ["void", "success", "failure", "unjudged", "running", "failure"]
+
+
+def test_a_limit_gives_the_latest_in_order(journal: Journal) -> None:
+    assert [episode.id for episode in list_episodes(journal.engine, EpisodeFilter(), limit=2)] == [5, 6]
+
+
+def test_one_episode_of_a_trial_counts_and_void_ones_never(journal: Journal) -> None:
+    assert [episode.id for episode in counting_episodes(journal.engine, EpisodeFilter())] == [2, 3, 4, 6]
+
+
+def test_when_a_void_attempt_is_pardoned_the_first_result_of_the_trial_counts(journal: Journal) -> None:
+    journal.add_verdict(1, Verdict(EndReason.STOP, False, "it had stopped by itself"), author="ada")
+    assert [episode.id for episode in counting_episodes(journal.engine, EpisodeFilter(goal="chair"))] == [1, 3]
+
+
+def test_campaigns_say_how_far_they_have_come(journal: Journal) -> None:
+    assert [(state.trials, state.done) for state in campaign_states(journal.engine)] == [(4, 3), (2, 1)]
+
+
+def test_a_collision_is_told_from_the_standing_verdict(journal: Journal) -> None:
+    assert episode_summary(journal.engine, 3).collision
+    assert not episode_summary(journal.engine, 2).collision
+    journal.add_verdict(2, Verdict(EndReason.COLLISION, False, "it brushed the door"), author="ada")
+    assert episode_summary(journal.engine, 2).collision
+
+
+def test_an_episode_that_does_not_exist_is_a_mistake_of_the_command(journal: Journal) -> None:
+    with pytest.raises(UsageError, match="no episode 77"):
+        episode_summary(journal.engine, 77)
