@@ -18,7 +18,7 @@ from tests.runner.synthetic_episode import record
 from vsnbench.runner.results import ResultsDirectory
 
 WIDTH, HEIGHT = 1600, 1000
-DRAWN_WITHIN_S = 45.0
+DRAWN_WITHIN_S = 120.0
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
 from tests.runner.synthetic_episode import UUID, frames, header, write
+from vsnbench.protocol.decision import Diagnostics
 from vsnbench.runner import rerun_recording
 from vsnbench.runner.episode_frames import StepFrame
 from vsnbench.runner.rerun_recording import EpisodeRecording
@@ -157,3 +159,16 @@ def test_adding_after_the_end_is_ignored(tmp_path: Path) -> None:
     assert recording.close().path is not None
     recording.add(next(frames(2)))
     assert steps_of(tmp_path / "episode.rrd", "/status") == [1, 2]
+
+
+def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None:
+    first, second = [frame for frame in frames(4) if isinstance(frame, StepFrame)][:2]
+    bare = replace(second, decision=replace(second.decision, diagnostics=Diagnostics()))
+    with EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True) as recording:
+        recording.add(first)
+        recording.add(bare)
+        recording.add(replace(bare, index=3))
+    boxes = column(tmp_path / "episode.rrd", "/camera/rgb/detections", "Boxes2D:half_sizes")
+    assert [len(row) for row in boxes] == [2, 0]  # type: ignore[arg-type]
+    goals = column(tmp_path / "episode.rrd", "/plan/policy/sub_goal", "Points2D:positions")
+    assert [len(row) for row in goals] == [1, 0]  # type: ignore[arg-type]

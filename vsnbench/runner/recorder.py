@@ -16,6 +16,7 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.runner.diagnostics_record import diagnostics_to_details
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
 from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
 from vsnbench.runner.images import EpisodeImages, StampedPose
@@ -154,7 +155,7 @@ class EpisodeRecorderFanOut:
                 depth_sha256=images.depth_sha256,
                 timings=StepTimings(step.timings.sense_s, step.timings.infer_s, step.timings.move_s),
                 probabilities=decision.diagnostics.probabilities,
-                details=decision.diagnostics.details,
+                details=diagnostics_to_details(decision.diagnostics),
             ),
         )
         if self._recording:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Box
 from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
 from vsnbench.runner.rerun_blueprint import TIMELINE, episode_blueprint
 from vsnbench.runner.rerun_plan import FAILURE_RGB, SUCCESS_RGB, FloorPlan
@@ -47,6 +48,7 @@ class EpisodeDrawing:
         self._blocked = 0
         self._first_stamp_s: float | None = None
         self._with_scores = False
+        self._boxes_shown = False
         self._begin()
 
     def draw(self, frame: Frame) -> None:
@@ -113,15 +115,7 @@ class EpisodeDrawing:
         self._blocked += frame.blocked
         if frame.rgb_jpeg is not None:
             log("camera/rgb", rr.EncodedImage(contents=frame.rgb_jpeg, media_type="image/jpeg"))
-        log(
-            "camera/rgb/detections",
-            rr.Boxes2D(
-                array=[[box.left, box.top, box.right, box.bottom] for box in told.boxes] or None,
-                array_format=rr.Box2DFormat.XYXY if told.boxes else None,
-                labels=[f"{box.label} {box.score:.2f}" for box in told.boxes],
-                colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in told.boxes],
-            ),
-        )
+        self._detections(told.boxes)
         if frame.depth_png is not None:
             log(
                 "camera/depth",
@@ -137,6 +131,21 @@ class EpisodeDrawing:
             log("distance/success_under", rr.Scalars(self._header.parameters.success_distance_m))
         self._decision(frame)
         log("status", _markdown(self._status_text(frame, distance)))
+
+    def _detections(self, boxes: tuple[Box, ...]) -> None:
+        import rerun as rr
+
+        if boxes or self._boxes_shown:
+            self._recording.log(
+                "camera/rgb/detections",
+                rr.Boxes2D(
+                    mins=[(box.left, box.top) for box in boxes],
+                    sizes=[(box.right - box.left, box.bottom - box.top) for box in boxes],
+                    labels=[f"{box.label} {box.score:.2f}" for box in boxes],
+                    colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in boxes],
+                ),
+            )
+        self._boxes_shown = bool(boxes)
 
     def _decision(self, frame: StepFrame) -> None:
         import rerun as rr

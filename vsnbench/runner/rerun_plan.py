@@ -5,32 +5,21 @@ up be up, because a 2D view of Rerun draws y downwards.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.metrics import distance_to_goal
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site, SiteObject
 from vsnbench.runner.episode_frames import EpisodeHeader, StepFrame
+from vsnbench.runner.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
 
 if TYPE_CHECKING:
     import rerun as rr
-    from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
-PLAN_PIXEL_M = 0.0125
-ROOM_RGB = {"wood": (244, 236, 222), "tiles": (226, 234, 238), "carpet": (238, 230, 236), "concrete": (232, 232, 230)}
-WALL_RGB = (70, 72, 78)
-DOOR_RGB = (170, 130, 90)
-WINDOW_RGB = (120, 170, 210)
-FURNITURE_RGB = (206, 204, 198)
-FURNITURE_EDGE_RGB = (150, 148, 142)
-GOAL_RGB = (88, 172, 108)
-GOAL_EDGE_RGB = (22, 110, 52)
 START_RGB = (60, 60, 64)
 ROBOT_RGB = (24, 92, 190)
 SUCCESS_RGB = (22, 140, 62)
@@ -47,6 +36,7 @@ class FloorPlan:
         self._recording = recording
         self._header = header
         self._here = header.begin
+        self._showing: frozenset[str] = frozenset()
 
     def draw_site(self) -> None:
         """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
@@ -57,7 +47,7 @@ class FloorPlan:
         site, goal = header.site, header.goal
         log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
         log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
-        picture, corner = _site_picture(site, goal)
+        picture, corner = paint_site(site, goal)
         height = picture.shape[0] * PLAN_PIXEL_M
         # The picture's rows run down: flipped back, its corner is the upper left one.
         log(
@@ -69,7 +59,7 @@ class FloorPlan:
         goals = site.instances(goal)
         log(
             "plan/goal/instances",
-            rr.LineStrips2D([_outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
+            rr.LineStrips2D([outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
             static=True,
         )
         log(
@@ -176,60 +166,17 @@ class FloorPlan:
                 rr.SegmentationImage(told.map.cells, opacity=0.55, draw_order=-5.0),
             )
         points = [begin.compose(Pose(*point)).position for point in told.nodes]
-        log("plan/policy/nodes", rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
-        way = [begin.compose(Pose(*point)).position for point in told.path]
-        log("plan/policy/path", rr.LineStrips2D([way] if len(way) > 1 else [], colors=POLICY_RGB, radii=0.02))
+        self._show("plan/policy/nodes", points, lambda: rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
+        way = [[begin.compose(Pose(*point)).position for point in told.path]] if len(told.path) > 1 else []
+        self._show("plan/policy/path", way, lambda: rr.LineStrips2D(way, colors=POLICY_RGB, radii=0.02))
         target = [] if told.sub_goal is None else [begin.compose(Pose(*told.sub_goal)).position]
-        log("plan/policy/sub_goal", rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
+        self._show("plan/policy/sub_goal", target, lambda: rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
 
-
-def _site_picture(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
-    """Paint rooms, walls and furniture; returns (H, W, 3) uint8, rows down, and the lower-left corner in metres."""
-    import cv2
-    from shapely.ops import unary_union
-
-    walls = unary_union([wall.shape for wall in site.walls] + [room.shape for room in site.rooms])
-    left, bottom, right, top = walls.buffer(0.05).bounds
-    width, height = math.ceil((right - left) / PLAN_PIXEL_M), math.ceil((top - bottom) / PLAN_PIXEL_M)
-    corner = (left, top - height * PLAN_PIXEL_M)
-    picture = np.full((height, width, 3), 250, np.uint8)
-
-    def pixels(points: Iterable[tuple[float, float]]) -> npt.NDArray[np.int32]:
-        inside = [
-            ((x - corner[0]) / PLAN_PIXEL_M * 16, (height - (y - corner[1]) / PLAN_PIXEL_M) * 16) for x, y in points
-        ]
-        return np.array(inside).round().astype(np.int32)
-
-    def fill(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
-        cv2.fillPoly(picture, [pixels(points)], rgb, lineType=cv2.LINE_AA, shift=4)
-
-    def trace(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int], closed: bool, thick_m: float) -> None:
-        thickness = max(1, round(thick_m / PLAN_PIXEL_M))
-        cv2.polylines(picture, [pixels(points)], closed, rgb, thickness, lineType=cv2.LINE_AA, shift=4)
-
-    for room in site.rooms:
-        fill(room.polygon, ROOM_RGB[room.floor])
-    for thing in sorted(site.objects, key=_top_m):
-        is_goal = thing.category == goal
-        outline = _outline(thing.shape)
-        fill(outline, GOAL_RGB if is_goal else FURNITURE_RGB if thing.solid else (228, 220, 212))
-        trace(outline, GOAL_EDGE_RGB if is_goal else FURNITURE_EDGE_RGB, True, 0.02)
-    for wall in site.walls:
-        fill(_outline(wall.shape), WALL_RGB)
-    for window in site.windows:
-        trace([window.start, window.end], WINDOW_RGB, False, 0.08)
-    for door in site.doors:
-        color = DOOR_RGB if door.closed else ROOM_RGB["wood"]
-        trace([door.start, door.end], color, False, 0.12)
-    return picture, corner
-
-
-def _top_m(thing: SiteObject) -> float:
-    return thing.elevation_m + thing.size_m[2]
-
-
-def _outline(shape: "Polygon") -> list[tuple[float, float]]:
-    return [(float(x), float(y)) for x, y in shape.exterior.coords]
+    def _show(self, entity: str, what: Sequence[object], draw: "Callable[[], rr.AsComponents]") -> None:
+        """Log what there is, and nothing at all for a policy that never has any."""
+        if what or entity in self._showing:
+            self._recording.log(entity, draw())
+        self._showing = self._showing | {entity} if what else self._showing - {entity}
 
 
 def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:

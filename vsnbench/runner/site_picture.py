@@ -1,0 +1,73 @@
+"""A site painted as a floor plan: rooms, walls, furniture, and the goal's instances in a colour of their own."""
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.protocol.site import Site, SiteObject
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
+
+PLAN_PIXEL_M = 0.0125
+ROOM_RGB = {"wood": (244, 236, 222), "tiles": (226, 234, 238), "carpet": (238, 230, 236), "concrete": (232, 232, 230)}
+WALL_RGB = (70, 72, 78)
+DOOR_RGB = (170, 130, 90)
+WINDOW_RGB = (120, 170, 210)
+FURNITURE_RGB = (206, 204, 198)
+FURNITURE_EDGE_RGB = (150, 148, 142)
+GOAL_RGB = (88, 172, 108)
+GOAL_EDGE_RGB = (22, 110, 52)
+
+
+def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
+    """Paint rooms, walls and furniture; returns (H, W, 3) uint8, rows down, and the lower-left corner in metres."""
+    import cv2
+    from shapely.ops import unary_union
+
+    walls = unary_union([wall.shape for wall in site.walls] + [room.shape for room in site.rooms])
+    left, bottom, right, top = walls.buffer(0.05).bounds
+    width, height = math.ceil((right - left) / PLAN_PIXEL_M), math.ceil((top - bottom) / PLAN_PIXEL_M)
+    corner = (left, top - height * PLAN_PIXEL_M)
+    picture = np.full((height, width, 3), 250, np.uint8)
+
+    def pixels(points: Iterable[tuple[float, float]]) -> npt.NDArray[np.int32]:
+        inside = [
+            ((x - corner[0]) / PLAN_PIXEL_M * 16, (height - (y - corner[1]) / PLAN_PIXEL_M) * 16) for x, y in points
+        ]
+        return np.array(inside).round().astype(np.int32)
+
+    def fill(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
+        cv2.fillPoly(picture, [pixels(points)], rgb, lineType=cv2.LINE_AA, shift=4)
+
+    def trace(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int], closed: bool, thick_m: float) -> None:
+        thickness = max(1, round(thick_m / PLAN_PIXEL_M))
+        cv2.polylines(picture, [pixels(points)], closed, rgb, thickness, lineType=cv2.LINE_AA, shift=4)
+
+    for room in site.rooms:
+        fill(room.polygon, ROOM_RGB[room.floor])
+    for thing in sorted(site.objects, key=_top_m):
+        is_goal = thing.category == goal
+        edge = outline(thing.shape)
+        fill(edge, GOAL_RGB if is_goal else FURNITURE_RGB if thing.solid else (228, 220, 212))
+        trace(edge, GOAL_EDGE_RGB if is_goal else FURNITURE_EDGE_RGB, True, 0.02)
+    for wall in site.walls:
+        fill(outline(wall.shape), WALL_RGB)
+    for window in site.windows:
+        trace([window.start, window.end], WINDOW_RGB, False, 0.08)
+    for door in site.doors:
+        color = DOOR_RGB if door.closed else ROOM_RGB["wood"]
+        trace([door.start, door.end], color, False, 0.12)
+    return picture, corner
+
+
+def _top_m(thing: SiteObject) -> float:
+    return thing.elevation_m + thing.size_m[2]
+
+
+def outline(shape: "Polygon") -> list[tuple[float, float]]:
+    """Return the corners of a polygon, metres."""
+    return [(float(x), float(y)) for x, y in shape.exterior.coords]
