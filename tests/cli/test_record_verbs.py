@@ -1,0 +1,121 @@
+import contextlib
+import io
+import json
+import os
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from tests.database.records_of_a_lab import plan, run, stopped, void
+from vsnbench.cli.main import main
+from vsnbench.database.engine import sqlite_url
+from vsnbench.database.journal import Journal
+
+PROMISED = {
+    "id", "uuid", "campaign", "model", "robot", "site", "goal", "start", "repetition", "end_reason", "success",
+    "actions", "distance_to_goal_m", "collision", "path_length_m", "duration_s", "started_at",
+}  # fmt: skip
+"""What scripts may count on in `episodes list --json`."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a command left behind."""
+
+    returncode: object
+    stdout: str
+    stderr: str
+
+
+def vsnbench(results: Path, *words: str) -> Done:
+    """Run the console script in this process: as the user sees it, without paying for its imports each time."""
+    stdout, stderr = io.StringIO(), io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", ["vsnbench", *words]),
+        mock.patch.dict(os.environ, {"VSNBENCH_RESULTS": str(results)}),
+        contextlib.redirect_stdout(stdout),
+        contextlib.redirect_stderr(stderr),
+        pytest.raises(SystemExit) as exit_,
+    ):
+        main()
+    return Done(exit_.value.code, stdout.getvalue(), stderr.getvalue())
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two episodes of a model whose name would colour the terminal and the table if it could."""
+    folder = tmp_path_factory.mktemp("results")
+    given = plan()
+    hostile = replace(given, model=replace(given.model, name="[red]evil\x1b[31m\n"))
+    with Journal.open(sqlite_url(folder / "vsnbench.db")) as journal:
+        trials = journal.find_or_create_campaign(hostile).trials
+        run(journal, trials[0].id, void())
+        run(journal, trials[0].id, stopped(success=True))
+    return folder
+
+
+def test_the_list_has_what_scripts_were_promised(results: Path) -> None:
+    done = vsnbench(results, "episodes", "list", "--json")
+    first, second = json.loads(done.stdout)
+    assert set(first) >= PROMISED
+    assert (first["end_reason"], first["success"], first["distance_to_goal_m"]) == ("aborted", None, None)
+    assert (second["end_reason"], second["success"], second["collision"]) == ("stop", True, False)
+    assert second["path_length_m"] == 0.75
+
+
+def test_names_from_the_record_are_printed_as_text(results: Path) -> None:
+    for words in (["episodes", "list"], ["episodes", "show", "2", "--steps"], ["db", "status"]):
+        done = vsnbench(results, *words)
+        assert done.returncode == 0, done.stderr
+        assert "[red]evil" in done.stdout
+        assert "\x1b" not in done.stdout
+
+
+def test_the_list_can_be_restricted_and_says_when_it_is_cut(results: Path) -> None:
+    void_ones = vsnbench(results, "episodes", "list", "--outcome", "void", "--json").stdout
+    assert [row["id"] for row in json.loads(void_ones)] == [1]
+    cut = vsnbench(results, "episodes", "list", "--limit", "1")
+    assert "the latest 1 of 2" in cut.stderr
+    assert vsnbench(results, "episodes", "list", "--goal", "bed").stderr.strip() == "no such episodes"
+
+
+def test_one_episode_is_shown_whole(results: Path) -> None:
+    page = vsnbench(results, "episodes", "show", "2").stdout
+    for part in ("success", "0.40 m (simulated)", "3 LOOK_DOWN as MOVE_FORWARD", "judged", "000002"):
+        assert part in page
+    whole = json.loads(vsnbench(results, "episodes", "show", "2", "--json").stdout)
+    assert len(whole["steps"]) == 3
+    assert whole["provenance"]["packages"]["numpy"]
+    assert whole["counts"] is True
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "line"),
+    [
+        (["episodes", "show", "77"], 2, "there is no episode 77"),
+        (["episodes", "list", "--outcome", "glory"], 2, "no outcome 'glory'"),
+        (["episodes", "list", "--results", "/nowhere"], 1, "there is no record at /nowhere/vsnbench.db"),
+        (["db", "status", "--db", "nonsense"], 2, "not a database URL"),
+        (["db", "backup", "/nowhere/copy.db"], 1, "there is no directory /nowhere"),
+    ],
+)
+def test_a_mistake_is_one_line(results: Path, words: list[str], code: int, line: str) -> None:
+    done = vsnbench(results, *words)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert line in done.stderr
+    assert done.stderr.startswith("vsnbench: error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_database_can_be_found_upgraded_and_backed_up(tmp_path: Path) -> None:
+    assert vsnbench(tmp_path, "db", "path").stdout.strip() == str(tmp_path / "vsnbench.db")
+    assert vsnbench(tmp_path, "db", "upgrade").stdout.strip().endswith("schema none -> 0001")
+    assert "is up to date" in vsnbench(tmp_path, "db", "upgrade").stdout
+    state = json.loads(vsnbench(tmp_path, "db", "status", "--json").stdout)
+    assert (state["schema"], state["campaigns"]) == (state["newest_schema"], [])
+    copy = tmp_path / "copy.db"
+    assert vsnbench(tmp_path, "db", "backup", str(copy)).stdout.startswith(str(copy))
+    assert copy.is_file()
