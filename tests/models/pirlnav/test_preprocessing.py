@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.models.pirlnav.conftest import Recording
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 
 
@@ -46,6 +47,23 @@ def test_the_crop_of_a_640_by_480_image_begins_at_column_42_of_341() -> None:
     bright = preprocess(rgb, 256)[128, :, 0]
     assert bright[0] < 0.5
     assert preprocess(rgb[:, ::-1].copy(), 256)[128, -1, 0] < 0.5
+
+
+def test_pixels_do_not_depend_on_threads_and_equal_pytorchs_resizer(recording: Recording) -> None:
+    rgb = recording.frames[0]
+    image = preprocess(rgb, 256)
+    threads = torch.get_num_threads()
+    levels = []
+    for count in (1, 2):
+        torch.set_num_threads(count)
+        resized = torch.nn.functional.interpolate(
+            torch.from_numpy(rgb).permute(2, 0, 1)[None].float(), size=(256, 341), mode="bilinear"
+        )
+        levels.append(resized[0, :, :, 42:298].round().permute(1, 2, 0).numpy())
+    torch.set_num_threads(threads)
+    off = [int((np.abs(np.rint(image * 255) - level) > 0).sum()) for level in levels]
+    assert max(off) <= 20, "PyTorch itself rounds a few of 196,608 numbers differently with another number of threads"
+    assert max(np.abs(np.rint(image * 255) - level).max() for level in levels) <= 1
 
 
 def test_antialiasing_would_be_noticed() -> None:

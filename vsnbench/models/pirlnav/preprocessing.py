@@ -12,6 +12,7 @@ _JITTER: Final = 0.4
 """Strength of each change of colour in training."""
 _SHIFT_PX: Final = 16
 """Farthest shift of the image in training."""
+_LEVELS: Final = np.arange(256, dtype=np.float32) / np.float32(255)
 _LUMA: Final = np.array([0.299, 0.587, 0.114], np.float32)
 
 
@@ -19,7 +20,7 @@ def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
     """Return what the network sees of a camera image.
 
     The shorter side is resized to `size_px` bilinearly WITHOUT antialiasing, rounded to whole levels, and the centre is
-    cropped. Other resizers differ by a level here and there, which is enough to change an action.
+    cropped.
 
     Args:
         rgb: (H, W, 3) uint8.
@@ -28,19 +29,9 @@ def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
     Returns:
         (size, size, 3) float32 in [0, 1].
     """
-    import torch
+    from vsnbench.models.pirlnav.resampling import crop_of_resized
 
-    height, width = rgb.shape[:2]
-    shorter = min(height, width)
-    resized = (size_px * height // shorter, size_px * width // shorter)
-    image = torch.from_numpy(rgb).permute(2, 0, 1).float()[None]
-    if resized != (height, width):
-        image = torch.nn.functional.interpolate(
-            image.contiguous(memory_format=torch.channels_last), size=resized, mode="bilinear", align_corners=False
-        )
-    top, left = (round((side - size_px) / 2) for side in resized)
-    crop = image[0, :, top : top + size_px, left : left + size_px].round() / 255
-    return np.ascontiguousarray(crop.permute(1, 2, 0).numpy())
+    return _LEVELS[crop_of_resized(rgb, size_px)]
 
 
 def augment(image: Image, random: np.random.Generator) -> Image:

@@ -1,0 +1,104 @@
+"""Resizes and crops a camera image to the bit as the original's resizer did, whatever the processor or its threads.
+
+Bilinear, no antialiasing. Every rounding follows the one on which the original's outputs were recorded, which multiplies
+and adds in one step: a level more or less at some pixels, as other resizers have it, shows in the logits.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.int64]
+
+
+def crop_of_resized(rgb: npt.NDArray[np.uint8], size_px: int) -> npt.NDArray[np.uint8]:
+    """Return the central square of the image whose shorter side was resized to `size_px`.
+
+    Args:
+        rgb: (H, W, 3) uint8.
+        size_px: the side of the square.
+
+    Returns:
+        (size, size, 3) uint8.
+    """
+    height, width = rgb.shape[:2]
+    shorter = min(height, width)
+    rows, columns = _samples(height, shorter, size_px), _samples(width, shorter, size_px)
+    out = np.empty((size_px, size_px, 3), np.uint8)
+    _sample(
+        rgb,
+        rows.before,
+        rows.after,
+        rows.before_weight,
+        rows.after_weight,
+        columns.before,
+        columns.after,
+        columns.before_weight,
+        columns.after_weight,
+        out,
+    )
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Samples:
+    """Along one axis of the crop: the two neighbours of every pixel and how much each weighs."""
+
+    before: Indices
+    after: Indices
+    before_weight: Floats
+    after_weight: Floats
+
+
+@lru_cache(maxsize=16)
+def _samples(side: int, shorter: int, size_px: int) -> _Samples:
+    """Return where the crop's pixels lie along an axis of `side` pixels."""
+    resized = size_px * side // shorter
+    first = round((resized - size_px) / 2)
+    scale = np.float64(np.float32(side) / np.float32(resized))
+    centres = np.arange(first, first + size_px, dtype=np.float32) + np.float32(0.5)
+    place = np.maximum((centres * scale - 0.5).astype(np.float32), np.float32(0))
+    before = place.astype(np.int64)
+    after_weight = place - before.astype(np.float32)
+    after = np.minimum(before + 1, side - 1)
+    return _Samples(before, after, np.float32(1) - after_weight, after_weight)
+
+
+@numba.njit(cache=True, nogil=True)
+def _mix(a: np.float32, a_weight: np.float32, b: np.float32, b_weight: np.float32) -> np.float32:
+    """Return a * a_weight + b * b_weight with the first product not rounded: doubles hold it exactly."""
+    return np.float32(np.float64(a) * np.float64(a_weight) + np.float64(np.float32(b * b_weight)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _sample(
+    rgb: npt.NDArray[np.uint8],
+    upper_rows: Indices,
+    lower_rows: Indices,
+    upper_weights: Floats,
+    lower_weights: Floats,
+    left_columns: Indices,
+    right_columns: Indices,
+    left_weights: Floats,
+    right_weights: Floats,
+    out: npt.NDArray[np.uint8],
+) -> None:
+    for row in range(out.shape[0]):
+        upper, lower = rgb[upper_rows[row]], rgb[lower_rows[row]]
+        for column in range(out.shape[1]):
+            left, right = left_columns[column], right_columns[column]
+            left_weight, right_weight = left_weights[column], right_weights[column]
+            for channel in range(3):
+                above = _mix(
+                    np.float32(upper[left, channel]), left_weight, np.float32(upper[right, channel]), right_weight
+                )
+                below = _mix(
+                    np.float32(lower[left, channel]), left_weight, np.float32(lower[right, channel]), right_weight
+                )
+                out[row, column, channel] = np.uint8(
+                    np.rint(_mix(above, upper_weights[row], below, lower_weights[row]))
+                )
