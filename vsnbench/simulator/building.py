@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 from shapely.geometry import LineString, Polygon
 
-from vsnbench.protocol.site import Room, Site, Wall, Window
+from vsnbench.protocol.site import Door, Room, Site, Wall, Window
 from vsnbench.simulator.furniture.canvas import rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
 
 _PLASTER = Material(rgb("#e9e3d6"), "plaster")
+_TILED_WALL = Material(rgb("#cfe0e2"), "wall_tiles", 0.3)
+_STEEL = Material(rgb("#c2c5c9"), "metal", 0.6)
 _FRAME = Material(rgb("#f3f1ec"), "plain", 0.2)
 _DOOR_WOOD = Material(rgb("#9b6f47"), "wood", 0.2)
 _SKY = Material(rgb("#ffffff"), "sky", 0.0, 1.0)
@@ -156,18 +158,26 @@ class _Run:
         solid: bool = True,
     ) -> Primitive:
         (x0, y0), (x1, y1) = self.wall.start, self.wall.end
-        length = self.wall.length_m
-        ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        middle, side = sum(along) / 2, sum(across) / 2
         return Primitive(
             Shape.BOX,
-            (x0 + ux * middle - uy * side, y0 + uy * middle + ux * side, sum(z) / 2),
+            (*self.point(sum(along) / 2, sum(across) / 2), sum(z) / 2),
             ((along[1] - along[0]) / 2, (across[1] - across[0]) / 2, (z[1] - z[0]) / 2),
             material,
-            turn((0, 0, 1), math.atan2(uy, ux)),
+            turn((0, 0, 1), math.atan2(y1 - y0, x1 - x0)),
             category,
             solid=solid,
         )
+
+    def point(self, along: float, across: float) -> tuple[float, float]:
+        """Return the place on the floor plan."""
+        (x0, y0), (x1, y1) = self.wall.start, self.wall.end
+        ux, uy = (x1 - x0) / self.wall.length_m, (y1 - y0) / self.wall.length_m
+        return (x0 + ux * along - uy * across, y0 + uy * along + ux * across)
+
+    def along(self, x: float, y: float) -> float:
+        """Return how far along the wall a place on the floor plan lies."""
+        (x0, y0), (x1, y1) = self.wall.start, self.wall.end
+        return ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / self.wall.length_m
 
     def place(self, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float] | None:
         """Return where a segment lies along the wall, or None when it lies on another wall."""
@@ -175,16 +185,15 @@ class _Run:
         near = self.wall.thickness_m / 2 + 0.02
         if line.distance(LineString([start, end]).centroid) > near:
             return None
-        (x0, y0), (x1, y1) = self.wall.start, self.wall.end
-        length = self.wall.length_m
-        ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        reach = [(x - x0) * ux + (y - y0) * uy for x, y in (start, end)]
+        reach = [self.along(*start), self.along(*end)]
         if abs(abs(reach[1] - reach[0]) - math.dist(start, end)) > 0.02:
             return None
         return (min(reach), max(reach))
 
 
 _JAMB = 0.04
+_CLADDING_M = 2.0
+"""How high tiles reach on the walls of tiled rooms, metres."""
 
 
 def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
@@ -199,9 +208,7 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
             top = min(door.height_m, height)
             openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
             yield from _door_frame(run, at, half, top)
-            if door.closed:
-                leaf = max(half - 0.03, 0.02)
-                yield run.block(at, (-leaf, leaf), (0.0, top), _DOOR_WOOD, "door")
+            yield from _leaf(run, door, at, half, top)
     for window in site.windows:
         at = run.place(window.start, window.end)
         if at is not None and window.sill_m < height:
@@ -213,21 +220,28 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
     cursor = -half
     for opening in openings:
         if opening.start > cursor:
-            yield from _stretch(run, (cursor, opening.start), half, height, material, skirting)
+            yield from _stretch(site, run, (cursor, opening.start), half, height, material, skirting)
         span = (max(cursor, opening.start), opening.end)
         if opening.bottom > 0:
-            yield from _stretch(run, span, half, opening.bottom, material, skirting)
+            yield from _stretch(site, run, span, half, opening.bottom, material, skirting)
         if height - opening.top > 1e-3:
             yield run.block(span, (-half, half), (opening.top, height), material)
         cursor = max(cursor, opening.end)
     if wall.length_m + half > cursor:
-        yield from _stretch(run, (cursor, wall.length_m + half), half, height, material, skirting)
+        yield from _stretch(site, run, (cursor, wall.length_m + half), half, height, material, skirting)
 
 
 def _stretch(
-    run: _Run, along: tuple[float, float], half: float, height: float, material: Material, skirting: Material
+    site: Site,
+    run: _Run,
+    along: tuple[float, float],
+    half: float,
+    height: float,
+    material: Material,
+    skirting: Material,
 ) -> Iterator[Primitive]:
     yield run.block(along, (-half, half), (0.0, height), material)
+    yield from _cladding(site, run, along, half, height)
     if height > 0.3:
         yield run.block(along, (-half - 0.012, half + 0.012), (0.0, 0.07), skirting, solid=False)
 
@@ -244,6 +258,45 @@ def _door_frame(run: _Run, at: tuple[float, float], half: float, top: float) -> 
         for low, high in ((at[0] - 0.07, at[0]), (at[1], at[1] + 0.07)):
             yield run.block((low, high), across, (0.0, top), _DOOR_WOOD, "door", solid=False)
         yield run.block((at[0] - 0.07, at[1] + 0.07), across, (top, top + 0.07), _DOOR_WOOD, "door", solid=False)
+
+
+def _leaf(run: _Run, door: Door, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
+    """A closed door's leaf with its panels and handles; an open one is folded out of the way and not drawn."""
+    if not door.closed:
+        return
+    leaf = max(half - 0.03, 0.02)
+    yield run.block(at, (-leaf, leaf), (0.0, top), _DOOR_WOOD, "door")
+    wide = at[1] - at[0]
+    panel = replace(_DOOR_WOOD, color=rgb("#8a603b"))
+    hinge_low = math.dist(door.start, run.wall.start) < math.dist(door.end, run.wall.start)
+    lock = at[1] - 0.08 if hinge_low else at[0] + 0.08
+    inwards = -0.12 if hinge_low else 0.12
+    for side in (-1, 1):
+        for low, high in ((0.12 * top, 0.42 * top), (0.56 * top, 0.93 * top)):
+            face = sorted((side * leaf, side * (leaf + 0.006)))
+            span = (at[0] + 0.16 * wide, at[1] - 0.16 * wide)
+            yield run.block(span, (face[0], face[1]), (low, high), panel, "door", solid=False)
+        face = sorted((side * leaf, side * (leaf + 0.008)))
+        yield run.block((lock - 0.02, lock + 0.02), (face[0], face[1]), (0.98, 1.14), _STEEL, "door", solid=False)
+        face = sorted((side * (leaf + 0.02), side * (leaf + 0.035)))
+        along = sorted((lock, lock + inwards))
+        yield run.block((along[0], along[1]), (face[0], face[1]), (1.06, 1.08), _STEEL, "door", solid=False)
+
+
+def _cladding(site: Site, run: _Run, along: tuple[float, float], half: float, height: float) -> Iterator[Primitive]:
+    """Tiles on the sides of a stretch of wall that face a room with a tiled floor."""
+    for side in (-1, 1):
+        line = LineString([run.point(distance, side * (half + 0.02)) for distance in along])
+        for room in site.rooms:
+            if room.floor != "tiles":
+                continue
+            shared = line.intersection(room.shape)
+            for piece in getattr(shared, "geoms", [shared]):
+                if piece.length > 0.01:
+                    ends = sorted(run.along(*point) for point in piece.coords)
+                    face = sorted((side * half, side * (half + 0.005)))
+                    top = min(height, _CLADDING_M)
+                    yield run.block((ends[0], ends[-1]), (face[0], face[1]), (0.0, top), _TILED_WALL, solid=False)
 
 
 def _window(run: _Run, at: tuple[float, float], half: float, window: Window, head: float) -> Iterator[Primitive]:

@@ -214,7 +214,7 @@ def light_points(
             red += share + (1.0 - share) * 0.5 * back_r
             green += share + (1.0 - share) * 0.5 * back_g
             blue += share + (1.0 - share) * 0.5 * back_b
-        ambient = (0.3 + 0.03 * normal[2]) / len(directions)
+        ambient = (0.44 + 0.04 * normal[2]) / len(directions)
         red *= ambient * 1.0
         green *= ambient * 0.985
         blue *= ambient * 0.96
@@ -245,9 +245,9 @@ def light_points(
                     start[0], start[1], start[2], ray[0], ray[1], ray[2], length - 1e-3, True, owner, 0, world, stamps
                 )
                 if thing < 0:
-                    red += 2.6 * form
-                    green += 2.75 * form
-                    blue += 2.95 * form
+                    red += 3.1 * form
+                    green += 3.25 * form
+                    blue += 3.45 * form
         for lamp in range(len(lamps)):
             length = facing_us = 0.0
             for k in range(3):

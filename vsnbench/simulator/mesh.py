@@ -11,7 +11,7 @@ import numpy.typing as npt
 from vsnbench.protocol.categories import CATEGORIES
 from vsnbench.simulator.furniture.canvas import rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
-from vsnbench.simulator.textures import TEXTURES, Mapping
+from vsnbench.simulator.textures import SIZE, TEXTURES, Mapping
 
 SEMANTIC_CLASSES: tuple[str, ...] = ("", "wall", "floor", "ceiling", "door", "window", *sorted(CATEGORIES))
 """Names of the semantic ids in an image; id 0 is nothing."""
@@ -144,8 +144,8 @@ def _faces_of(primitive: Primitive) -> Floats:
         radius = primitive.half_size[0]
         unit = _cylinder_faces(8 if radius < 0.025 else 12 if radius < 0.06 else 20 if radius < 0.2 else 28)
     else:
-        reach = max(primitive.half_size)
-        unit = _ball_faces(8 if reach < 0.06 else 12 if reach < 0.2 else 20)
+        girth = sorted(primitive.half_size)[1]  # a leaf is long and thin, and there are many
+        unit = _ball_faces(8 if girth < 0.06 else 12 if girth < 0.1 else 16 if girth < 0.15 else 28)
     return np.asarray(unit * np.array(primitive.half_size))
 
 
@@ -202,7 +202,11 @@ def build_mesh(scene: Scene) -> Mesh:
         extent = np.stack([along.min(1), along.max(1), across.min(1), across.max(1)], axis=1)
         if style.mapping is Mapping.FIT:
             wide, high = extent[:, 1] - extent[:, 0], extent[:, 3] - extent[:, 2]
-            texture_map = np.stack([1 / wide, -extent[:, 0] / wide, 1 / high, -extent[:, 2] / high], axis=1)
+            edge = 0.5 / SIZE  # half a pixel, so that opposite edges do not run into one another
+            scale_s, scale_t = (1 - 2 * edge) / wide, (1 - 2 * edge) / high
+            texture_map = np.stack(
+                [scale_s, edge - extent[:, 0] * scale_s, scale_t, edge - extent[:, 2] * scale_t], axis=1
+            )
         else:
             away = 0.0 if primitive.category in _BUILDING else 0.6180339887 * index
             row = (1 / style.size_m[0], away % 1.0, 1 / style.size_m[1], 1.7 * away % 1.0)

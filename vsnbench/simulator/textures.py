@@ -82,10 +82,11 @@ def _plaster(rng: np.random.Generator) -> Plane:
 def _grain(rng: np.random.Generator, rings: float) -> Plane:
     """Streaks along s with slow bends."""
     _, t = _grid()
-    bend = 0.05 * _noise(rng, 3, 3) + 0.02 * _noise(rng, 6, 4)
+    bend = 0.09 * _noise(rng, 2, 3) + 0.05 * _noise(rng, 2, 9) + 0.012 * _noise(rng, 6, 6)
     streaks = 0.5 + 0.5 * np.sin(2 * np.pi * rings * (t + bend))
-    fine = _noise(rng, 6, 128) * 0.5 + _noise(rng, 10, 64) * 0.5
-    result: Plane = 0.65 * streaks + 0.35 * (0.5 + 0.5 * fine)
+    strength = 0.5 + 0.5 * _noise(rng, 2, 7)
+    fine = _noise(rng, 4, 128) * 0.5 + _noise(rng, 6, 64) * 0.5
+    result: Plane = 0.32 * streaks * strength + 0.38 * (0.5 + 0.5 * fine) + 0.3 * (0.5 + 0.5 * _noise(rng, 2, 16))
     return result
 
 
@@ -95,7 +96,7 @@ def _two_tone(share: Plane, dark: tuple[float, float, float], light: tuple[float
 
 
 def _wood(rng: np.random.Generator) -> Plane:
-    return _two_tone(_grain(rng, 9), (0.68, 0.62, 0.56), (1.12, 1.12, 1.1))
+    return _two_tone(_grain(rng, 6), (0.66, 0.62, 0.57), (1.22, 1.22, 1.2))
 
 
 def _planks(rng: np.random.Generator) -> Plane:

@@ -22,10 +22,10 @@ def toilet(c: Canvas) -> None:
     c.box((c.back, middle), (-0.55 * wide, 0.55 * wide), (0, rim - 0.05), white)
     c.cylinder(middle, 0, (0, 0.45 * rim), 0.62 * min(reach, wide), white)
     c.ellipsoid((middle, 0, 0.62 * rim), (reach, wide, 0.38 * rim), white)
-    c.ellipsoid((middle, 0, rim - 0.012), (reach, wide, 0.03), recolored(white, 0.95))
-    c.ellipsoid((middle, 0, rim + 0.012), (reach * 0.99, wide * 0.99, 0.016), white)
-    water = Material(rgb("#53595c"), "plain", 0.4)
-    c.ellipsoid((middle + 0.04 * reach, 0, rim + 0.014), (reach * 0.68, wide * 0.62, 0.018), water)
+    c.ellipsoid((middle, 0, rim - 0.02), (reach, wide, 0.035), recolored(white, 0.93))
+    c.ellipsoid((middle, 0, rim + 0.022), (reach * 0.99, wide * 0.99, 0.022), white)
+    water = Material(rgb("#6d7a80"), "plain", 0.4)
+    c.ellipsoid((middle + 0.04 * reach, 0, rim + 0.028), (reach * 0.68, wide * 0.62, 0.02), water)
     leaning = c.back + tank
     c.box((leaning, leaning + 0.022), (-0.9 * wide, 0.9 * wide), (rim + 0.02, c.height - 0.05), recolored(white, 0.98))
 
@@ -38,14 +38,12 @@ def vanity(c: Canvas) -> None:
     c.box((c.back, c.front - 0.02), (c.right, c.left), (0.08 * c.height, top), recolored(wood, 0.85))
     fronts(c, (c.right, c.left), (0.08 * c.height, top), 2 if c.width > 0.45 else 1, 1, wood)
     white = Material(rgb(_CERAMIC), "plain", 0.6)
-    c.box((c.back, c.front), (c.right, c.left), (top, top + 0.03), white)
-    bowl = min(0.16 * c.height, 0.12)
-    c.ellipsoid((0.04 * c.depth, 0, top + 0.03), (0.42 * c.depth, 0.42 * c.width, bowl / 1.6), white)
-    c.ellipsoid(
-        (0.04 * c.depth, 0, top + 0.03 + bowl * 0.5),
-        (0.33 * c.depth, 0.33 * c.width, bowl * 0.18),
-        Material(rgb("#a9b0b3"), "plain", 0.5),
-    )
+    slab = top + min(0.07, 0.1 * c.height)
+    c.box((c.back, c.front), (c.right, c.left), (top, slab), white)
+    reach = (0.36 * c.depth, 0.4 * c.width)
+    c.ellipsoid((0.07 * c.depth, 0, slab - 0.004), (*reach, 0.012), recolored(white, 0.86))
+    inner = (0.9 * reach[0], 0.92 * reach[1])
+    c.ellipsoid((0.07 * c.depth, 0, slab), (*inner, 0.012), Material(rgb("#c3cbcd"), "plain", 0.5))
     x = c.back + 0.06
     c.cylinder(x, 0, (top, c.height - 0.01), 0.016, _STEEL)
     c.rod("x", (x + 0.12 * c.depth, 0, c.height - 0.012), 0.012, 0.28 * c.depth, _STEEL)

@@ -73,7 +73,7 @@ def _lamp(c: Canvas, pole: float, shade_height: float, foot: float) -> None:
     c.cylinder(0, 0, (0, min(0.025, 0.06 * c.height)), foot * reach, metal)
     low = (1 - shade_height) * c.height
     c.cylinder(0, 0, (0.01, low + 0.3 * shade_height * c.height), pole, metal)
-    rings = 6
+    rings = 14
     for k in range(rings):
         step = shade_height * c.height / rings
         radius = reach * (1.0 - 0.3 * k / rings)
@@ -92,9 +92,11 @@ def rug(c: Canvas) -> None:
         Material(cloth.color, "rug"),
     )
     line = border * 0.3
-    for low, high in ((c.back + border * 0.4, c.front - border * 0.4),):
-        for x in (low, high - line):
-            c.box((x, x + line), (c.right + line, c.left - line), (0, c.height), recolored(cloth, 1.25))
+    far = border * 0.4
+    for y in (c.right + far, c.left - far - line):
+        c.box((c.back + far, c.front - far), (y, y + line), (0, c.height), recolored(cloth, 0.95))
+    for x in (c.back + far, c.front - far - line):
+        c.box((x, x + line), (c.right + far, c.left - far), (0, 0.98 * c.height), recolored(cloth, 0.95))
 
 
 def picture(c: Canvas) -> None:

@@ -8,7 +8,7 @@ _BOOKS = ("#7f2f2c", "#2d4f6e", "#c9a24b", "#3f6b4a", "#d9d2c0", "#5b3b63", "#b5
 
 
 def fronts(c: Canvas, y: Span, z: Span, columns: int, rows: int, front: Material, handle: str = "edge") -> None:
-    """Put doors (one row, upright handles at the edge) or drawers (handle `middle`) on the front of a carcass."""
+    """Put doors (one row, upright handles at the `edge`, or `low` on it) or drawers (`middle`) on a carcass."""
     gap, thick = 0.004, min(0.018, c.depth / 5)
     grip = c.front - 0.014
     face = grip - 0.002
@@ -27,8 +27,8 @@ def fronts(c: Canvas, y: Span, z: Span, columns: int, rows: int, front: Material
             else:
                 hinge_right = column % 2 == 0
                 at = y0 + wide - 0.045 if hinge_right else y0 + 0.035
-                middle = z0 + high * (0.78 if z0 < 0.7 and high < 1.2 else 0.5)
-                middle = z0 + high * 0.2 if z[0] > 0.2 and c.depth < 0.4 and high < 1.0 and rows == 1 else middle
+                share = 0.2 if handle == "low" else 0.5 if high > 1.2 else 0.78
+                middle = z0 + high * share
                 half = min(0.08, high / 5)
                 c.box((face, c.front), (at, at + 0.012), (middle - half, middle + half), _STEEL)
 
@@ -76,6 +76,7 @@ def wall_cabinet(c: Canvas) -> None:
         max(1, round(c.width / 0.5)),
         1,
         c.paint("#b07f4c", "wood", 0.25),
+        "low",
     )
 
 

@@ -1,0 +1,198 @@
+"""`vsnbench sites`: list, show, check, draw and picture surveyed places."""
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""List, show, check, draw and picture sites: surveyed places, one YAML file each.
+
+    vsnbench sites list
+    vsnbench sites check my-flat.yaml --robot lola2
+    vsnbench sites draw apartment plan.svg
+    vsnbench sites look apartment --output look.png
+    """,
+)
+
+SiteArgument = Annotated[str, typer.Argument(help="An embedded site's name, or the path of a site file.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+@app.command("list")
+def list_sites(as_json: JsonOption = False) -> None:
+    """List the sites that ship with vsnbench."""
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from vsnbench.protocol.site import embedded_sites, load_site
+
+    sites = [(load_site(name), path) for name, path in embedded_sites().items()]
+    if as_json:
+        rows = [
+            {
+                "name": site.name,
+                "title": site.title,
+                "area_m2": round(site.area_m2, 2),
+                "rooms": len(site.rooms),
+                "objects": len(site.objects),
+                "starts": len(site.starts),
+                "path": str(path),
+            }
+            for site, path in sites
+        ]
+        typer.echo(json.dumps(rows, indent=2))
+        return
+    table = Table("name", "title", box=None, pad_edge=False)
+    for column in ("area", "rooms", "objects", "starts"):
+        table.add_column(column, justify="right")
+    for site, _ in sites:
+        counts = (len(site.rooms), len(site.objects), len(site.starts))
+        table.add_row(site.name, site.title, f"{site.area_m2:.1f} m²", *map(str, counts))
+    Console().print(table)
+
+
+@app.command()
+def show(site_name: SiteArgument, as_json: JsonOption = False) -> None:
+    """Show a site: its rooms, what stands where, and where episodes start.
+
+    vsnbench sites show apartment
+    """
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from vsnbench.protocol.categories import GOAL_CATEGORIES
+    from vsnbench.protocol.site import load_site
+
+    site = load_site(site_name)
+    if as_json:
+        content = site.content() | {"area_m2": round(site.area_m2, 2), "sha256": site.sha256}
+        typer.echo(json.dumps(content, indent=2))
+        return
+    console = Console()
+    console.print(f"[bold]{site.name}[/bold]  {site.title}")
+    console.print(f"{site.area_m2:.1f} m², ceiling {site.ceiling_height_m:g} m, content {site.sha256[:12]}")
+    rooms = ", ".join(f"{room.name} {room.shape.area:.1f} m²" for room in site.rooms)
+    console.print(f"rooms: {rooms}", highlight=False)
+    doors = ", ".join(
+        f"{door.name} {door.clear_width_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors
+    )
+    console.print(f"doors: {doors or 'none'}\n", highlight=False)
+    goals = Table("goal", "instances", box=None, pad_edge=False)
+    for goal in GOAL_CATEGORIES:
+        names = [thing.id for thing in site.instances(goal)]
+        goals.add_row(goal, ", ".join(names) or "[yellow]none[/yellow]")
+    console.print(goals)
+    starts = Table("\nstart", "\nat", "\nheading", "\nnote", box=None, pad_edge=False)
+    for start in site.starts:
+        x_m, y_m = start.position
+        starts.add_row(str(start.number), f"({x_m:.2f}, {y_m:.2f})", f"{start.heading_deg:g}°", start.note)
+    console.print(starts)
+
+
+@app.command()
+def check(
+    site_name: SiteArgument,
+    robot: Annotated[str, typer.Option(help="Whose radius: a robot profile's name.")] = "turtlebot2",
+    as_json: JsonOption = False,
+) -> None:
+    """Say what is wrong with a site, in words; exit code 1 when trials on it would be worth nothing.
+
+    vsnbench sites check my-flat.yaml
+    """
+    import json
+
+    from vsnbench.protocol.site import load_site
+    from vsnbench.protocol.site_check import Severity, check_site
+    from vsnbench.robots.profiles import load_profile
+
+    site, profile = load_site(site_name), load_profile(robot)
+    findings = check_site(site, profile.base.radius_m)
+    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    if as_json:
+        rows = [{"severity": finding.severity.value, "message": finding.message} for finding in findings]
+        typer.echo(json.dumps({"site": site.name, "robot": profile.name, "findings": rows}, indent=2))
+    else:
+        for finding in findings:
+            typer.echo(f"{finding.severity.value}: {finding.message}")
+        warnings = len(findings) - errors
+        counted = (
+            f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "nothing to complain about"
+        )
+        typer.echo(f"{site.name} for {profile.name}: {counted}")
+    if errors:
+        raise typer.Exit(1)
+
+
+@app.command()
+def draw(
+    site_name: SiteArgument,
+    files: Annotated[
+        list[str] | None, typer.Argument(help="Where to: .svg, .png or .pdf; NAME-plan.svg and .png when absent.")
+    ] = None,
+    goal: Annotated[str | None, typer.Option(help="Show this goal category in colour and the others in grey.")] = None,
+    starts: Annotated[bool, typer.Option(help="Show the starting positions.")] = True,
+) -> None:
+    """Draw the floor plan as for a paper.
+
+    vsnbench sites draw apartment plan.pdf --goal chair
+    """
+    from pathlib import Path
+
+    from vsnbench.errors import UsageError
+    from vsnbench.protocol.site import load_site
+    from vsnbench.report.floor_plan import PlanStyle, save_floor_plan
+
+    site = load_site(site_name)
+    if goal is not None and not site.instances(goal):
+        raise UsageError(f"site {site.name} has no {goal}; it has {', '.join(sorted(site.categories))}")
+    paths = [Path(file) for file in files or [f"{site.name}-plan.svg", f"{site.name}-plan.png"]]
+    for path in paths:
+        if path.suffix not in (".svg", ".png", ".pdf"):
+            raise UsageError(f"cannot draw {path}: name a file that ends in .svg, .png or .pdf")
+        try:
+            save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal))
+        except OSError as error:
+            raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+        typer.echo(str(path))
+
+
+@app.command()
+def look(
+    site_name: SiteArgument,
+    output: Annotated[
+        str, typer.Option("--output", "-o", help="Where to: .png or .jpg; NAME-look.png when absent.")
+    ] = "",
+) -> None:
+    """Picture every room and everything that stands in it, as a simulated camera sees it.
+
+    vsnbench sites look apartment --output look.png
+    """
+    from pathlib import Path
+
+    from vsnbench.errors import UsageError
+    from vsnbench.protocol.site import load_site
+    from vsnbench.simulator.contact_sheet import contact_sheet, save_image
+
+    site = load_site(site_name)
+    path = Path(output or f"{site.name}-look.png")
+    if path.suffix not in (".png", ".jpg"):
+        raise UsageError(f"cannot picture {path}: name a file that ends in .png or .jpg")
+    if not path.parent.is_dir():
+        raise UsageError(f"cannot write {path}: there is no directory {path.parent}")
+    image = contact_sheet(site)
+    try:
+        save_image(image, path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+    typer.echo(str(path))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
