@@ -17,6 +17,7 @@ from vsnbench.protocol.decision import Diagnostics
 from vsnbench.runner import rerun_recording
 from vsnbench.runner.episode_frames import StepFrame
 from vsnbench.runner.rerun_recording import EpisodeRecording
+from vsnbench.runner.rerun_viewer import WebViewer
 
 PER_STEP = (
     "/camera/rgb",
@@ -172,3 +173,16 @@ def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None
     assert [len(row) for row in boxes] == [2, 0]  # type: ignore[arg-type]
     goals = column(tmp_path / "episode.rrd", "/plan/policy/sub_goal", "Points2D:positions")
     assert [len(row) for row in goals] == [1, 0]  # type: ignore[arg-type]
+
+
+def test_a_viewer_that_is_closed_under_way_costs_only_the_live_view(tmp_path: Path) -> None:
+    viewer = WebViewer(port=0)
+    with EpisodeRecording(header(), tmp_path / "episode.rrd", viewer.grpc_url) as recording:
+        for number, frame in enumerate(frames(20)):
+            if number == 5:
+                viewer.close()
+            recording.add(frame)
+        began = time.perf_counter()
+    assert time.perf_counter() - began < 5
+    assert recording.close().path is not None
+    assert steps_of(tmp_path / "episode.rrd", "/status") == list(range(1, 21))

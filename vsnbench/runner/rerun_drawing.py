@@ -230,9 +230,8 @@ def _outcome(frame: StepFrame) -> str:
 
 
 def _running_text(header: EpisodeHeader) -> str:
-    return (
-        f"# …\n\nepisode {header.episode_id}: {header.model} looks for a {header.goal} from start {header.start_number}"
-    )
+    rows = [("episode", str(header.episode_id)), ("model", header.model), ("robot", header.robot)]
+    return f"# Running: {header.goal}\n\n" + _table([*rows, ("start", str(header.start_number))])
 
 
 def _decision_text(frame: StepFrame) -> str:

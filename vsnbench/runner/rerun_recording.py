@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, Frame, StepFrame
+from vsnbench.runner.rerun_viewer import is_listening
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -118,14 +119,19 @@ class EpisodeRecording:
         from vsnbench.runner.rerun_drawing import EpisodeDrawing
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
-        recording = open_recording(self._header, self._part, self._viewer_url)
+        recording = open_recording(self._header, self._part)
+        live = _open_live(self._header, self._viewer_url)
         try:
-            drawing = EpisodeDrawing(recording, self._header)
+            drawings = [EpisodeDrawing(stream, self._header) for stream in (recording, live) if stream is not None]
             while (frame := self._frames.get()) is not None:
-                drawing.draw(frame)
+                for drawing in drawings:
+                    drawing.draw(frame)
                 self._steps += isinstance(frame, StepFrame)
                 self._ended |= isinstance(frame, EndFrame)
         finally:
+            if live is not None:
+                # A viewer that was closed keeps its stream waiting for seconds: nobody else has to.
+                threading.Thread(target=live.disconnect, name="rerun-live-end", daemon=True).start()
             recording.flush(timeout_sec=CLOSE_TIMEOUT_S / 2)
             recording.disconnect()
 
@@ -135,13 +141,21 @@ def part_path(path: Path, process_id: int | None = None) -> Path:
     return path.with_name(f"{path.name}.part" if process_id is None else f"{path.name}.{process_id}.part")
 
 
-def open_recording(header: EpisodeHeader, path: Path, viewer_url: str | None) -> "rr.RecordingStream":
-    """Return a stream into a file, and into a viewer when one is named."""
+def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
+    """Return a stream into a file."""
     import rerun as rr
 
     recording = rr.RecordingStream(APPLICATION, recording_id=header.uuid)
-    sinks: list[rr.FileSink | rr.GrpcSink] = [rr.FileSink(str(path))]
-    if viewer_url is not None:
-        sinks.append(rr.GrpcSink(viewer_url))
-    recording.set_sinks(*sinks)
+    recording.save(path)
     return recording
+
+
+def _open_live(header: EpisodeHeader, viewer_url: str | None) -> "rr.RecordingStream | None":
+    """Return a stream of its own into a viewer, so that the file does not depend on it; None when it is not there."""
+    import rerun as rr
+
+    if viewer_url is None or not is_listening(viewer_url):
+        return None
+    live = rr.RecordingStream(APPLICATION, recording_id=header.uuid)
+    live.connect_grpc(viewer_url)
+    return live

@@ -124,6 +124,16 @@ def open_window(recording: Path | None = None) -> Viewer:
     return Viewer([str(recording)] if recording is not None else ["--expect-data-soon"], port, port)
 
 
+def is_listening(grpc_url: str) -> bool:
+    """Return whether a viewer still takes episodes there."""
+    address = urllib.parse.urlsplit(grpc_url)
+    try:
+        with socket.create_connection((address.hostname or LOOPBACK, address.port or 0), timeout=1):
+            return True
+    except OSError:
+        return False
+
+
 def free_port() -> int:
     """Return a TCP port on the loopback interface that nobody listens on now."""
     with socket.socket() as probe:
