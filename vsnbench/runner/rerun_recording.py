@@ -143,6 +143,8 @@ def part_path(path: Path, process_id: int | None = None) -> Path:
 
 def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
     """Return a stream into a file."""
+    # Rerun's own words on stderr would break into the console; what went wrong is logged in ours.
+    os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     recording = rr.RecordingStream(APPLICATION, recording_id=header.uuid)
