@@ -1,0 +1,102 @@
+"""`vsnbench sites` as a person or a script calls it."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from vsnbench.cli.sites import app
+from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.site import load_site
+
+
+def call(*words: str) -> tuple[int, str]:
+    """Return exit code and stdout; known errors come out as they reach the boundary."""
+    result = CliRunner().invoke(app, list(words))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout
+
+
+@pytest.fixture
+def flawed_site(tmp_path: Path) -> Path:
+    content = load_site("apartment").content()
+    content["name"] = "flawed"
+    content["starts"][2]["position"] = [3.45, 1.9]
+    path = tmp_path / "flawed.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+def test_list_names_the_embedded_sites() -> None:
+    code, out = call("list")
+    assert code == 0
+    assert "apartment" in out
+    assert "75.0 m²" in out
+
+
+def test_list_as_json_can_be_read_by_a_script() -> None:
+    (row,) = json.loads(call("list", "--json")[1])
+    assert (row["name"], row["area_m2"], row["starts"]) == ("apartment", 75.0, 15)
+
+
+def test_show_names_goals_doors_and_starts() -> None:
+    out = call("show", "apartment")[1]
+    assert "bathroom door 0.70 m" in out
+    assert "sofa-1" in out
+    assert "facing the refrigerator close by" in out
+
+
+def test_show_as_json_gives_the_whole_site() -> None:
+    shown = json.loads(call("show", "apartment", "--json")[1])
+    assert shown["sha256"] == load_site("apartment").sha256
+    assert len(shown["starts"]) == 15
+
+
+def test_check_is_content_with_the_apartment() -> None:
+    assert call("check", "apartment") == (0, "apartment for turtlebot2: nothing to complain about\n")
+
+
+def test_check_says_what_is_wrong_and_exits_with_1(flawed_site: Path) -> None:
+    code, out = call("check", str(flawed_site))
+    assert code == 1
+    assert "error: starting position 3 at (3.45, 1.9) lies inside sofa-1" in out
+
+
+def test_check_as_json_gives_findings(flawed_site: Path) -> None:
+    code, out = call("check", str(flawed_site), "--json")
+    findings = json.loads(out)["findings"]
+    assert code == 1
+    assert findings[0]["severity"] == "error"
+    assert "sofa-1" in findings[0]["message"]
+
+
+def test_draw_writes_the_files_it_names(tmp_path: Path) -> None:
+    svg, png = tmp_path / "plan.svg", tmp_path / "plan.png"
+    assert call("draw", "apartment", str(svg), str(png)) == (0, f"{svg}\n{png}\n")
+    assert "<svg" in svg.read_text(encoding="utf-8")
+    assert png.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "text"),
+    [
+        (("show", "castle"), UsageError, "no site 'castle'"),
+        (("check", "apartment", "--robot", "roomba"), UsageError, "roomba"),
+        (("draw", "apartment", "plan.bmp"), UsageError, "plan.bmp"),
+        (("draw", "apartment", "/no/such/place/plan.png"), UsageError, "cannot write"),
+        (("draw", "apartment", "--goal", "piano"), UsageError, "has no piano"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(words: tuple[str, ...], error: type, text: str) -> None:
+    with pytest.raises(error, match=text):
+        call(*words)
+
+
+def test_a_broken_file_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "broken.yaml"
+    path.write_text("name: broken\nrooms: []\n", encoding="utf-8")
+    with pytest.raises(SiteError, match=r"broken\.yaml:2"):
+        call("check", str(path))

@@ -1,0 +1,159 @@
+"""Where a robot can stand, and how far it is from there to a goal."""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace, distance_field_m, free_space, wall_shapes
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
+
+RADIUS_M = 0.177
+
+
+def two_rooms(door: Door | None = None, *objects: SiteObject) -> Site:
+    """Two rooms of 4 m x 4 m side by side, the wall between them at x = 4."""
+    sofa = SiteObject(id="sofa", category="sofa", position=(7.5, 2.0), size_m=(0.8, 2.0, 0.8))
+    return Site(
+        name="two-rooms",
+        rooms=[
+            Room(name="left", polygon=[(0, 0), (4, 0), (4, 4), (0, 4)]),
+            Room(name="right", polygon=[(4, 0), (8, 0), (8, 4), (4, 4)]),
+        ],
+        walls=[
+            Wall(start=(0, 0), end=(8, 0)),
+            Wall(start=(8, 0), end=(8, 4)),
+            Wall(start=(8, 4), end=(0, 4)),
+            Wall(start=(0, 4), end=(0, 0)),
+            Wall(start=(4, 0), end=(4, 4)),
+        ],
+        doors=[door] if door else [],
+        objects=[sofa, *objects],
+        starts=[StartingPosition(number=1, position=(1, 2), heading_deg=0)],
+    )
+
+
+DOOR = Door(name="door", start=(4, 1.6), end=(4, 2.4))
+
+
+@functools.cache
+def apartment_space() -> FreeSpace:
+    return free_space(load_site("apartment"), RADIUS_M)
+
+
+def test_the_way_through_an_open_door_is_straight() -> None:
+    space = free_space(two_rooms(DOOR), RADIUS_M)
+    assert space.geodesic_to_goal_m(Pose(1, 2), "sofa") == pytest.approx(7.1 - 1.0 - 1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("door", [None, DOOR.model_copy(update={"closed": True})])
+def test_there_is_no_way_through_a_wall_or_a_closed_door(door: Door | None) -> None:
+    space = free_space(two_rooms(door), RADIUS_M)
+    assert space.geodesic_to_goal_m(Pose(1, 2), "sofa") == math.inf
+    assert space.shortest_path(Pose(1, 2), "sofa").points == ()
+
+
+def test_a_door_narrower_than_the_robot_is_no_way() -> None:
+    site = two_rooms(DOOR)
+    assert math.isfinite(free_space(site, 0.39).geodesic_to_goal_m(Pose(1, 2), "sofa"))
+    assert free_space(site, 0.41).geodesic_to_goal_m(Pose(1, 2), "sofa") == math.inf
+
+
+def test_the_way_around_a_corner_is_the_two_sides_of_it() -> None:
+    """With the door in a corner, the way is a straight line to the door's edge and another one from there."""
+    space = free_space(two_rooms(Door(name="door", start=(4, 3.0), end=(4, 3.9))), RADIUS_M)
+    start, reach = Pose(3.0, 0.5), 7.1 - 1.0
+    before, after = (4 - 0.05, 3.0 + RADIUS_M), (4 + 0.05, 3.0 + RADIUS_M)
+    least = math.dist(start.position, (before[0] - RADIUS_M, 3.0)) + reach - after[0]
+    assert least < space.geodesic_to_goal_m(start, "sofa") < least + 0.45
+
+
+def test_what_hangs_high_is_no_obstacle_and_a_rug_is_none() -> None:
+    cabinet = SiteObject(id="shelf", category="wall_cabinet", position=(2, 2), size_m=(1, 1, 0.5), elevation_m=1.5)
+    rug = SiteObject(id="rug", category="rug", position=(2, 2), size_m=(1, 1, 0.01), solid=False)
+    table = SiteObject(id="table", category="table", position=(2, 2), size_m=(1, 1, 0.7))
+    for thing in (cabinet, rug):
+        assert free_space(two_rooms(DOOR, thing), RADIUS_M).is_free(2, 2)
+    assert not free_space(two_rooms(DOOR, table), RADIUS_M).is_free(2, 2)
+
+
+def test_a_goal_that_does_not_exist_is_infinitely_far() -> None:
+    assert free_space(two_rooms(DOOR), RADIUS_M).geodesic_to_goal_m(Pose(1, 2), "bed") == math.inf
+
+
+def test_a_start_already_near_enough_has_no_way_to_go() -> None:
+    assert free_space(two_rooms(DOOR), RADIUS_M).geodesic_to_goal_m(Pose(6.5, 2), "sofa") == 0.0
+
+
+def test_a_start_outside_the_rooms_reaches_nothing() -> None:
+    assert free_space(two_rooms(DOOR), RADIUS_M).geodesic_to_goal_m(Pose(-5, 2), "sofa") == math.inf
+
+
+def test_the_free_space_of_a_site_is_made_once() -> None:
+    assert free_space(two_rooms(DOOR), RADIUS_M) is free_space(two_rooms(DOOR), RADIUS_M)
+    assert free_space(two_rooms(DOOR), RADIUS_M) is not free_space(two_rooms(DOOR), 0.3)
+
+
+def test_free_cells_keep_the_robots_radius_from_every_wall() -> None:
+    space = apartment_space()
+    walls = shapely.union_all(wall_shapes(space.site))
+    assert shapely.distance(space.points[space.cells], walls).min() >= RADIUS_M - 1e-9
+    assert 0.3 < space.cells.mean() < 0.8
+
+
+positions = st.tuples(st.floats(0.2, 9.8), st.floats(0.2, 7.3))
+goals = st.sampled_from(["chair", "sofa", "table", "bed", "toilet", "monitor", "plant"])
+
+
+@settings(deadline=None, max_examples=60)
+@given(positions, goals)
+def test_no_way_is_shorter_than_the_straight_line(position: tuple[float, float], goal: str) -> None:
+    space = apartment_space()
+    assume(space.is_free(*position))
+    nearest = min(thing.shape.distance(shapely.Point(position)) for thing in space.site.instances(goal))
+    length = space.geodesic_to_goal_m(Pose(*position), goal)
+    assert math.isfinite(length)
+    assert length >= max(0.0, nearest - 1.0) - RESOLUTION_M
+
+
+@settings(deadline=None, max_examples=40)
+@given(positions, goals, st.floats(-math.pi, math.pi))
+def test_a_path_is_drivable_as_long_as_its_distance_and_ends_at_the_goal(
+    position: tuple[float, float], goal: str, heading_rad: float
+) -> None:
+    space = apartment_space()
+    assume(space.is_free(*position))
+    start = Pose(*position, heading_rad)
+    path = space.shortest_path(start, goal)
+    assert path.length_m == space.geodesic_to_goal_m(Pose(*position), goal)
+    walked = sum(math.dist(one, other) for one, other in itertools.pairwise(path.points))
+    assert walked == pytest.approx(path.length_m, abs=0.06 + 0.03 * path.length_m)
+    if len(path.points) > 1:
+        line = shapely.LineString(path.points)
+        assert line.distance(shapely.union_all(wall_shapes(space.site))) >= RADIUS_M - 2 * RESOLUTION_M
+    end = shapely.Point(path.points[-1])
+    assert min(thing.shape.distance(end) for thing in space.site.instances(goal)) <= 1.0 + RESOLUTION_M
+
+
+@settings(deadline=None, max_examples=40)
+@given(positions, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), goals)
+def test_a_small_step_changes_the_distance_by_no_more_than_the_step(
+    position: tuple[float, float], dx: float, dy: float, goal: str
+) -> None:
+    space = apartment_space()
+    moved = (position[0] + dx, position[1] + dy)
+    assume(space.clearance_at_m(*position) > RADIUS_M + 0.15)
+    one, other = (space.geodesic_to_goal_m(Pose(*each), goal) for each in (position, moved))
+    assert abs(one - other) <= math.hypot(dx, dy) + RESOLUTION_M
+
+
+def test_a_field_over_nothing_but_the_region_is_zero_and_without_a_region_infinite() -> None:
+    free = np.ones((5, 5), np.bool_)
+    assert (distance_field_m(free, np.full((5, 5), -1.0)) == 0).all()
+    assert np.isinf(distance_field_m(free, np.full((5, 5), 1.0))).all()

@@ -1,0 +1,112 @@
+"""The embedded apartment is what the protocol asks for, and broken site files say where they are broken."""
+
+import re
+from collections import Counter
+
+import pytest
+import yaml
+from shapely.geometry import Point
+
+from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.categories import CATEGORIES, GOAL_CATEGORIES
+from vsnbench.protocol.site import Site, embedded_sites, load_site, parse_site
+
+
+@pytest.fixture(scope="module")
+def apartment() -> Site:
+    return load_site("apartment")
+
+
+def test_the_apartment_is_about_75_square_metres(apartment: Site) -> None:
+    assert 70 <= apartment.area_m2 <= 80
+
+
+def test_the_apartment_has_the_three_areas_of_the_paper(apartment: Site) -> None:
+    assert {room.name for room in apartment.rooms} == {"living space", "bedroom", "bathroom"}
+
+
+def test_the_bathroom_lies_behind_a_narrow_door(apartment: Site) -> None:
+    door = next(door for door in apartment.doors if door.name == "bathroom door")
+    bathroom = next(room for room in apartment.rooms if room.name == "bathroom")
+    assert door.clear_width_m == pytest.approx(0.70)
+    assert door.centre_line.distance(bathroom.shape) < 0.01
+    others = [each for each in apartment.doors if each is not door and not each.closed]
+    assert all(each.centre_line.distance(bathroom.shape) > 0.5 for each in others)
+
+
+def test_the_apartment_has_every_goal_in_believable_numbers(apartment: Site) -> None:
+    count = Counter(thing.category for thing in apartment.objects)
+    assert set(GOAL_CATEGORIES) <= set(count) <= CATEGORIES
+    assert count["chair"] >= 5
+    assert count["sofa"] == count["bed"] == count["toilet"] == 1
+    assert 1 <= count["monitor"] <= 2
+    assert 1 <= count["plant"] <= 2
+
+
+def test_the_apartment_has_fifteen_starts_in_every_room(apartment: Site) -> None:
+    assert [start.number for start in apartment.starts] == list(range(1, 16))
+    for room in apartment.rooms:
+        assert any(room.shape.contains(Point(start.position)) for start in apartment.starts), room.name
+
+
+def test_start_10_faces_the_refrigerator_close_by(apartment: Site) -> None:
+    start = apartment.start(10)
+    (refrigerator,) = apartment.instances("refrigerator")
+    ahead = [start.pose.compose(type(start.pose)(0.1 * step, 0.0)).position for step in range(1, 9)]
+    assert any(refrigerator.shape.contains(Point(point)) for point in ahead)
+
+
+def test_the_hash_follows_the_content_and_not_the_formatting(apartment: Site) -> None:
+    text = embedded_sites()["apartment"].read_text(encoding="utf-8")
+    assert parse_site("# a comment\n" + text, "copy.yaml").sha256 == apartment.sha256
+    assert parse_site(text.replace("heading_deg: 195", "heading_deg: 196"), "copy.yaml").sha256 != apartment.sha256
+
+
+@pytest.mark.parametrize(
+    ("broken", "instead", "field"),
+    [
+        ("ceiling_height_m: 2.5", "ceiling_height_m: low", "ceiling_height_m"),
+        ("sill_m: 0.5", "sill_m: -0.5", "windows.0.sill_m"),
+        ("size_m: [0.95, 2.1, 0.8]", "size_m: [0.95, 2.1]", "objects.12.size_m"),
+        ("id: sofa-1", "id: The Sofa", "objects.12.id"),
+        ("heading_deg: 195", "heading: 195", "starts.0"),
+    ],
+)
+def test_a_broken_file_names_line_and_field(broken: str, instead: str, field: str) -> None:
+    lines = embedded_sites()["apartment"].read_text(encoding="utf-8").splitlines()
+    at = next(number for number, line in enumerate(lines) if broken in line)
+    lines[at] = lines[at].replace(broken, instead)
+    with pytest.raises(SiteError, match=re.escape(f"flat.yaml:{at + 1}:")) as raised:
+        parse_site("\n".join(lines), "flat.yaml")
+    assert field in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_text_that_is_no_yaml_names_the_line() -> None:
+    with pytest.raises(SiteError, match=r"flat\.yaml:3"):
+        parse_site("name: flat\nrooms: [[\nwalls: }", "flat.yaml")
+
+
+def test_an_id_given_twice_is_named(apartment: Site) -> None:
+    content = apartment.content()
+    content["objects"].append(content["objects"][0])
+    with pytest.raises(SiteError, match="refrigerator-1"):
+        parse_site(yaml.safe_dump(content), "flat.yaml")
+
+
+def test_an_unknown_site_names_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="apartment"):
+        load_site("castle")
+
+
+def test_an_unknown_start_names_the_known_ones(apartment: Site) -> None:
+    with pytest.raises(UsageError, match="no starting position 20"):
+        apartment.start(20)
+
+
+def test_a_changed_copy_keeps_nothing_of_the_original(apartment: Site) -> None:
+    sofa = apartment.instances("sofa")[0]
+    moved = sofa.model_copy(update={"position": (5.0, 5.0)})
+    assert sofa.shape.centroid.x == pytest.approx(3.45)
+    assert moved.shape.centroid.x == pytest.approx(5.0)
+    assert apartment.model_copy(update={"objects": [moved]}).sha256 != apartment.sha256

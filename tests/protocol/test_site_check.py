@@ -1,0 +1,208 @@
+"""`check_site` finds each kind of mistake a survey can hold, and says it in words."""
+
+import pytest
+
+from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, Window, load_site
+from vsnbench.protocol.site_check import Severity, check_site
+
+RADIUS_M = 0.177
+SIZES = {
+    "chair": (0.5, 0.5, 0.9),
+    "sofa": (0.9, 1.6, 0.8),
+    "table": (0.8, 0.8, 0.7),
+    "bed": (1.9, 0.9, 0.5),
+    "toilet": (0.6, 0.4, 0.8),
+    "plant": (0.4, 0.4, 1.0),
+}
+PLACES = {"chair": (9, 1), "sofa": (9, 3), "table": (9, 5), "bed": (7, 7), "toilet": (4, 7.5), "plant": (1, 7)}
+
+
+def thing(name: str, category: str, at: tuple[float, float], size_m: tuple[float, float, float], **more) -> SiteObject:
+    return SiteObject(id=name, category=category, position=at, size_m=size_m, **more)
+
+
+def sound_site(**changes) -> Site:
+    """A hall of 10 m x 8 m with every goal along its walls and 15 starts in its middle."""
+    objects = [thing(f"{name}-1", name, PLACES[name], SIZES[name]) for name in PLACES]
+    objects.append(thing("monitor-1", "monitor", PLACES["table"], (0.2, 0.5, 0.4), elevation_m=0.7))
+    content = {
+        "name": "hall",
+        "rooms": [Room(name="hall", polygon=[(0, 0), (10, 0), (10, 8), (0, 8)])],
+        "walls": [
+            Wall(start=(0, 0), end=(10, 0)),
+            Wall(start=(10, 0), end=(10, 8)),
+            Wall(start=(10, 8), end=(0, 8)),
+            Wall(start=(0, 8), end=(0, 0)),
+        ],
+        "objects": objects,
+        "starts": [
+            StartingPosition(number=n, position=(1 + 0.8 * (n % 5), 1 + n // 5), heading_deg=17.0 * n)
+            for n in range(1, 16)
+        ],
+    }
+    return Site(**{**content, **changes})
+
+
+def errors_of(site: Site) -> list[str]:
+    return [finding.message for finding in check_site(site, RADIUS_M) if finding.severity is Severity.ERROR]
+
+
+def with_objects(*more: SiteObject) -> Site:
+    return sound_site(objects=[*sound_site().objects, *more])
+
+
+def with_start(*position: float) -> Site:
+    starts = sound_site().starts
+    return sound_site(starts=[starts[0].model_copy(update={"position": position}), *starts[1:]])
+
+
+@pytest.mark.parametrize("radius_m", [0.177, 0.30])
+def test_the_apartment_is_sound_for_both_robots(radius_m: float) -> None:
+    assert check_site(load_site("apartment"), radius_m) == []
+
+
+def test_a_sound_site_has_no_findings() -> None:
+    assert check_site(sound_site(), RADIUS_M) == []
+
+
+@pytest.mark.parametrize(
+    ("position", "words"),
+    [
+        ((9, 3), "lies inside sofa-1"),
+        ((0.0, 3.0), "lies inside a wall"),
+        ((0.15, 3.0), "0.10 m from a wall"),
+        ((8.4, 3.0), "0.15 m from sofa-1"),
+        ((12.0, 3.0), "outside every room"),
+    ],
+)
+def test_a_start_that_no_robot_can_stand_on_is_an_error(position: tuple[float, float], words: str) -> None:
+    messages = [message for message in errors_of(with_start(*position)) if message.startswith("starting position 1 ")]
+    assert len(messages) == 1
+    assert words in messages[0]
+
+
+def test_a_start_beside_a_goal_is_a_warning() -> None:
+    (finding,) = check_site(with_start(8.0, 3.0), RADIUS_M)
+    assert finding.severity is Severity.WARNING
+    assert "sofa-1" in finding.message
+
+
+def test_fewer_than_fifteen_starts_is_a_warning() -> None:
+    (finding,) = check_site(sound_site(starts=sound_site().starts[:14]), RADIUS_M)
+    assert finding.severity is Severity.WARNING
+    assert "14 starting positions" in finding.message
+
+
+def test_a_goal_that_nobody_can_reach_is_an_error() -> None:
+    around_the_toilet = [
+        Wall(start=(2.3, 8), end=(2.3, 5.9)),
+        Wall(start=(2.3, 5.9), end=(5.7, 5.9)),
+        Wall(start=(5.7, 5.9), end=(5.7, 8)),
+    ]
+    site = sound_site(walls=[*sound_site().walls, *around_the_toilet])
+    assert errors_of(site) == ["no starting position can reach a toilet with a robot of radius 0.177 m"]
+
+
+def test_a_start_that_is_shut_in_is_named() -> None:
+    fence = [
+        thing("fence-1", "counter", (0.75, 7.0), (0.1, 1.3, 0.9)),
+        thing("fence-2", "counter", (0.45, 6.3), (0.6, 0.1, 0.9)),
+    ]
+    site = with_objects(*fence)
+    site = site.model_copy(
+        update={
+            "objects": [each for each in site.objects if each.id != "plant-1"]
+            + [thing("plant-1", "plant", (3, 0.4), SIZES["plant"])],
+            "starts": [site.starts[0].model_copy(update={"position": (0.38, 6.9)}), *site.starts[1:]],
+        }
+    )
+    assert "no way to a chair from starting position 1" in errors_of(site)
+
+
+def test_a_missing_goal_is_a_warning() -> None:
+    site = sound_site(objects=[each for each in sound_site().objects if each.category != "plant"])
+    (finding,) = check_site(site, RADIUS_M)
+    assert finding.severity is Severity.WARNING
+    assert "no plant" in finding.message
+
+
+def test_an_unknown_category_is_named_with_the_known_ones() -> None:
+    (message,) = errors_of(with_objects(thing("piano-1", "piano", (5, 5), (1, 1, 1))))
+    assert "piano-1: unknown category 'piano'" in message
+    assert "sofa" in message
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (thing("lamp-1", "lamp", (12, 3), (0.3, 0.3, 1)), "lamp-1 stands outside every room"),
+        (thing("lamp-1", "lamp", (10, 6.5), (0.3, 0.3, 1)), "lamp-1 sticks through a wall"),
+        (thing("lamp-1", "lamp", (9, 3), (0.3, 0.3, 1)), "sofa-1 and lamp-1 overlap"),
+        (thing("lamp-1", "lamp", (5, 5), (0.3, 0.3, 2.6)), "lamp-1 reaches above the ceiling"),
+        (
+            thing("rug-1", "rug", (5, 5), (1, 1, 0.01), footprint=[(4, 4), (5, 5), (5, 4), (4, 5)]),
+            "footprint of rug-1: its outline crosses itself",
+        ),
+    ],
+)
+def test_an_object_in_an_impossible_place_is_an_error(extra: SiteObject, words: str) -> None:
+    messages = errors_of(with_objects(extra))
+    assert any(words in message for message in messages), messages
+
+
+def test_things_stacked_on_each_other_do_not_overlap() -> None:
+    lamp = thing("lamp-1", "lamp", PLACES["sofa"], (0.3, 0.3, 0.5), elevation_m=0.8)
+    assert check_site(with_objects(lamp), RADIUS_M) == []
+
+
+def test_a_room_that_crosses_itself_is_an_error() -> None:
+    site = sound_site(rooms=[Room(name="bow", polygon=[(0, 0), (10, 8), (10, 0), (0, 8)])])
+    assert any("room 'bow': its outline crosses itself" in message for message in errors_of(site))
+
+
+def test_rooms_that_overlap_are_an_error() -> None:
+    rooms = [*sound_site().rooms, Room(name="nook", polygon=[(0, 0), (2, 0), (2, 2), (0, 2)])]
+    assert errors_of(sound_site(rooms=rooms)) == ["rooms 'hall' and 'nook' overlap by 4.00 m²"]
+
+
+def test_walls_that_run_in_the_same_place_are_an_error() -> None:
+    walls = [*sound_site().walls, Wall(start=(2, 0.03), end=(5, 0.03))]
+    (message,) = errors_of(sound_site(walls=walls))
+    assert message.startswith("wall 1 ((0, 0) to (10, 0)) and wall 5")
+    assert "overlap along 3.00 m" in message
+
+
+def test_walls_that_meet_or_cross_do_not_overlap() -> None:
+    walls = [*sound_site().walls, Wall(start=(4.5, 0), end=(4.5, 0.8))]
+    assert [message for message in errors_of(sound_site(walls=walls)) if "overlap" in message] == []
+
+
+def test_a_door_and_a_window_on_no_wall_are_errors() -> None:
+    site = sound_site(
+        doors=[Door(name="front door", start=(3, 1), end=(4, 1))], windows=[Window(start=(3, 0), end=(3, 1))]
+    )
+    assert errors_of(site) == [
+        "front door ((3, 1) to (4, 1)) lies on no wall",
+        "window from (3, 0) to (3, 1) lies on no wall",
+    ]
+
+
+def test_a_door_and_a_window_in_the_same_place_are_an_error() -> None:
+    site = sound_site(
+        doors=[Door(name="front door", start=(3, 0), end=(4, 0))], windows=[Window(start=(3.5, 0), end=(5, 0))]
+    )
+    assert errors_of(site) == ["front door and window from (3.5, 0) overlap"]
+
+
+def test_errors_come_before_warnings() -> None:
+    site = with_objects(thing("piano-1", "piano", (5, 5), (1, 1, 1)))
+    site = site.model_copy(update={"starts": site.starts[:3]})
+    assert [finding.severity for finding in check_site(site, RADIUS_M)] == [Severity.ERROR, Severity.WARNING]
+
+
+def test_a_wider_robot_finds_more() -> None:
+    site = with_start(0.45, 3.0)
+    assert errors_of(site) == []
+    assert [finding.message for finding in check_site(site, 0.45)] == [
+        "starting position 1 is 0.40 m from a wall; the robot's radius is 0.45 m"
+    ]
