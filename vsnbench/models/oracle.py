@@ -22,6 +22,8 @@ from vsnbench.protocol.site import Site
 
 _STOOD_STILL_SHARE = 0.5
 """A forward move that odometry saw go less than this share of its length was refused or blocked."""
+_DRIFT_M = 0.01
+"""A plan is kept while the robot's own small errors take no more than this of what it keeps in reserve."""
 _STALE_HEADING_RAD = math.radians(3.0)
 """Headings that drifted farther than this from the planner's need a new planner."""
 
@@ -122,8 +124,9 @@ class Oracle:
         if len(poses) <= len(self._actions):
             return False
         end = poses[-1]
-        cell = self._space.cell_of(*end.position)
-        return bool(self._views[(self._planner.nearest_heading(end.heading_rad), *cell)])
+        row, column = self._space.cell_of(*end.position)
+        k = self._planner.nearest_heading(end.heading_rad)
+        return bool(self._views[k, row - 1 : row + 2, column - 1 : column + 2].any())
 
     def _make_plan(self, space: FreeSpace, here: Pose, eye_height_m: float) -> None:
         """Try the most comfortable plan first, and give up comforts one by one."""
@@ -147,7 +150,12 @@ class Oracle:
             views = wanted_poses(space, planner, points, half_view_rad)
             actions = planner.plan(here, views) if views.any() else None
             if actions is not None:
-                self._planner, self._views, self._actions, self._note = planner, views, actions, ""
+                follower = LatticePlanner(
+                    space, here.heading_rad, settings.forward_m, turn_rad, clearance.eased(_DRIFT_M)
+                )
+                for pose in refused:
+                    follower.forbid(pose)
+                self._planner, self._views, self._actions, self._note = follower, views, actions, ""
                 return
         self._planner, self._views, self._actions = None, None, ()
         self._note = f"no way to any {self._goal} on the map"
