@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 from typer.testing import CliRunner
-from vsnbench.cli.sites import app
 
+from vsnbench.cli.sites import app
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.site import load_site
 
