@@ -146,10 +146,19 @@ def fetch(
     if not model.weights_file:
         raise UsageError(f"model {name} has no weights to fetch")
     destination = weights_directory() / model.weights_file
+    console = Console(stderr=True)
     columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(model.weights_file, total=None)
-        fresh = download(url, destination, sha256, lambda here, whole: bar.update(task, completed=here, total=whole))
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    task = bar.add_task(model.weights_file, total=None)
+
+    def progress(here_bytes: int, whole_bytes: int | None) -> None:
+        bar.start()
+        bar.update(task, completed=here_bytes, total=whole_bytes)
+
+    try:
+        fresh = download(url, destination, sha256, progress)
+    finally:
+        bar.stop()
     typer.echo(f"{destination}" if fresh else f"{destination} (was already there)")
     if model.can_check:
         typer.echo(f"next: vsnbench models check {name}", err=True)

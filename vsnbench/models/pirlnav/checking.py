@@ -11,7 +11,8 @@ from vsnbench.models.pirlnav.network import build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
 
-_TIMED_STEPS = 24
+_TIMED_STEPS = 40
+_TIMED_S = 3.0
 
 
 def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ModelCheck:
@@ -62,13 +63,15 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
 
 
 def time_steps(engine: Engine, checkpoint: Checkpoint) -> Timing:
-    """Time single steps of an engine, one after the other, after a few to warm up."""
+    """Time single steps of an engine, one after the other, after a few to warm up; for a few seconds at most."""
     steps = synthetic_steps(checkpoint.architecture)
     for step in steps:
         engine.step(step)
-    durations_ms = []
+    durations_ms: list[float] = []
     for index in range(_TIMED_STEPS):
+        if sum(durations_ms) > _TIMED_S * 1e3:
+            break
         begun = time.perf_counter()
         engine.step(steps[index % len(steps)])
         durations_ms.append((time.perf_counter() - begun) * 1e3)
-    return Timing(engine.label, statistics.median(durations_ms), _TIMED_STEPS)
+    return Timing(engine.label, statistics.median(durations_ms), len(durations_ms))
