@@ -1,0 +1,140 @@
+"""How much of the simulator's speed is left when everything is recorded.
+
+Drives the same random actions twice in one process: bare (observe at 640x480 RGB-D, guard, execute) and as a whole
+recorded run (database, image files, Rerun). Prints actions per second, their ratio, and where the time goes.
+
+    python benchmarks/throughput.py [--episodes 6]
+"""
+
+import argparse
+import tempfile
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import CampaignPlan, ModelIdentity, RobotIdentity
+from vsnbench.models.random_walk import RandomWalk
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site, load_site
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.campaign import plan_trials, trial_seed
+from vsnbench.runner.depth_guard import look_ahead
+from vsnbench.runner.episode import EpisodeOutcome
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.results import ResultsDirectory
+from vsnbench.runner.session import run_session
+from vsnbench.runner.stopping import StopSignals
+
+START = 5
+PARAMETERS = ProtocolParameters(max_actions=60)
+
+
+class Wanderer(RandomWalk):
+    """The random baseline without its STOP: episodes end at the cap or at a collision."""
+
+    def act(self, observation: Observation) -> Decision:
+        """Turn where the random baseline would stop."""
+        decision = super().act(observation)
+        return Decision(Action.TURN_LEFT) if decision.action is Action.STOP else decision
+
+
+@dataclass
+class Tally:
+    """Actions, seconds, and where the seconds went."""
+
+    actions: int = 0
+    seconds: float = 0.0
+    observe_s: float = 0.0
+    guard_s: float = 0.0
+    execute_s: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Actions per second."""
+        return self.actions / self.seconds
+
+    def episode_begins(self, goal: str, start: int) -> None:
+        """Say nothing."""
+
+    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:  # noqa: ARG002
+        """Count."""
+        self.actions += outcome.actions
+
+
+def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
+    """Observe, guard, execute; keep nothing."""
+    tally, policy = Tally(), Wanderer()
+    began = time.perf_counter()
+    for repetition in range(1, episodes + 1):
+        seed = trial_seed(0, "chair", START, repetition)
+        robot.begin(site.start(START), seed)
+        policy.reset("chair", seed)
+        for _ in range(PARAMETERS.max_actions):
+            t0 = time.perf_counter()
+            observation = robot.observe()
+            t1 = time.perf_counter()
+            action = policy.act(observation).action
+            guard = look_ahead(observation, robot.profile.base, PARAMETERS.depth_guard)
+            t2 = time.perf_counter()
+            blocked = action is Action.MOVE_FORWARD and guard.blocked
+            result = None if blocked else robot.execute(action)
+            tally.observe_s += t1 - t0
+            tally.guard_s += t2 - t1
+            tally.execute_s += time.perf_counter() - t2
+            tally.actions += 1
+            if result is not None and result.collision:
+                break
+    tally.seconds = time.perf_counter() - began
+    return tally
+
+
+def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: Path) -> Tally:
+    """Run the same episodes as `vsnbench run` does."""
+    tally = Tally()
+    results = ResultsDirectory.locate(directory)
+    results.prepare()
+    plan = CampaignPlan(
+        site=site,
+        robot=RobotIdentity(robot.profile, "simulated", simulated=True),
+        model=ModelIdentity("wanderer"),
+        protocol=PARAMETERS,
+        seed=0,
+        trials=plan_trials(["chair"], [START], episodes),
+    )
+    with Journal.open(results.database_url) as journal, StopSignals() as stop:
+        campaign = journal.find_or_create_campaign(plan)
+        target = RecordingTarget(journal, results, "wanderer", robot.profile)
+        recorder = partial(EpisodeRecorderFanOut, target)
+        began = time.perf_counter()
+        run_session(journal, campaign, site, PARAMETERS, 0, robot, Wanderer(), recorder, tally, stop)
+        tally.seconds = time.perf_counter() - began
+    return tally
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("--episodes", type=int, default=6, help="episodes of up to 60 actions each")
+    episodes = arguments.parse_args().episodes
+    site = load_site("apartment")
+    robot = SimulatedRobot(site, load_profile("turtlebot2"), PARAMETERS)
+    with tempfile.TemporaryDirectory() as directory:
+        drive_bare(robot, site, 1)
+        drive_recorded(robot, site, 1, Path(directory) / "warm-up")
+        bare = drive_bare(robot, site, episodes)
+        recorded = drive_recorded(robot, site, episodes, Path(directory) / "measured")
+    print(f"bare loop     {bare.rate:6.1f} actions/s  ({bare.actions} actions)")
+    for part, spent_s in (("observe", bare.observe_s), ("guard", bare.guard_s), ("execute", bare.execute_s)):
+        print(f"  {part:<11} {spent_s / bare.actions * 1000:6.2f} ms an action")
+    print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions: database, images, Rerun)")
+    print(f"ratio         {recorded.rate / bare.rate:6.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Calls the command line as a user does: in this process for speed, or in one of its own where it must be killed."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import pytest
+
+from vsnbench.cli.main import main
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command printed, and its exit code."""
+
+    code: int
+    out: str
+    err: str
+
+
+def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
+    """Run a command in this process."""
+    monkeypatch.setattr(sys, "argv", ["vsnbench", *words])
+    capsys.readouterr()
+    code = 0
+    try:
+        main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    captured = capsys.readouterr()
+    return Answer(code, captured.out, captured.err)
+
+
+@contextmanager
+def vsnbench_process(words: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
+    """Start a command in a process of its own; it is ended with the block."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vsnbench.cli.main", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"COLUMNS": "200"},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        for stream in (process.stdout, process.stderr):
+            if stream:
+                stream.close()

@@ -1,0 +1,200 @@
+"""`vsnbench run` as it is typed: real robot in the embedded apartment, real database, real files."""
+
+import signal
+import sqlite3
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.cli.console import Answer, vsnbench, vsnbench_process
+from vsnbench.protocol.site import load_site
+
+Run = Callable[..., Answer]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    return lambda *words: vsnbench(monkeypatch, capsys, "run", *map(str, words))
+
+
+def rows(results: Path, query: str) -> list[tuple[object, ...]]:
+    connection = sqlite3.connect(f"file:{results / 'vsnbench.db'}?mode=ro", uri=True, timeout=10)
+    try:
+        return connection.execute(query).fetchall()
+    finally:
+        connection.close()
+
+
+def wait_for_steps(results: Path, count: int, process: "subprocess.Popen[str]") -> None:
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr.read() if process.stderr else ""
+        if (results / "vsnbench.db").is_file():
+            try:
+                if rows(results, "SELECT COUNT(*) FROM step")[0] >= (count,):
+                    return
+            except sqlite3.OperationalError:  # the tables are being made
+                pass
+        time.sleep(0.02)
+    pytest.fail(f"no {count} steps within two minutes")
+
+
+STORY = """
+    SELECT t.goal, t.start, e.seed, e.end_reason, e.distance_to_goal_m, v.success, s.number, s.action, s.blocked,
+           s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
+           s.rgb_sha256, s.depth_sha256
+    FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
+    JOIN verdict v ON v.episode_id = e.id ORDER BY e.id, s.number
+"""
+
+
+def test_the_oracle_reaches_its_goal_and_everything_is_recorded(run: Run, tmp_path: Path) -> None:
+    answer = run("--model", "oracle", "--goal", "bed", "--starts", "2-3", "--results", tmp_path)
+    assert answer.code == 0
+    assert "all 2 trials are done" in answer.err
+    episodes = rows(tmp_path, "SELECT id, end_reason, actions, images_directory, path_length_m FROM episode")
+    assert [episode[1] for episode in episodes] == ["stop", "stop"]
+    assert rows(tmp_path, "SELECT success, source FROM verdict") == [(1, "protocol"), (1, "protocol")]
+    for number, _, actions, directory, path_length_m in episodes:
+        files = tmp_path / str(directory)
+        steps = rows(tmp_path, f"SELECT number FROM step WHERE episode_id = {number} ORDER BY number")
+        assert [step[0] for step in steps] == list(range(1, int(str(actions)) + 1))
+        assert sorted(path.stem for path in (files / "rgb").iterdir()) == [f"{step:04d}" for (step,) in steps]
+        assert sorted(path.stem for path in (files / "depth").iterdir()) == [f"{step:04d}" for (step,) in steps]
+        assert (files / "trajectory.tum").read_text().count("\n") == len(steps) + 2
+        assert (files / "episode.rrd").stat().st_size > 10_000
+        assert float(str(path_length_m)) > 0.2
+
+
+def test_the_same_command_again_has_nothing_to_do_and_a_new_seed_is_a_new_campaign(run: Run, tmp_path: Path) -> None:
+    words = ("--model", "random", "--goal", "chair", "--starts", "1", "--results", tmp_path)
+    assert run(*words).code == 0
+    again = run(*words)
+    assert again.code == 0
+    assert "nothing to do" in again.err
+    assert rows(tmp_path, "SELECT COUNT(*) FROM episode") == [(1,)]
+    assert run(*words, "--seed", "1").code == 0
+    assert rows(tmp_path, "SELECT COUNT(*) FROM campaign") == [(2,)]
+
+
+def test_the_same_seed_gives_the_same_actions_poses_verdicts_and_pixels(run: Run, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        words = ("--model", "random", "--goal", "chair,bed", "--starts", "1-4", "--noise", "--seed", "11")
+        assert run(*words, "--max-steps", "12", "--results", tmp_path / name).code == 0
+    story = rows(tmp_path / "one", STORY)
+    assert len(story) >= 8
+    assert story == rows(tmp_path / "two", STORY)
+
+
+def test_trials_run_in_another_order_are_the_same_trials(run: Run, tmp_path: Path) -> None:
+    words = ("--model", "random", "--goal", "chair", "--starts", "1-5", "--max-steps", "4")
+    assert run(*words, "--results", tmp_path / "ordered").code == 0
+    assert run(*words, "--shuffle", "--results", tmp_path / "shuffled").code == 0
+    ordered, shuffled = rows(tmp_path / "ordered", STORY), rows(tmp_path / "shuffled", STORY)
+    assert ordered != shuffled
+    assert sorted(ordered, key=str) == sorted(shuffled, key=str)
+
+
+LONG = ("run", "--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-2", "--max-steps", "25")
+
+
+def test_a_killed_run_loses_no_committed_step_and_the_same_command_finishes_it(run: Run, tmp_path: Path) -> None:
+    words = (*LONG, "--results", str(tmp_path))
+    with vsnbench_process(words) as process:
+        wait_for_steps(tmp_path, 5, process)
+        process.send_signal(signal.SIGKILL)
+        process.wait(30)
+    assert rows(tmp_path, "SELECT end_reason FROM episode") == [(None,)]
+    kept = rows(tmp_path, "SELECT number FROM step ORDER BY number")
+    directory = tmp_path / "episodes" / "000001"
+    for (number,) in kept:
+        assert (directory / "rgb" / f"{number:04d}.jpg").is_file()
+        assert (directory / "depth" / f"{number:04d}.png").is_file()
+
+    assert run(*words[1:]).code == 0
+    assert rows(tmp_path, "SELECT end_reason FROM episode ORDER BY id") == [
+        ("interrupted",),
+        ("step_limit",),
+        ("step_limit",),
+    ]
+    assert rows(tmp_path, "SELECT success FROM verdict ORDER BY episode_id") == [(None,), (0,), (0,)]
+    assert rows(tmp_path, "SELECT number FROM step WHERE episode_id = 1 ORDER BY number") == kept
+    assert rows(tmp_path, "SELECT COUNT(DISTINCT trial_id) FROM episode WHERE end_reason = 'step_limit'") == [(2,)]
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "reason"), [(signal.SIGINT, 130, "aborted"), (signal.SIGTERM, 143, "interrupted")]
+)
+def test_a_stopped_run_says_how_to_go_on(number: signal.Signals, code: int, reason: str, tmp_path: Path) -> None:
+    with vsnbench_process((*LONG, "--results", str(tmp_path))) as process:
+        wait_for_steps(tmp_path, 3, process)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert "The same command goes on" in err
+    assert "Traceback" not in err
+    assert rows(tmp_path, "SELECT end_reason FROM episode") == [(reason,)]
+    assert rows(tmp_path, "SELECT success FROM verdict") == [(None,)]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("--model", "clippy", "--goal", "chair"), 2, "no model 'clippy'"),
+        (("--model", "random", "--goal", "kettle"), 2, "no goal category 'kettle'"),
+        (("--model", "random", "--goal", "chair", "--site", "moon"), 2, "no site 'moon'"),
+        (("--model", "random", "--goal", "chair", "--robot", "hal"), 2, "no robot 'hal'"),
+        (("--model", "random", "--goal", "chair", "--starts", "1-15,20"), 2, "no starting position 20"),
+        (("--model", "random", "--goal", "chair", "--max-steps", "0"), 2, "--max-steps"),
+        (("--model", "random", "--goal", "chair", "--repetitions", "0"), 2, "--repetitions"),
+        (("--model", "random"), 2, "--goal"),
+        (("--model", "no.such.module:Policy", "--goal", "chair"), 1, "cannot import no.such.module"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_in_a_line_and_nothing_is_written(
+    run: Run, tmp_path: Path, words: tuple[str, ...], code: int, message: str
+) -> None:
+    results = tmp_path / "results"
+    answer = run(*words, "--results", results)
+    assert answer.code == code
+    assert message in answer.err
+    assert "Traceback" not in answer.err
+    assert not results.exists()
+
+
+def test_a_broken_site_file_is_named_with_line_and_field(run: Run, tmp_path: Path) -> None:
+    site = tmp_path / "lab.yaml"
+    site.write_text("name: lab\nrooms: []\nwalls: []\nstarts: []\nceiling_height_m: low\n")
+    answer = run("--model", "random", "--goal", "chair", "--site", site, "--results", tmp_path / "results")
+    assert answer.code == 1
+    assert f"{site}:5: ceiling_height_m" in answer.err
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_results_directory_that_is_a_file_is_refused(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "results").write_text("no directory")
+    answer = run("--model", "random", "--goal", "chair", "--results", tmp_path / "results")
+    assert answer.code == 1
+    assert "cannot write the results directory" in answer.err
+
+
+def test_a_model_that_fails_voids_its_episodes_and_ends_the_session(run: Run, tmp_path: Path) -> None:
+    answer = run("--model", "tests.cli.turning:Broken", "--goal", "chair", "--starts", "1-5", "--results", tmp_path)
+    assert answer.code == 1
+    assert "3 void episodes one after another" in answer.err
+    assert "5 of 5 trials are left" in answer.err
+    assert rows(tmp_path, "SELECT DISTINCT end_reason FROM episode") == [("model_error",)]
+
+
+def test_a_site_of_ones_own_is_run_by_its_path(run: Run, tmp_path: Path) -> None:
+    import yaml
+
+    site = load_site("apartment").model_copy(update={"name": "mine"})
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(site.content()))
+    results = tmp_path / "results"
+    assert run("--model", "oracle", "--goal", "bed", "--starts", "3", "--site", path, "--results", results).code == 0
+    assert rows(results, "SELECT name FROM site") == [("mine",)]

@@ -1,0 +1,53 @@
+"""The YAML reader: right values in, or the line and the field of what is wrong."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from vsnbench.errors import SiteError
+from vsnbench.protocol.settings_file import parse_settings, read_settings
+
+
+class Wheel(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    radius_m: float
+
+
+class Cart(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    name: str
+    wheels: list[Wheel] = []
+
+
+def parse(text: str) -> Cart:
+    return parse_settings(text, "cart.yaml", Cart, SiteError, "cart")
+
+
+def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("name: wagon\nwheels:\n- radius_m: 0.2\n- {radius_m: 0.3}\n")
+    cart = read_settings(path, Cart, SiteError, "cart")
+    assert [wheel.radius_m for wheel in cart.wheels] == [0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name: a\nwheels:\n- radius_m: 0.2\n- radius_m: round\n", r"^cart.yaml:4: wheels.1.radius_m: "),
+        ("# a remark\n\nname: a\ncolour: red\n", r"^cart.yaml:4: colour: Extra inputs"),
+        ("wheels: []\n", r"^cart.yaml:1: name: Field required$"),
+        ("name: a\nwheels:\n- {}\n- {}\n", r"^cart.yaml:3: wheels.0.radius_m: Field required \(and 1 more\)$"),
+        ("name: a\n  wheels: [\n", r"^cart.yaml:2: not valid YAML: "),
+        ("- a\n- b\n", r"^cart.yaml:1: a cart file is a mapping with name$"),
+        ("", r"^cart.yaml:1: a cart file is a mapping with name$"),
+    ],
+)
+def test_a_broken_file_is_told_where_and_what(text: str, expected: str) -> None:
+    with pytest.raises(SiteError, match=expected):
+        parse(text)
+
+
+def test_a_missing_file_is_an_error_of_the_asked_class(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match="cannot read cart file"):
+        read_settings(tmp_path / "none.yaml", Cart, SiteError, "cart")

@@ -1,0 +1,57 @@
+"""Robot profiles: the embedded ones are the paper's robots, and a broken file is told what is wrong with it."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from vsnbench.errors import RobotError, UsageError
+from vsnbench.robots.profiles import embedded_profiles, load_profile, parse_profile
+
+TURTLEBOT2 = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
+
+
+def test_the_papers_two_robots_are_embedded_under_their_names() -> None:
+    assert sorted(embedded_profiles()) == ["lola2", "turtlebot2"]
+    for name in embedded_profiles():
+        assert load_profile(name).name == name
+
+
+def test_turtlebot2_drives_by_the_papers_defaults() -> None:
+    profile = load_profile("turtlebot2")
+    assert (profile.speeds.linear_m_s, profile.speeds.angular_rad_s) == (0.3, 0.5)
+    assert profile.speeds.acceleration_share == pytest.approx(1 / 3)
+    assert profile.base.max_angular_rad_s == pytest.approx(math.pi, abs=1e-4)
+
+
+def test_a_labs_own_profile_is_read_by_its_path(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(TURTLEBOT2.replace("name: turtlebot2", "name: mine"), encoding="utf-8")
+    assert load_profile(mine).name == load_profile(str(mine)).name == "mine"
+
+
+def test_an_unknown_profile_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(UsageError, match=r"no robot profile 'turtlebot3'.*lola2, turtlebot2"):
+        load_profile("turtlebot3")
+
+
+@pytest.mark.parametrize(
+    ("broken", "expected"),
+    [
+        (TURTLEBOT2.replace("radius_m: 0.177", "radius_m: -1"), r"mine.yaml:5: base.radius_m: .*greater than 0.05"),
+        (TURTLEBOT2.replace("  track_m", "  trakc_m"), r"mine.yaml:4: base.track_m: Field required \(and 1 more\)"),
+        (TURTLEBOT2.replace("  tilt_deg: 0.0", "  tilt: 0.0"), r"mine.yaml:\d+: camera.tilt: Extra inputs"),
+        (TURTLEBOT2 + "\n  - [", r"mine.yaml:\d+: not valid YAML"),
+        ("just words", r"mine.yaml:1: a robot profile file is a mapping with name, title, base, camera"),
+    ],
+)
+def test_a_broken_profile_names_the_line_and_the_field(broken: str, expected: str) -> None:
+    with pytest.raises(RobotError, match=expected):
+        parse_profile(broken, origin="mine.yaml")
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(RobotError, match="cannot read robot profile file"):
+        load_profile(binary)

@@ -1,0 +1,117 @@
+"""Robots by name: simulated ones with their profile, plug-ins, and clear words for everything else."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.simulator.places import square_room
+from vsnbench.errors import RobotError, UsageError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site
+from vsnbench.robots.profiles import embedded_profiles
+from vsnbench.robots.registry import DEFAULT_ROBOT, known_robots, open_robot
+from vsnbench.robots.simulated import SimulatedRobot
+
+SITE = square_room(4.0)
+PAPER = ProtocolParameters()
+
+
+class OutsideRobot(SimulatedRobot):
+    """What a third party might bring: made from the site alone."""
+
+    def __init__(self, site: Site) -> None:
+        from vsnbench.robots.profiles import load_profile
+
+        super().__init__(site, load_profile("lola2"))
+
+
+class GreedyRobot(OutsideRobot):
+    """Takes whatever it is offered."""
+
+    def __init__(self, **offered: Any) -> None:
+        self.offered = offered
+        super().__init__(offered["site"])
+
+
+class NoRobot:
+    """Not a robot at all."""
+
+
+class BrokenRobot:
+    """Cannot be made."""
+
+    def __init__(self) -> None:
+        raise OSError("no such serial port")
+
+
+HERE = __name__
+
+
+def test_the_default_robot_is_a_simulated_turtlebot2_without_noise() -> None:
+    robot = open_robot(DEFAULT_ROBOT, SITE, PAPER)
+    assert isinstance(robot, SimulatedRobot)
+    assert robot.profile.name == "turtlebot2"
+    assert robot.noise is None
+
+
+@pytest.mark.parametrize("name", ["lola2", "turtlebot2"])
+def test_a_profile_is_named_after_a_colon(name: str) -> None:
+    assert open_robot(f"simulated:{name}", SITE, PAPER).profile.name == name
+
+
+def test_a_profile_can_be_a_file(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(embedded_profiles()["lola2"].read_text().replace("name: lola2", "name: mine"))
+    assert open_robot(f"simulated:{mine}", SITE, PAPER).profile.name == "mine"
+
+
+def test_the_protocols_lengths_reach_the_motion() -> None:
+    robot = open_robot("simulated", SITE, ProtocolParameters(forward_m=0.5))
+    assert isinstance(robot, SimulatedRobot)
+    assert robot.settings.forward_m == 0.5
+
+
+def test_noise_is_turned_on_by_asking_for_it() -> None:
+    robot = open_robot("simulated", SITE, PAPER, noise=True)
+    assert isinstance(robot, SimulatedRobot)
+    assert robot.noise is not None
+
+
+def test_a_third_partys_class_is_named_by_its_module() -> None:
+    assert isinstance(open_robot(f"{HERE}:OutsideRobot", SITE, PAPER), OutsideRobot)
+    greedy = open_robot(f"{HERE}:GreedyRobot", SITE, PAPER)
+    assert isinstance(greedy, GreedyRobot)
+    assert greedy.offered == {"site": SITE, "parameters": PAPER}
+
+
+def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    info = tmp_path / "outside-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[vsnbench.robots]\noutside = {HERE}:OutsideRobot\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert "outside" in known_robots()
+    assert isinstance(open_robot("outside", SITE, PAPER), OutsideRobot)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("warp-drive", UsageError, r"no robot 'warp-drive': the known ones are simulated, .*package.module:Class"),
+        ("simulated:roomba", UsageError, "no robot profile 'roomba'"),
+        ("no.such.module:Robot", RobotError, "cannot import no.such.module:Robot: ModuleNotFoundError"),
+        (f"{HERE}:Missing", RobotError, "cannot import"),
+        (f"{HERE}:HERE", RobotError, "neither a class nor a function"),
+        (f"{HERE}:NoRobot", RobotError, "is no robot"),
+        (f"{HERE}:BrokenRobot", RobotError, "could not be made: OSError: no such serial port"),
+    ],
+)
+def test_what_is_no_robot_is_refused_in_words(name: str, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        open_robot(name, SITE, PAPER)
+
+
+def test_a_robot_that_is_not_simulated_has_no_noise_to_turn_on() -> None:
+    with pytest.raises(UsageError, match="not simulated"):
+        open_robot(f"{HERE}:OutsideRobot", SITE, PAPER, noise=True)
