@@ -31,7 +31,7 @@ class _View:
     caption: str
 
 
-def contact_sheet(site: Site, columns: int = 5, width: int = 384, height: int = 288) -> Image:
+def contact_sheet(site: Site, columns: int = 5, width: int = 320, height: int = 240) -> Image:
     """Draw a sheet of views of a site.
 
     Args:
@@ -61,7 +61,7 @@ def save_image(image: Image, path: Path) -> None:
     """
     import cv2
 
-    _, encoded = cv2.imencode(path.suffix, image[..., ::-1])
+    _, encoded = cv2.imencode(path.suffix, image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     path.write_bytes(encoded.tobytes())
 
 
@@ -156,7 +156,8 @@ def _close_up(site: Site, renderer: Renderer, index: int) -> _View:
         own = instance == index + 1
         cut = int(own[0].sum() + own[-1].sum() + own[:, 0].sum() + own[:, -1].sum())
         aside = abs(math.remainder(eye.heading_rad + math.pi - math.radians(thing.heading_deg), math.tau))
-        score = min(float(own.sum()), 1500) - 25 * cut - 150 * abs(aside - 0.5)
+        steep = max(0.0, -eye.tilt_rad - 0.35)
+        score = min(float(own.sum()), 1500) - 25 * cut - 150 * abs(aside - 0.5) - 700 * steep
         if score > best_score:
             best, best_score = eye, score
     return _View(best, _CLOSE_FOV_DEG, caption.replace("_", " "))

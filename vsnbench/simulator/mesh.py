@@ -202,7 +202,7 @@ def build_mesh(scene: Scene) -> Mesh:
         extent = np.stack([along.min(1), along.max(1), across.min(1), across.max(1)], axis=1)
         if style.mapping is Mapping.FIT:
             wide, high = extent[:, 1] - extent[:, 0], extent[:, 3] - extent[:, 2]
-            edge = 0.5 / SIZE  # half a pixel, so that opposite edges do not run into one another
+            edge = 2 / SIZE  # opposite edges do not run into one another, in its smaller sizes neither
             scale_s, scale_t = (1 - 2 * edge) / wide, (1 - 2 * edge) / high
             texture_map = np.stack(
                 [scale_s, edge - extent[:, 0] * scale_s, scale_t, edge - extent[:, 2] * scale_t], axis=1
