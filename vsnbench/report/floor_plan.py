@@ -185,7 +185,7 @@ def _label(axes: "Axes", thing: SiteObject, above: list[SiteObject], always: boo
 
 
 def _text_m(words: str) -> float:
-    return 0.054 * len(words)
+    return 0.058 * len(words)
 
 
 def _free_strip(thing: SiteObject, above: list[SiteObject]) -> tuple[float, float, float, float]:
