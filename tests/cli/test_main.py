@@ -1,0 +1,73 @@
+"""The console script: light to start, every verb there, errors as one line."""
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.console import vsnbench
+from vsnbench.cli import main as console_script
+from vsnbench.errors import RobotError, UsageError
+
+HEAVY = ("torch", "rerun", "mujoco", "matplotlib", "numba", "numpy", "pandas", "sqlalchemy", "pydantic", "scipy")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; sys.argv = ['vsnbench', '--help']\n"
+        "from vsnbench.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "sys.stderr.write(' '.join(sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "vsnbench run --model oracle --goal chair" in run.stdout
+    assert set(HEAVY) & set(run.stderr.split()) == set()
+
+
+@pytest.mark.parametrize("verb", console_script.VERBS)
+def test_every_verb_exists_and_teaches_itself(
+    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = importlib.import_module(console_script.VERBS[verb][0])
+    assert hasattr(module, "app") or hasattr(module, "command")
+    answer = vsnbench(monkeypatch, capsys, verb, "--help")
+    assert answer.code == 0
+    assert f"vsnbench {verb}" in answer.out
+
+
+@pytest.mark.parametrize("words", [("nosuch",), ("--nosuch",), ("run", "--nosuch")])
+def test_what_is_not_known_is_a_usage_error(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, *words)
+    assert answer.code == 2
+    assert "nosuch" in answer.err
+
+
+@pytest.mark.parametrize(("error", "code"), [(UsageError("no such thing"), 2), (RobotError("wedged"), 1)])
+def test_a_known_error_is_one_line_and_its_exit_code(
+    error: Exception, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(verb: str | None) -> None:
+        raise error
+
+    monkeypatch.setattr(console_script, "build_app", fail)
+    answer = vsnbench(monkeypatch, capsys, "run")
+    assert answer.code == code
+    assert answer.err == f"vsnbench: error: {error}\n"
+
+
+def test_an_unexpected_error_keeps_its_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(verb: str | None) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(console_script, "build_app", fail)
+    with pytest.raises(ZeroDivisionError):
+        vsnbench(monkeypatch, capsys, "run")
+
+
+def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert vsnbench(monkeypatch, capsys, "--version").out.startswith("vsnbench 0.")
