@@ -18,7 +18,7 @@ from tests.runner.synthetic_episode import record
 from vsnbench.runner.results import ResultsDirectory
 
 WIDTH, HEIGHT = 1600, 1000
-DRAWN_WITHIN_S = 120.0
+DRAWN_WITHIN_S = 180.0
 
 
 @pytest.fixture
@@ -159,4 +159,4 @@ def shown_panels(browser: Chromium) -> npt.NDArray[np.uint8]:
         if all(found[name] >= count for name, count in needed.items()):
             return picture
         assert time.monotonic() < deadline, f"panels stay blank: {found}"
-        time.sleep(0.5)
+        time.sleep(3)  # every screenshot costs a software renderer a whole frame
