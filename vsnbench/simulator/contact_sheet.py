@@ -157,7 +157,7 @@ def _close_up(site: Site, renderer: Renderer, index: int) -> _View:
         cut = int(own[0].sum() + own[-1].sum() + own[:, 0].sum() + own[:, -1].sum())
         aside = abs(math.remainder(eye.heading_rad + math.pi - math.radians(thing.heading_deg), math.tau))
         steep = max(0.0, -eye.tilt_rad - 0.35)
-        score = min(float(own.sum()), 1500) - 25 * cut - 150 * abs(aside - 0.5) - 700 * steep
+        score = min(float(own.sum()), 1500) - 25 * cut - 350 * abs(aside - 0.5) - 250 * steep
         if score > best_score:
             best, best_score = eye, score
     return _View(best, _CLOSE_FOV_DEG, caption.replace("_", " "))

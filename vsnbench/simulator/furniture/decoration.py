@@ -110,7 +110,7 @@ def picture(c: Canvas) -> None:
         c.box((c.back, c.front), (c.right + edge, c.left - edge), z, frame)
     mount = edge + 0.1 * min(c.width, c.height)
     c.box(
-        (c.front - 0.3 * c.depth, c.front - 0.2 * c.depth),
+        (c.front - 0.3 * c.depth, c.front - 0.28 * c.depth),
         (c.right + mount, c.left - mount),
         (mount, c.height - mount),
         Material(rgb("#ffffff"), "painting"),
