@@ -66,9 +66,11 @@ def test_the_last_row_may_come_without_its_padding() -> None:
     assert decode_depth(image).tolist() == [[1, 2], [3, 4]]
 
 
-def test_instance_labels_keep_their_sign() -> None:
-    labels = np.array([[0, 7], [-1, 70000]], np.int32)
-    assert np.array_equal(decode_labels(message(labels, "32SC1")), labels)
+@pytest.mark.parametrize(("encoding", "dtype"), [("16UC1", np.uint16), ("32SC1", np.int32)])
+def test_instance_labels_are_whole_numbers_of_either_width(encoding, dtype) -> None:
+    labels = decode_labels(message(np.array([[0, 7], [1, 65535]], dtype), encoding))
+    assert labels.dtype == np.int32
+    assert labels.tolist() == [[0, 7], [1, 65535]]
 
 
 def test_an_unknown_encoding_is_named() -> None:
@@ -76,8 +78,8 @@ def test_an_unknown_encoding_is_named() -> None:
         decode_color(message(RGB, "yuv422"))
     with pytest.raises(ImageError, match="'rgb8', not 16UC1"):
         decode_depth(message(RGB, "rgb8"))
-    with pytest.raises(ImageError, match="'16UC1', not 32SC1"):
-        decode_labels(message(RGB[..., 0].astype(np.uint16), "16UC1"))
+    with pytest.raises(ImageError, match="'rgb8', not 16UC1, 32SC1"):
+        decode_labels(message(RGB, "rgb8"))
 
 
 def test_a_message_with_too_few_bytes_is_refused() -> None:

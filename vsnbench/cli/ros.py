@@ -43,3 +43,52 @@ def discrete_move(
     run_node(
         NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {profile.ros.discrete_move}"
     )
+
+
+@app.command("simulate")
+def simulate(
+    site: Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")] = "apartment",
+    robot: RobotOption = "turtlebot2",
+    rate_factor: Annotated[
+        float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")
+    ] = 1.0,
+    noise: Annotated[bool, typer.Option("--noise", help="Odometry that drifts, depth with noise and holes.")] = False,
+    command_lag: Annotated[
+        float, typer.Option("--command-lag", min=0, max=1, help="Seconds from a command to its effect.")
+    ] = 0.0,
+    odometry_rate: Annotated[
+        float | None, typer.Option("--odometry-rate", min=1, max=50, help="Hz, instead of the profile's.")
+    ] = None,
+    ros_arguments: RosArguments = None,
+) -> None:
+    """Be the robot: base and camera on the topics of its profile, around the embedded world, in real time.
+
+    A lab rehearses with it: everything else of the stack, discrete_move and vsnbench run, is what drives the real one.
+
+    [bold]Examples[/bold]
+
+        vsnbench ros simulate --site apartment --robot turtlebot2
+
+        vsnbench ros simulate --robot lola2 --noise --rate-factor 2
+    """
+    from vsnbench.protocol.site import load_site
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.ros4vsn.installation import require_ros
+
+    profile, place = load_profile(robot), load_site(site)
+    if odometry_rate is not None:
+        base = profile.base.model_copy(update={"odometry_rate_hz": odometry_rate})
+        profile = profile.model_copy(update={"base": base})
+    require_ros()
+    from vsnbench.ros4vsn.node import run_node
+    from vsnbench.ros4vsn.simulated_robot_node import NODE, SimulatedRobotNode, SimulationOptions
+    from vsnbench.simulator.noise import NoiseSettings
+
+    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag)
+    run_node(
+        NODE,
+        ros_arguments or [],
+        lambda _: SimulatedRobotNode(place, profile, options),
+        f"playing {profile.title} in {place.name}",
+        simulated_time=rate_factor != 1,
+    )

@@ -6,7 +6,7 @@ Names on the command line (`--robot`):
 - `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
 - any entry point of the group `vsnbench.robots`, or `package.module:Class`.
 
-A bare profile name such as `turtlebot2` always means the real robot.
+- `turtlebot2`, `lola2`, `path/to/profile.yaml`: the real robot of that profile over ROS 1, or whoever plays it.
 """
 
 import importlib
@@ -29,7 +29,8 @@ _DEFAULT_PROFILE = "turtlebot2"
 
 def known_robots() -> list[str]:
     """Return the names that `open_robot` knows: built-in ones first, then those of plug-ins, sorted."""
-    built_in = [_SIMULATED, *(f"{_SIMULATED}:{name}" for name in embedded_profiles())]
+    profiles = list(embedded_profiles())
+    built_in = [_SIMULATED, *(f"{_SIMULATED}:{name}" for name in profiles), *profiles]
     return [*built_in, *sorted(set(_plug_ins()) - set(built_in))]
 
 
@@ -57,6 +58,10 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
         return SimulatedRobot(site, profile, parameters, noise=NoiseSettings() if noise else None)
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
+    if name in embedded_profiles() or name.endswith((".yaml", ".yml")):
+        from vsnbench.robots.ros import RosRobot
+
+        return RosRobot(load_profile(name), parameters)
     return _plug_in_robot(name, site, parameters)
 
 

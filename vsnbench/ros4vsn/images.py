@@ -13,7 +13,7 @@ from vsnbench.errors import RobotError
 
 COLOR_ENCODINGS = ("rgb8", "bgr8", "rgba8", "bgra8", "mono8")
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
-LABEL_ENCODING = "32SC1"
+LABEL_ENCODINGS = ("16UC1", "32SC1")
 Scalar = TypeVar("Scalar", bound=np.generic)
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
 
@@ -66,11 +66,13 @@ def decode_labels(message: ImageMessage) -> npt.NDArray[np.int32]:
     """Return a simulator's instance image (H, W) int32.
 
     Raises:
-        ImageError: the encoding is not 32SC1, or the sizes do not fit together.
+        ImageError: the encoding is none of LABEL_ENCODINGS, or the sizes do not fit together.
     """
-    if message.encoding != LABEL_ENCODING:
-        raise ImageError(f"an instance image is encoded as {message.encoding!r}, not {LABEL_ENCODING}")
-    return _rows(message, np.int32, 1)[..., 0]
+    if message.encoding == "16UC1":
+        return _rows(message, np.uint16, 1)[..., 0].astype(np.int32)
+    if message.encoding == "32SC1":
+        return _rows(message, np.int32, 1)[..., 0]
+    raise ImageError(f"an instance image is encoded as {message.encoding!r}, not {', '.join(LABEL_ENCODINGS)}")
 
 
 def _rows(message: ImageMessage, scalar: type[Scalar], channels: int) -> npt.NDArray[Scalar]:

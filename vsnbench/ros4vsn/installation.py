@@ -4,7 +4,17 @@ import importlib.util
 
 from vsnbench.errors import RobotError
 
-NEEDED = ("rospy", "rosgraph", "genpy", "std_msgs", "std_srvs", "geometry_msgs", "nav_msgs", "sensor_msgs")
+NEEDED = (
+    "rospy",
+    "rosgraph",
+    "genpy",
+    "rosgraph_msgs",
+    "std_msgs",
+    "std_srvs",
+    "geometry_msgs",
+    "nav_msgs",
+    "sensor_msgs",
+)
 """The Python packages of ROS 1 that our nodes and the client import."""
 
 

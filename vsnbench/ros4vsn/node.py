@@ -83,8 +83,22 @@ class Closable(Protocol):
         ...
 
 
-def run_node(name: str, ros_arguments: Sequence[str], make: Callable[[Master], Closable], what: str) -> None:
+def run_node(
+    name: str,
+    ros_arguments: Sequence[str],
+    make: Callable[[Master], Closable],
+    what: str,
+    *,
+    simulated_time: bool = False,
+) -> None:
     """Be a node until SIGINT, SIGTERM or SIGHUP, or until another node of this name takes its place.
+
+    Args:
+        name: the node's name.
+        ros_arguments: see `start_node`.
+        make: what starts the node's work.
+        what: what the node does, in words, for the log.
+        simulated_time: whether this node is the clock of the whole network, and nodes started after it follow it.
 
     Raises:
         RobotError: no master answers, or a node of this name runs already.
@@ -93,6 +107,8 @@ def run_node(name: str, ros_arguments: Sequence[str], make: Callable[[Master], C
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
     master = start_node(name, ros_arguments)
+    if simulated_time:
+        rospy.set_param("/use_sim_time", True)
     rospy.on_shutdown(ended.set)
     node = make(master)
     try:

@@ -1,0 +1,494 @@
+"""The robot at the other end of a ROS 1 network: client of discrete_move, camera and odometry (paper, Section 3.1.4).
+
+Every wait has an end, every way out commands zero velocity, and what discrete_move answers is checked against the
+odometry: upstream's server answers True whatever happened.
+"""
+
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.motion.law import direction, ideal_duration_s
+from vsnbench.motion.settings import MotionSettings
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.site import StartingPosition
+from vsnbench.ros4vsn.depth_filter import median_depth_m, share_invalid
+from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard
+from vsnbench.ros4vsn.images import ImageError, decode_color, decode_depth, decode_labels
+from vsnbench.ros4vsn.installation import require_ros
+from vsnbench.ros4vsn.pairing import Look, MotionEnd, Stamped, choose_look
+from vsnbench.ros4vsn.service_call import ServiceError
+
+logger = logging.getLogger(__name__)
+
+PATIENCE_S = 30.0
+"""How long the parts of a robot may take to come up, or to come back, before an episode."""
+_CAMERA_TIMEOUT_S = 3.0
+_ODOMETRY_TIMEOUT_S = 0.8
+_COMMAND_TIMEOUT_S = 0.6
+_STANDSTILL_TIMEOUT_S = 1.5
+_MAX_SKEW_S = 0.1
+_STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
+_LIE_M, _LIE_RAD = 0.10, math.radians(10)
+"""A server that says True while the odometry is off by more than this has not done what was asked. Upstream's own
+tolerance of 0.08 rad, and its overshoot on a base with a lag, stay well below."""
+_WORD_OF = {action: word for word, action in MOVEMENTS.items()}
+
+
+class Attendant(Protocol):
+    """The person beside a robot that nothing else can put at its starting position."""
+
+    def put_at(self, start: StartingPosition, problem: str) -> None:
+        """Return once the person says that the robot stands at `start`.
+
+        Args:
+            start: where it should stand, and facing where.
+            problem: what was wrong with the last attempt; empty at first.
+
+        Raises:
+            RobotError: there is nobody to ask.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LookReport:
+    """How the last observation came about."""
+
+    waited_s: float
+    """For images taken after the motion: the camera's time, not ours."""
+    computed_s: float
+    """Decoding and filtering."""
+    skew_s: float
+    """Colour stamp minus depth stamp."""
+    depth_frames: int
+    invalid_before: float
+    """Share of pixels without a measurement in the newest depth image."""
+    invalid_after: float
+    """The same after the median."""
+
+
+class _AlarmError(Exception):
+    """Something happened during a movement that must end it at once."""
+
+    def __init__(self, reason: str, *, sensor_lost: bool = False) -> None:
+        super().__init__(reason)
+        self.sensor_lost = sensor_lost
+
+
+class RosRobot:
+    """A real robot, or one that is played by `vsnbench ros simulate`: the code is the same.
+
+    One a process. `halt` may be called from another thread.
+    """
+
+    def __init__(
+        self,
+        profile: RobotProfile,
+        parameters: ProtocolParameters | None = None,
+        attendant: Attendant | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        require_ros()
+        from vsnbench.ros4vsn.robot_link import RobotLink
+
+        self.profile = profile
+        self.attendant = attendant
+        self._parameters = parameters if parameters is not None else ProtocolParameters()
+        self._settings = MotionSettings.for_robot(profile, self._parameters)
+        self._patience_s = patience_s
+        self.last_look: LookReport | None = None
+        self._start: Pose | None = None
+        self._end = MotionEnd(0.0, 0.0)
+        self._moving = False
+        self._link = RobotLink(profile)
+        try:
+            self._wait_until_ready()
+            self.simulated = self._link.can_be_placed
+            if self.simulated:
+                self._link.join_simulation()
+        except BaseException:
+            self._link.close()
+            raise
+        self.sensors = frozenset(
+            {Sensor.RGB, Sensor.ODOMETRY}
+            | ({Sensor.DEPTH} if profile.ros.depth else set())
+            | ({Sensor.INSTANCES} if self._link.has_labels else set())
+        )
+        self.conditions: Mapping[str, Any] = {"depth_frames": self._depth_frames}
+
+    @property
+    def _depth_frames(self) -> int:
+        return self.profile.ros.depth_frames if self.profile.ros.depth else 0
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        """Stand at `start`, placed by the simulator or by a person, with every part of the robot answering.
+
+        Raises:
+            RobotError: a part does not answer within the patience, or the robot cannot stand there.
+        """
+        self._start = None
+        self._link.master.wait(self._patience_s)
+        self._wait_until_ready()
+        if self.simulated:
+            if problem := self._link.place(start.pose, seed, self._patience_s):
+                raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
+            self._wait(lambda: self._truth_is_near(start.pose), 5.0, "the simulator's ground truth")
+        else:
+            self._have_it_placed(start)
+        self._link.begin_episode(2.0)
+        self._await_zeroed_odometry()
+        with self._link.news:
+            self._link.clear_hazards()
+            self._link.tracker.rebase()
+            self._end = self._now()
+        self._start = start.pose
+
+    def observe(self) -> Observation:
+        """Return images taken after the last motion ended, the depth being the median of several.
+
+        Raises:
+            SensorLostError: a camera or the odometry is silent, or sends what is not in the profile.
+        """
+        self._require_begun()
+        began_s = time.monotonic()
+        look = self._look()
+        got_s = time.monotonic()
+        camera = self.profile.camera
+        try:
+            rgb = decode_color(look.color.payload)
+            frames = [decode_depth(frame.payload) for frame in look.depths]
+        except ImageError as error:
+            raise SensorLostError(f"{error}: is the camera driver the one of the profile?") from error
+        for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
+            height, width = image.shape[:2]
+            if (width, height) != (camera.width, camera.height):
+                raise SensorLostError(
+                    f"the {what} image is {width}x{height}, the profile says {camera.width}x{camera.height}: "
+                    "set the camera driver's mode, or the profile's camera"
+                )
+        try:
+            depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
+        except ValueError as error:
+            raise SensorLostError(f"{self.profile.ros.depth}: {error}") from error
+        instances = self._labels_of(look.color)
+        with self._link.news:
+            self._require_fresh_odometry()
+            pose = self._link.tracker.relative
+        self.last_look = LookReport(
+            waited_s=got_s - began_s,
+            computed_s=time.monotonic() - got_s,
+            skew_s=look.skew_s,
+            depth_frames=len(frames),
+            invalid_before=float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
+            invalid_after=share_invalid(depth_m) if depth_m is not None else math.nan,
+        )
+        return Observation(
+            rgb=rgb,
+            depth_m=depth_m,
+            pose=pose,
+            stamp_s=look.color.stamp_s,
+            camera=camera,
+            instances=instances,
+            depth_stamp_s=look.depths[-1].stamp_s if look.depths else None,
+        )
+
+    def execute(self, action: Action) -> MotionResult:
+        """Have discrete_move carry out one action, and measure what the odometry says about it."""
+        self._require_begun()
+        with self._link.news:
+            self._require_fresh_odometry()
+            before = self._link.tracker.relative
+        began_s = time.monotonic()
+        failure, sensor_lost, answered = "", False, False
+        self._moving = True
+        try:
+            self._watch()
+            answered = self._ask(action)
+        except _AlarmError as alarm:
+            failure, sensor_lost = str(alarm), alarm.sensor_lost
+        except ServiceError as error:
+            failure = str(error)
+        if failure:
+            self._force_standstill()
+        self._moving = False
+        after = before
+        try:
+            after = self._pose_at_rest()
+        except SensorLostError as error:
+            failure, sensor_lost = failure or str(error), sensor_lost or not failure
+        outcome = self._link.outcome
+        if not failure and not answered:
+            failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
+            sensor_lost = outcome is not None and outcome.sensor_lost
+        collision = self._collision()
+        return MotionResult(
+            completed=not (failure := failure or self._lie(action, before, after)) and collision is None,
+            displacement_m=_along(before, after),
+            turn_rad=after.heading_rad - before.heading_rad,
+            duration_s=time.monotonic() - began_s,
+            collision=collision,
+            failure=failure,
+            corrections=outcome.corrections if outcome else 0,
+            pose=after,
+            sensor_lost=sensor_lost,
+        )
+
+    def locate(self) -> Fix:
+        """Return the simulator's truth, or what the odometry makes of the surveyed start."""
+        self._require_begun()
+        with self._link.news:
+            if self.simulated:
+                if self._link.truth is None or time.monotonic() - self._link.truth.arrival_s > _CAMERA_TIMEOUT_S:
+                    raise SensorLostError("the simulator is silent: is vsnbench ros simulate running?")
+                return Fix(self._link.truth.payload, PoseSource.SIMULATED)
+            assert self._start is not None  # noqa: S101  # _require_begun
+            return Fix(self._start.compose(self._link.tracker.relative), PoseSource.ESTIMATED)
+
+    def halt(self) -> None:
+        """Command zero velocity, and insist on it while a movement may still be under way."""
+        if self._moving:
+            self._force_standstill()
+            self._moving = False
+        else:
+            self._link.stand_still()
+
+    def close(self) -> None:
+        """Halt and leave the ROS network."""
+        self.halt()
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _ask(self, action: Action) -> bool:
+        angle_deg = round(self._parameters.turn_deg) if action.turns else 0
+        limit_s = ideal_duration_s(action, self._settings) + self._settings.timeout_s + 2.0
+        answered = self._link.move(
+            _WORD_OF[action], angle_deg, limit_s, self._watch if action is not Action.STOP else None
+        )
+        # Our own server says on a topic what the answer's bool cannot; upstream's says nothing.
+        self._link.wait_for(lambda: self._link.outcome is not None, 0.1 if not answered else 0.0)
+        return answered
+
+    def _watch(self) -> None:
+        """Raise when something has happened for which no movement may go on."""
+        link, now_s = self._link, time.monotonic()
+        with link.news:
+            for hazard, where in link.hazard_events:
+                raise _AlarmError(f"{hazard.value} ({where})")
+            if link.contact:
+                raise _AlarmError(f"touched {link.contact}")
+            if link.odometry_fault:
+                raise _AlarmError(link.odometry_fault, sensor_lost=True)
+            if (silent_s := self._odometry_age_s()) > _ODOMETRY_TIMEOUT_S:
+                raise _AlarmError(_no_odometry(self.profile, silent_s), sensor_lost=True)
+        if now_s - link.commanded_s > _COMMAND_TIMEOUT_S:
+            # Nobody steers: whatever the base was told last, it is told to stand now.
+            link.stand_still()
+
+    def _collision(self) -> Collision | None:
+        with self._link.news:
+            touched = self._link.contact
+            bumped = [where for hazard, where in self._link.hazard_events if hazard is Hazard.BUMPER]
+        if bumped:
+            return Collision(CollisionSource.BUMPER, touched or bumped[0])
+        return Collision(CollisionSource.CONTACT, touched) if touched else None
+
+    def _lie(self, action: Action, before: Pose, after: Pose) -> str:
+        """Return in words how far the odometry contradicts an answer of True; empty when it does not."""
+        way = self._settings.way(action) * direction(action)
+        asked_m, asked_rad = (0.0, way) if action.turns else (way, 0.0)
+        moved_m, turned_rad = _along(before, after), after.heading_rad - before.heading_rad
+        if abs(moved_m - asked_m) <= _LIE_M and abs(turned_rad - asked_rad) <= _LIE_RAD:
+            return ""
+        return (
+            f"discrete_move answered True to {_WORD_OF[action]}, but the odometry moved {moved_m * 100:.1f} cm and "
+            f"turned {math.degrees(turned_rad):.1f}° instead of {asked_m * 100:g} cm and {math.degrees(asked_rad):g}°"
+        )
+
+    def _force_standstill(self) -> None:
+        """Command zero velocity until the odometry stands still; against a server that goes on driving, too."""
+        self._link.stand_still()
+        try:
+            self._link.move("Stop", 0, 0.5)
+        except RobotError as error:
+            logger.warning("discrete_move cannot be told to stop: %s", error)
+        give_up_s = time.monotonic() + _STANDSTILL_TIMEOUT_S
+        while time.monotonic() < give_up_s:
+            self._link.stand_still()
+            if self._link.wait_for(self._at_rest, 0.02):
+                break
+        self._link.stand_still()
+
+    def _pose_at_rest(self) -> Pose:
+        """Return the pose once the odometry stands still; a base with a lag rolls on after the answer."""
+        self._link.wait_for(self._at_rest, _STANDSTILL_TIMEOUT_S)
+        with self._link.news:
+            self._require_fresh_odometry()
+            self._end = self._now()
+            return self._link.tracker.relative
+
+    def _at_rest(self) -> bool:
+        """Return whether the readings of the last moments are all the same place."""
+        readings = self._link.readings
+        if not readings:
+            return False
+        newest = readings[-1]
+        for reading in reversed(readings):
+            if reading.pose.distance_to(newest.pose) > _STILL_M:
+                return False
+            if abs(reading.pose.heading_rad - newest.pose.heading_rad) > _STILL_RAD:
+                return False
+            if newest.stamp_s - reading.stamp_s >= self._settings.settle_s - 1e-3:
+                return True
+        return False
+
+    def _look(self) -> Look[Any]:
+        found: list[Look[Any]] = []
+
+        def complete() -> bool:
+            link = self._link
+            colors: Sequence[Stamped[Any]] = link.colors
+            if Sensor.INSTANCES in self.sensors:
+                labelled = {frame.stamp_s for frame in link.labels} if link.categories else set()
+                colors = [frame for frame in link.colors if frame.stamp_s in labelled]
+            look = choose_look(colors, link.depths, self._end, self._depth_frames, _MAX_SKEW_S)
+            found.extend([look] if look else [])
+            return bool(found)
+
+        timeout_s = _CAMERA_TIMEOUT_S + self._depth_frames / self.profile.ros.camera_rate_hz
+        if not self._link.wait_for(complete, timeout_s):
+            raise SensorLostError(self._missing_images(timeout_s))
+        return found[0]
+
+    def _missing_images(self, waited_s: float) -> str:
+        names, now_s = self.profile.ros, time.monotonic()
+        ages = []
+        for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
+            if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):
+                ages.append(topic)
+        if ages:
+            return f"no image on {' and '.join(ages)} for {waited_s:.0f} s: is the camera driver running?"
+        return (
+            f"images come on {names.color} and {names.depth}, but none within {waited_s:.0f} s that was stamped after "
+            f"the motion, colour within {_MAX_SKEW_S:g} s of depth: are the clocks in step (vsnbench doctor)?"
+        )
+
+    def _labels_of(self, color: Stamped[Any]) -> InstanceImage | None:
+        """Return the simulator's labels of a colour image; its look was chosen so that there are some."""
+        with self._link.news:
+            for frame in self._link.labels:
+                if frame.stamp_s == color.stamp_s:
+                    return InstanceImage(ids=decode_labels(frame.payload), categories=self._link.categories)
+        return None
+
+    def _have_it_placed(self, start: StartingPosition) -> None:
+        """Have a person put the robot at `start`; not before its wheels carry it and nothing is pressed."""
+        if self.attendant is None:
+            raise RobotError(
+                f"nothing can put {self.profile.name} at starting position {start.number} but a person, and nobody "
+                "was named: run in a terminal, or with --unattended"
+            )
+        problem = ""
+        while True:
+            self.attendant.put_at(start, problem)
+            with self._link.news:
+                pressed = [hazard.value for hazard, sensors in self._link.hazards.items() if sensors]
+            if not pressed:
+                return
+            problem = f"the base still reports: {', '.join(pressed)}"
+
+    def _wait_until_ready(self) -> None:
+        """Wait until every part of the robot answers; say what is waited for."""
+        give_up_s = time.monotonic() + self._patience_s
+        told = ""
+        while missing := self._missing_parts():
+            if time.monotonic() >= give_up_s:
+                raise RobotError(f"{missing} (waited {self._patience_s:.0f} s)")
+            if missing != told:
+                logger.warning("waiting: %s", missing)
+                told = missing
+            time.sleep(0.25)
+
+    def _missing_parts(self) -> str:
+        """Return the first part that does not answer and what to do about it; empty when all do."""
+        names, now_s = self.profile.ros, time.monotonic()
+        with self._link.news:
+            if self._odometry_age_s() > 1.0:
+                return f"no odometry on {names.odometry}: start the base's driver"
+            for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
+                if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):
+                    return f"no image on {topic}: start the camera's driver"
+        try:
+            self._link.discrete_move.probe()
+        except RobotError as error:
+            return f"{error} (vsnbench ros discrete-move --robot {self.profile.name})"
+        return ""
+
+    def _await_zeroed_odometry(self) -> None:
+        """Wait until a base that can reset its position has done so, and for a reading from after that."""
+        if self.profile.ros.reset_odometry:
+
+            def zeroed() -> bool:
+                latest = self._link.tracker.latest
+                return latest is not None and math.hypot(*latest.pose.position) < 0.001
+
+            self._link.wait_for(zeroed, 0.5)
+        asked_s = time.monotonic()
+
+        def fresh() -> bool:
+            latest = self._link.tracker.latest
+            return latest is not None and latest.arrival_s > asked_s
+
+        self._wait(fresh, 2.0, f"odometry on {self.profile.ros.odometry}")
+
+    def _wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+        if not self._link.wait_for(condition, timeout_s):
+            raise SensorLostError(f"waited {timeout_s:g} s in vain for {what}")
+
+    def _truth_is_near(self, pose: Pose) -> bool:
+        return self._link.truth is not None and self._link.truth.payload.distance_to(pose) < 0.02
+
+    def _odometry_age_s(self) -> float:
+        latest = self._link.tracker.latest
+        return math.inf if latest is None else time.monotonic() - latest.arrival_s
+
+    def _require_fresh_odometry(self) -> None:
+        if (silent_s := self._odometry_age_s()) > _ODOMETRY_TIMEOUT_S:
+            raise SensorLostError(_no_odometry(self.profile, silent_s))
+
+    def _now(self) -> MotionEnd:
+        """Return the present on the robot's clock and on ours."""
+        latest = self._link.tracker.latest
+        return MotionEnd(latest.stamp_s if latest else 0.0, time.monotonic())
+
+    def _require_begun(self) -> None:
+        if self._start is None:
+            raise RobotError("the robot stands nowhere yet: begin an episode first")
+
+
+def _no_odometry(profile: RobotProfile, silent_s: float) -> str:
+    return f"no odometry on {profile.ros.odometry} for {silent_s:.1f} s: is the base's driver running?"
+
+
+def _along(before: Pose, after: Pose) -> float:
+    """Return the distance between two poses, negative where the second lies behind the first."""
+    distance_m = before.distance_to(after)
+    return distance_m if after.relative_to(before).x_m >= 0 else -distance_m

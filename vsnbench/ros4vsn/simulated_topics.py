@@ -1,0 +1,12 @@
+"""The topics and services that only a simulated robot has; what a person or a tape measure does with a real one."""
+
+PLACE = "/simulation/place_robot"
+"""vsnbench/PlaceRobot: put the robot down at a starting position."""
+GROUND_TRUTH = "/simulation/ground_truth"
+"""nav_msgs/Odometry: where the robot truly stands, in the site's frame."""
+CONTACT = "/simulation/contact"
+"""std_msgs/String, latched: what the robot touches; empty for nothing."""
+INSTANCES = "/simulation/instances/image_raw"
+"""sensor_msgs/Image 16UC1, stamped as its colour image: the 1-based index of the site's object; 0 for the building."""
+CATEGORIES = "/simulation/instances/categories"
+"""std_msgs/String, latched: a JSON object, index -> category."""
