@@ -84,7 +84,7 @@ def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> 
     assert policy.chosen.runtime == "onnxruntime"
     assert policy.chosen.agreement is not None
     assert policy.chosen.agreement.largest_difference < 1e-4
-    assert policy.card.weights_label == "full.ckpt (imitation, RL fine-tuned, 301.99 M steps)"
+    assert policy.card.weights_label == "full.ckpt, RL fine-tuned, 301.99 M steps"
     rgb = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
     policy.reset("bed", seed=3)
     for step in range(2):

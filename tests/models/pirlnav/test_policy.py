@@ -153,7 +153,7 @@ def test_the_record_can_be_written_as_json_and_names_the_weights(policy: PIRLNav
     card = policy.card
     assert card.sensors == {Sensor.RGB, Sensor.ODOMETRY}
     assert card.weights_sha256 == "df429dd5ffb1d535a3f77a159c506c617eff3a596b7f620589d9393d5f66c03d"
-    assert card.weights_label == "ckpt.pth (imitation, RL fine-tuned, 260 M steps)"
+    assert card.weights_label == "ckpt.pth, RL fine-tuned, 260 M steps"
     assert json.loads(json.dumps(dict(card.settings)))["runtime"] == "torch"
     decision = episode(policy, recording, seed=0, steps=1)[0]
     assert list(decision.diagnostics.probabilities) == [action.name for action in ACTIONS]

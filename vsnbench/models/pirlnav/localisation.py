@@ -49,7 +49,7 @@ class Localiser:
             pose = self._origin.compose(pose)
             gps = (pose.x_m, pose.y_m)
         else:
-            gps = (pose.x_m, -pose.y_m)
+            gps = (pose.x_m, 0.0 - pose.y_m)  # a minus alone would make -0.0 of 0.0
         by_turns = self._settings.compass is CompassSource.TURNS
         return Location(gps, wrap_angle(math.radians(self._turned_deg) if by_turns else pose.heading_rad))
 

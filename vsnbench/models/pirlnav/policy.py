@@ -159,7 +159,7 @@ class PIRLNav:
         self._localiser.moved(chosen.executed)
         scalars = {
             "gps_forward_m": location.gps_m[0],
-            "gps_right_m": location.gps_m[1],
+            "gps_left_m" if self._as_published else "gps_right_m": location.gps_m[1],
             "compass_deg": math.degrees(location.compass_rad),
         }
         if math.isfinite(answer.value):
@@ -214,9 +214,9 @@ def _checkpoint_at(weights: str | Path | None) -> Checkpoint:
 
 def describe_weights(checkpoint: Checkpoint) -> str:
     """Return in words what the weights are."""
-    training = "imitation, RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
+    training = "RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
     steps = f", {checkpoint.training_step / 1e6:g} M steps" if checkpoint.training_step is not None else ""
-    return f"{checkpoint.path.name} ({training}{steps})"
+    return f"{checkpoint.path.name}, {training}{steps}"
 
 
 def softmax(logits: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

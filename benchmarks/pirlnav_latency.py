@@ -1,0 +1,143 @@
+"""Latency of PIRLNav: the default CPU path against eager PyTorch, the policy's own share, and memory over many steps.
+
+    python benchmarks/pirlnav_latency.py                 full size, synthetic weights of the released layout
+    python benchmarks/pirlnav_latency.py --weights FILE  a checkpoint of your own
+
+Prints one JSON object. Both engines run in this process, alternating step by step, so that whatever else the machine
+does falls on both alike.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vsnbench.models.pirlnav.acceleration import choose_engine
+from vsnbench.models.pirlnav.architecture import Architecture
+from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+from vsnbench.models.pirlnav.engine import StepInput, StepOutput, synthetic_steps
+from vsnbench.models.pirlnav.policy import PIRLNav
+from vsnbench.models.pirlnav.preprocessing import preprocess
+from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.pose import Pose
+
+MEMORY_STEPS = 10_000
+CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
+
+
+class Instant:
+    """An engine that answers at once: what is left is the policy around it."""
+
+    label = "nothing"
+
+    def step(self, step: StepInput) -> StepOutput:
+        """Answer at once."""
+        return StepOutput(np.zeros(6, np.float32), float(step.begins))
+
+
+def median_ms(action: Callable[[], object], times: int) -> float:
+    durations = []
+    for _ in range(times):
+        begun = time.perf_counter()
+        action()
+        durations.append(time.perf_counter() - begun)
+    return statistics.median(durations) * 1e3
+
+
+def engines_ms(weights: Path, times: int) -> dict[str, float | str]:
+    checkpoint = read_checkpoint(weights)
+    eager = choose_engine(checkpoint, PIRLNavSettings(runtime=Runtime.TORCH), "cpu").engine
+    default = choose_engine(checkpoint, PIRLNavSettings(), "cpu")
+    steps = synthetic_steps(checkpoint.architecture)
+    for step in steps:
+        eager.step(step)
+        default.engine.step(step)
+    eager_ms, default_ms = [], []
+    for index in range(times):
+        step = steps[index % len(steps)]
+        eager_ms.append(median_ms(lambda step=step: eager.step(step), 1))  # type: ignore[misc]
+        default_ms.append(median_ms(lambda step=step: default.engine.step(step), 1))  # type: ignore[misc]
+    reference, chosen = statistics.median(eager_ms), statistics.median(default_ms)
+    return {
+        "eager": eager.label,
+        "default": default.engine.label,
+        "eager_ms": round(reference, 2),
+        "default_ms": round(chosen, 2),
+        "eager_best_ms": round(min(eager_ms), 2),
+        "default_best_ms": round(min(default_ms), 2),
+        "times_as_fast": round(reference / chosen, 2),
+        "largest_logit_difference": default.agreement.largest_difference if default.agreement else 0.0,
+    }
+
+
+def policy_share_ms(small: Path, times: int) -> dict[str, float]:
+    """Time `act` with an engine that answers at once, on a camera image; preprocessing is its largest part."""
+    policy = PIRLNav(small, PIRLNavSettings(runtime=Runtime.TORCH), "cpu")
+    policy.chosen = type(policy.chosen)(
+        Instant(), policy.chosen.runtime, "cpu", policy.chosen.precision, policy.chosen.agreement
+    )
+    rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8)
+    observation = Observation(rgb, None, Pose(0.5, 0.25, 1.0), 0.0, CAMERA)
+    policy.reset("chair", seed=1)
+    policy.act(observation)
+    whole = median_ms(lambda: policy.act(observation), times)
+    image = median_ms(lambda: preprocess(rgb, 256), times)
+    return {"act_ms": round(whole, 3), "of_which_image_ms": round(image, 3)}
+
+
+def memory_growth_mib(small: Path, runtime: Runtime) -> float:
+    """Drive the small network for many steps and return how much the resident memory grew after the first tenth."""
+    policy = PIRLNav(small, PIRLNavSettings(runtime=runtime), "cpu")
+    rgb = np.random.default_rng(0).integers(0, 256, (256, 256, 3), np.uint8)
+    observation = Observation(rgb, None, Pose(0.5, 0.25, 1.0), 0.0, CAMERA.resized(256, 256))
+    policy.reset("chair", seed=1)
+    after_warming_up = 0.0
+    for step in range(MEMORY_STEPS):
+        policy.act(observation)
+        if step == MEMORY_STEPS // 10:
+            after_warming_up = resident_mib()
+    return round(resident_mib() - after_warming_up, 2)
+
+
+def resident_mib() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--weights", type=Path, help="a PIRLNav checkpoint; synthetic weights when absent")
+    parser.add_argument("--steps", type=int, default=60, help="timed steps of each engine")
+    arguments = parser.parse_args()
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from tests.models.pirlnav.checkpoints import SMALL, write_checkpoint
+
+    with tempfile.TemporaryDirectory() as directory:
+        os.environ["XDG_CACHE_HOME"] = directory
+        small = write_checkpoint(Path(directory) / "small.ckpt", SMALL)
+        weights = arguments.weights or write_checkpoint(Path(directory) / "full.ckpt", Architecture())
+        report = {
+            "load_average_1min": round(os.getloadavg()[0], 2),
+            "cores": os.cpu_count(),
+            "engines": engines_ms(weights, arguments.steps),
+            "policy": policy_share_ms(small, 300),
+        }
+        torch.set_num_threads(1)
+        report["memory_growth_mib_over_10000_steps"] = {
+            runtime.value: memory_growth_mib(small, runtime) for runtime in (Runtime.TORCH, Runtime.ONNXRUNTIME)
+        }
+    print(json.dumps(report, indent=2))
+
+
+if __name__ == "__main__":
+    main()
