@@ -12,10 +12,14 @@ from vsnbench.models.oracle import Oracle
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.free_space import free_space, wall_shapes
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site, load_site
 
-RADIUS_M = 0.177
+TURTLEBOT = {"radius_m": 0.177, "height_m": 0.6, "mass_kg": 6.3, "track_m": 0.23, "wheel_radius_m": 0.035}
+BASE = Base(**TURTLEBOT, max_linear_m_s=0.7, max_angular_rad_s=3.1, odometry_rate_hz=50)
+RADIUS_M = BASE.radius_m
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +46,7 @@ def walk(
 ) -> Walk:
     """Drive the oracle with exact odometry; the forward moves numbered in `refuse_moves` do not move."""
     oracle, space = Oracle(), free_space(site, RADIUS_M)
-    oracle.survey(site, start)
+    oracle.survey(site, start, BASE, ProtocolParameters())
     oracle.reset(goal, 0)
     pose, actions, moves, clearance = Pose(0, 0), [], 0, math.inf
     while len(actions) < 150:
@@ -98,7 +102,7 @@ def test_it_plans_another_way_when_moves_are_refused(apartment: Site) -> None:
 
 def test_it_does_not_repeat_a_move_that_was_refused(apartment: Site) -> None:
     oracle = Oracle()
-    oracle.survey(apartment, apartment.start(14).pose)
+    oracle.survey(apartment, apartment.start(14).pose, BASE, ProtocolParameters())
     oracle.reset("bed", 0)
     pose = Pose(0, 0)
     while (action := oracle.act(look(pose)).action) is not Action.MOVE_FORWARD:
@@ -116,7 +120,7 @@ def test_it_corrects_for_a_robot_that_moves_inexactly(apartment: Site) -> None:
 
 def test_it_shows_the_way_ahead_in_the_frame_of_the_start(apartment: Site) -> None:
     oracle = Oracle()
-    oracle.survey(apartment, apartment.start(5).pose)
+    oracle.survey(apartment, apartment.start(5).pose, BASE, ProtocolParameters())
     oracle.reset("bed", 0)
     shown = oracle.act(look()).diagnostics
     assert shown.path[0] == pytest.approx((0.0, 0.0))
@@ -129,7 +133,7 @@ def test_a_goal_with_no_way_to_it_is_given_up_at_once(apartment: Site) -> None:
         update={"objects": [thing for thing in apartment.objects if thing.category != "plant"]}
     )
     oracle = Oracle()
-    oracle.survey(no_plants, apartment.start(5).pose)
+    oracle.survey(no_plants, apartment.start(5).pose, BASE, ProtocolParameters())
     oracle.reset("plant", 0)
     decision = oracle.act(look())
     assert decision.action is Action.STOP

@@ -23,7 +23,7 @@ from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionRe
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.robot_profile import Base, RobotProfile
 from vsnbench.protocol.site import Site, StartingPosition, load_site
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
 from vsnbench.runner.stopping import Stopped, StopSignals
@@ -303,15 +303,15 @@ def test_a_robot_that_cannot_begin_records_no_episode() -> None:
     assert recorder.outcome is None
 
 
-def test_a_policy_that_asks_for_the_survey_gets_the_site_and_the_true_start() -> None:
+def test_a_policy_that_asks_for_the_survey_gets_the_site_the_true_start_and_the_robot() -> None:
     @dataclass
     class Surveyed(ScriptedPolicy):
-        told: tuple[str, Pose] | None = None
+        told: tuple[str, Pose, Base, ProtocolParameters] | None = None
 
-        def survey(self, site: Site, start: Pose) -> None:
-            self.told = (site.name, start)
+        def survey(self, site: Site, start: Pose, base: Base, parameters: ProtocolParameters) -> None:
+            self.told = (site.name, start, base, parameters)
 
     policy = Surveyed([Action.STOP])
     with StopSignals() as stop:
         run_episode(StandInRobot(), policy, PLAN, MemoryRecorder(), stop)
-    assert policy.told == ("apartment", PLAN.start.pose)
+    assert policy.told == ("apartment", PLAN.start.pose, PROFILE.base, PLAN.parameters)

@@ -6,7 +6,9 @@ from typing import Any, Protocol, runtime_checkable
 
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site
 
 
@@ -45,6 +47,6 @@ class Policy(Protocol):
 class SurveyedPolicy(Policy, Protocol):
     """A policy that is handed the site: an upper bound, never a competitor; its record says so."""
 
-    def survey(self, site: Site, start: Pose) -> None:
-        """Learn the whole site and where in it the episode starts; called before each `reset`."""
+    def survey(self, site: Site, start: Pose, base: Base, parameters: ProtocolParameters) -> None:
+        """Learn the whole site, where in it the episode starts, and what drives there; called before each `reset`."""
         ...

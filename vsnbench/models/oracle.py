@@ -16,8 +16,9 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics
 from vsnbench.protocol.free_space import BoolGrid, FreeSpace, free_space
 from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site
 
 _STOOD_STILL_SHARE = 0.5
@@ -30,16 +31,11 @@ _STALE_HEADING_RAD = math.radians(3.0)
 
 @dataclass(frozen=True, slots=True)
 class OracleSettings:
-    """What the oracle assumes about the robot and how careful it is."""
+    """How near to the goal it stops, and how it looks at it there."""
 
-    robot_radius_m: float = 0.177
-    forward_m: float = ProtocolParameters().forward_m
-    turn_deg: float = ProtocolParameters().turn_deg
     stop_within_m: float = 0.80
     """Nearer than this to the goal's footprint it stops; less than the protocol's success distance."""
     half_view_deg: float = 25.0
-    guard_distance_m: float = DepthGuard().distance_m
-    guard_margin_m: float = DepthGuard().margin_m
 
 
 _DEFAULTS = OracleSettings()
@@ -48,24 +44,18 @@ _DEFAULTS = OracleSettings()
 class Oracle:
     """Plans over positions and headings, and plans again whenever the odometry says that the plan no longer fits."""
 
-    def __init__(
-        self,
-        robot_radius_m: float = _DEFAULTS.robot_radius_m,
-        stop_within_m: float = _DEFAULTS.stop_within_m,
-        forward_m: float = _DEFAULTS.forward_m,
-        turn_deg: float = _DEFAULTS.turn_deg,
-    ) -> None:
-        """Take the robot's radius and moves; the defaults are the Turtlebot 2's and the protocol's."""
-        self._settings = OracleSettings(
-            robot_radius_m=robot_radius_m, stop_within_m=stop_within_m, forward_m=forward_m, turn_deg=turn_deg
-        )
+    def __init__(self, stop_within_m: float = _DEFAULTS.stop_within_m) -> None:
+        """Take how near to the goal's footprint to stop, metres."""
+        self._settings = OracleSettings(stop_within_m=stop_within_m)
         self.card = ModelCard(
             name="oracle", sensors=frozenset({Sensor.ODOMETRY}), settings={**asdict(self._settings), "sees_site": True}
         )
         self._space: FreeSpace | None = None
         self._start = Pose(0.0, 0.0)
+        self._robot_radius_m = 0.0
+        self._parameters = ProtocolParameters()
         self._goal = ""
-        self._known_views: dict[tuple[str, str, ViewWish], ViewPoints] = {}
+        self._known_views: dict[tuple[str, float, str, ViewWish], ViewPoints] = {}
         self._planner: LatticePlanner | None = None
         self._views: BoolGrid | None = None
         self._actions: tuple[Action, ...] = ()
@@ -73,10 +63,11 @@ class Oracle:
         self._refused: list[Pose] = []
         self._before_move: Pose | None = None
 
-    def survey(self, site: Site, start: Pose) -> None:
-        """Learn the whole site and where in it the episode starts."""
-        self._space = free_space(site, self._settings.robot_radius_m)
+    def survey(self, site: Site, start: Pose, base: Base, parameters: ProtocolParameters) -> None:
+        """Learn the whole site, where in it the episode starts, and what drives there."""
+        self._space = free_space(site, base.radius_m)
         self._start = start
+        self._robot_radius_m, self._parameters = base.radius_m, parameters
         self._forget()
 
     def reset(self, goal: str, seed: int) -> None:  # noqa: ARG002 - nothing in it is random
@@ -95,7 +86,7 @@ class Oracle:
         here = self._start.compose(observation.pose)
         if self._before_move is not None:
             moved_m = here.distance_to(self._before_move)
-            if moved_m < _STOOD_STILL_SHARE * self._settings.forward_m:
+            if moved_m < _STOOD_STILL_SHARE * self._parameters.forward_m:
                 self._refused.append(self._before_move)
                 self._planner = None
         self._before_move = None
@@ -130,20 +121,19 @@ class Oracle:
 
     def _make_plan(self, space: FreeSpace, here: Pose, eye_height_m: float) -> None:
         """Try the most comfortable plan first, and give up comforts one by one."""
-        settings = self._settings
-        turn_rad = math.radians(settings.turn_deg)
-        half_view_rad, farther_m = math.radians(settings.half_view_deg), settings.stop_within_m + 0.1
+        parameters, guard = self._parameters, self._parameters.depth_guard
+        turn_rad = math.radians(parameters.turn_deg)
+        near_m = min(self._settings.stop_within_m, 0.8 * parameters.success_distance_m)
+        half_view_rad, farther_m = math.radians(self._settings.half_view_deg), 0.9 * parameters.success_distance_m
         comforts = (
-            (0.06, half_view_rad, ViewWish(settings.stop_within_m, eye_height_m)),
-            (0.02, half_view_rad, ViewWish(settings.stop_within_m, eye_height_m)),
+            (0.06, half_view_rad, ViewWish(near_m, eye_height_m)),
+            (0.02, half_view_rad, ViewWish(near_m, eye_height_m)),
             (0.01, math.pi, ViewWish(farther_m, eye_height_m, in_sight=False)),
         )
         memories = (self._refused, []) if self._refused else ([],)
         for refused, (spare_m, half_view_rad, wish) in itertools.product(memories, comforts):
-            clearance = Clearance(
-                settings.robot_radius_m, spare_m, settings.guard_distance_m + 0.02, settings.guard_margin_m + 0.01
-            )
-            planner = LatticePlanner(space, here.heading_rad, settings.forward_m, turn_rad, clearance)
+            clearance = Clearance(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
+            planner = LatticePlanner(space, here.heading_rad, parameters.forward_m, turn_rad, clearance)
             for pose in refused:
                 planner.forbid(pose)
             points = self._view_points(space, wish)
@@ -151,7 +141,7 @@ class Oracle:
             actions = planner.plan(here, views) if views.any() else None
             if actions is not None:
                 follower = LatticePlanner(
-                    space, here.heading_rad, settings.forward_m, turn_rad, clearance.eased(_DRIFT_M)
+                    space, here.heading_rad, parameters.forward_m, turn_rad, clearance.eased(_DRIFT_M)
                 )
                 for pose in refused:
                     follower.forbid(pose)
@@ -161,7 +151,7 @@ class Oracle:
         self._note = f"no way to any {self._goal} on the map"
 
     def _view_points(self, space: FreeSpace, wish: ViewWish) -> ViewPoints:
-        key = (space.site.sha256, self._goal, wish)
+        key = (space.site.sha256, self._robot_radius_m, self._goal, wish)
         if key not in self._known_views:
             self._known_views[key] = view_points(space, self._goal, wish)
         return self._known_views[key]

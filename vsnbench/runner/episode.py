@@ -120,7 +120,7 @@ def run_episode(
             here = robot.locate()
         recorder.begin(plan, here)
         began_recording = True
-        _reset(policy, plan, here)
+        _reset(robot, policy, plan, here)
         reason: EndReason | None = None
         while reason is None:
             with stop.interruptible():
@@ -158,10 +158,10 @@ class _PolicyError(Exception):
     """The policy raised, or answered with something that is no decision."""
 
 
-def _reset(policy: Policy, plan: EpisodePlan, start: Fix) -> None:
+def _reset(robot: Robot, policy: Policy, plan: EpisodePlan, start: Fix) -> None:
     try:
         if isinstance(policy, SurveyedPolicy):
-            policy.survey(plan.site, start.pose)
+            policy.survey(plan.site, start.pose, robot.profile.base, plan.parameters)
         policy.reset(plan.goal, plan.seed)
     except Exception as error:
         logger.exception("model %s failed in reset", policy.card.name)
