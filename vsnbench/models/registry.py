@@ -15,6 +15,7 @@ _BUILT_IN: dict[str, str] = {
     "forward": "vsnbench.models.forward:ForwardUntilBlocked",
     "oracle": "vsnbench.models.oracle:Oracle",
     "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
+    "vlv": "vsnbench.models.vlv.policy:VLV",
 }
 
 

@@ -1,0 +1,126 @@
+"""Where the goal was seen: detections with depth become places in the start's frame, confirmed or given up later."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.pose import Pose
+
+Point = tuple[float, float]
+
+_SAME_PLACE_M: Final = 1.0
+_KEPT_POINTS: Final = 60
+_POINTS_A_LOOK: Final = 20
+_MORE_MISSES: Final = 2
+"""A place is given up when looks that should have shown the goal failed so many times more than others showed it."""
+_NEAR_SHARE: Final = 10
+"""Percentile of a mask's distances that counts as the object's: a mask's edge often lies on what is behind it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """A detection of the goal with its depth."""
+
+    score: float
+    distance_m: float
+    """From the base's centre over the floor plan to the nearest of it; NaN without valid depth."""
+    bearing_rad: float
+    """Of its middle, left positive, from the robot's heading."""
+    points: npt.NDArray[np.float64]
+    """(N, 2) of its surface in the start's frame, metres; empty without valid depth."""
+
+
+@dataclass(slots=True, eq=False)
+class Place:
+    """A place where the goal was seen."""
+
+    points: list[Point]
+    looks: int = 1
+    misses: int = 0
+
+    @property
+    def centre(self) -> Point:
+        """The median of its points."""
+        x_m, y_m = np.median(np.array(self.points), axis=0)
+        return (float(x_m), float(y_m))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it should be given up."""
+        return self.misses >= self.looks + _MORE_MISSES
+
+    def nearest_m(self, point: Point) -> float:
+        """Distance from a point to the nearest of its points."""
+        return float(np.hypot(*(np.array(self.points) - point).T).min())
+
+
+def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> Sighting:
+    """Return where a detected object is.
+
+    Args:
+        detection: its mask has the depth image's size.
+        depth_m: (H, W) metres along the optical axis, NaN where invalid.
+        camera: where the camera sits.
+        pose: of the base in the start's frame.
+    """
+    height, width = depth_m.shape
+    focal_px = camera.focal_px * width / camera.width
+    middle = ((detection.box[0] + detection.box[2]) / 2 - (width - 1) / 2) / focal_px
+    rows, columns = np.nonzero(detection.mask & np.isfinite(depth_m))
+    if rows.size == 0:
+        return Sighting(detection.score, math.nan, -math.atan(middle), np.zeros((0, 2)))
+    depth = depth_m[rows, columns].astype(np.float64)
+    tilt_rad = math.radians(camera.tilt_deg)
+    down = (rows - (height - 1) / 2) / focal_px
+    ahead = depth * (math.cos(tilt_rad) + math.sin(tilt_rad) * down) + camera.mount_forward_m
+    left = -depth * (columns - (width - 1) / 2) / focal_px
+    flat = np.hypot(ahead, left)
+    distance_m = float(np.percentile(flat, _NEAR_SHARE))
+    # What lies far behind the object's front is the wall seen past the edge of its mask.
+    on_it = np.flatnonzero((flat >= distance_m) & (flat <= np.median(flat) + 0.5))
+    chosen = on_it[np.linspace(0, on_it.size - 1, min(_POINTS_A_LOOK, on_it.size)).astype(int)]
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    x_m = pose.x_m + cos * ahead[chosen] - sin * left[chosen]
+    y_m = pose.y_m + sin * ahead[chosen] + cos * left[chosen]
+    return Sighting(detection.score, distance_m, -math.atan(middle), np.column_stack((x_m, y_m)))
+
+
+@dataclass(slots=True)
+class GoalMemory:
+    """The places of an episode."""
+
+    places: list[Place] = field(default_factory=list)
+    given_up: list[Point] = field(default_factory=list)
+
+    def see(self, seen: Sighting) -> Place | None:
+        """Add a sighting to its place, or as a new one; None without depth, or where it was given up before."""
+        if seen.points.shape[0] == 0:
+            return None
+        points: list[Point] = [(float(x), float(y)) for x, y in seen.points]
+        middle = (float(np.median(seen.points[:, 0])), float(np.median(seen.points[:, 1])))
+        near = [place for place in self.places if place.nearest_m(middle) < _SAME_PLACE_M]
+        if near:
+            place = min(near, key=lambda place: place.nearest_m(middle))
+            place.points = [*place.points, *points][-_KEPT_POINTS:]
+            place.looks += 1
+            return place
+        if any(math.dist(middle, point) < _SAME_PLACE_M for point in self.given_up):
+            return None
+        self.places.append(Place(points))
+        return self.places[-1]
+
+    def miss(self, place: Place) -> None:
+        """Note that a look which should have shown the place's goal did not."""
+        place.misses += 1
+        if place.doubtful:
+            self.give_up(place)
+
+    def give_up(self, place: Place) -> None:
+        """Forget a place, and do not believe in it again."""
+        self.given_up.append(place.centre)
+        self.places.remove(place)

@@ -1,0 +1,150 @@
+"""The inner loops of the occupancy map: a depth image into cells, and what lies freely before it."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsnbench.models.vlv.kernel import kernel
+
+
+@kernel
+def project(
+    depth_m: Any,
+    lens: Any,
+    mount: Any,
+    pose: Any,
+    grid: Any,
+    band: Any,
+    hits: Any,
+    floor: Any,
+    reach: Any,
+) -> None:
+    """Count points by cell, and find how far each column of the image sees along the floor.
+
+    Args:
+        depth_m: (H, W) float32, NaN where invalid.
+        lens: focal length, principal point x and y, pixels.
+        mount: camera's offset forward, height, cosine and sine of its tilt.
+        pose: x, y, cosine and sine of the heading.
+        grid: origin x, y and resolution of the map, metres.
+        band: lowest and highest point of an obstacle, farthest range drawn, metres; fewest points of an obstacle.
+        hits: (rows, columns) int32, incremented by points of obstacles.
+        floor: (rows, columns) int32, incremented by points of the floor.
+        reach: (W,) float64, written: distance from the camera over the floor plan to the nearest obstacle of the
+            column, or to the farthest point seen; 0 where the column says nothing.
+    """
+    height, width = depth_m.shape
+    rows, columns = hits.shape
+    bottom, top, farthest = band[0], band[1], band[2]
+    for column in range(width):
+        right = (column - lens[1]) / lens[0]
+        stretch = math.sqrt(1.0 + right * right)
+        nearest, second = math.inf, math.inf
+        seen_to = 0.0
+        invalid, looked = 0, 0
+        for row in range(height):
+            down = (row - lens[2]) / lens[0]
+            z = depth_m[row, column]
+            slope = mount[3] - mount[2] * down
+            # Whether this ray, followed as far as the map goes, crosses the heights of obstacles.
+            crosses = slope * farthest + mount[1] < top
+            if crosses:
+                looked += 1
+            if not (z > 0.0 and z < math.inf):
+                if crosses:
+                    invalid += 1
+                continue
+            ahead_of_lens = z * (mount[2] + mount[3] * down)
+            up = z * slope + mount[1]
+            if up > top:
+                continue
+            flat = math.hypot(ahead_of_lens, z * right)
+            if up >= bottom:
+                if flat < nearest:
+                    second = nearest
+                    nearest = flat
+                elif flat < second:
+                    second = flat
+            seen_to = max(seen_to, flat)
+            if flat > farthest:
+                continue
+            forward = ahead_of_lens + mount[0]
+            left = -z * right
+            x = pose[0] + pose[2] * forward - pose[3] * left
+            y = pose[1] + pose[3] * forward + pose[2] * left
+            at_row = math.floor((y - grid[1]) / grid[2])
+            at_column = math.floor((x - grid[0]) / grid[2])
+            if at_row < 0 or at_column < 0 or at_row >= rows or at_column >= columns:
+                continue
+            if up >= bottom:
+                hits[at_row, at_column] += 1
+            else:
+                floor[at_row, at_column] += 1
+        if 2 * invalid > looked:
+            reach[column] = 0.0
+        else:
+            stop = second if band[3] >= 2 else nearest
+            reach[column] = min(stop, seen_to, farthest * stretch)
+
+
+@kernel
+def carve(
+    reach: Any,
+    lens: Any,
+    mount: Any,
+    pose: Any,
+    grid: Any,
+    near_m: Any,
+    crossed: Any,
+) -> None:
+    """Mark the cells that the columns of an image look across.
+
+    `crossed` (rows, columns) uint8 becomes 2 where a cell lies at least `near_m` from the camera, else 1: there a low
+    obstacle may hide under the view.
+    """
+    rows, columns = crossed.shape
+    step = grid[2] * 0.5
+    eye_x = pose[0] + pose[2] * mount[0]
+    eye_y = pose[1] + pose[3] * mount[0]
+    for column in range(reach.shape[0]):
+        if reach[column] <= 0.0:
+            continue
+        right = (column - lens[1]) / lens[0]
+        stretch = math.sqrt(1.0 + right * right)
+        direction_x = (pose[2] + pose[3] * right) / stretch
+        direction_y = (pose[3] - pose[2] * right) / stretch
+        # The last cell before the obstacle belongs to the obstacle's edge as often as not.
+        for k in range(int((reach[column] - grid[2]) / step)):
+            far = k * step
+            at_row = math.floor((eye_y + far * direction_y - grid[1]) / grid[2])
+            at_column = math.floor((eye_x + far * direction_x - grid[0]) / grid[2])
+            if at_row < 0 or at_column < 0 or at_row >= rows or at_column >= columns:
+                break
+            mark = 2 if far >= near_m else 1
+            if mark > crossed[at_row, at_column]:
+                crossed[at_row, at_column] = mark
+
+
+@kernel
+def weigh(
+    hits: Any,
+    floor: Any,
+    crossed: Any,
+    points: Any,
+    evidence: Any,
+    observed: Any,
+) -> None:
+    """Add one image's votes to the evidence (float32, positive for an obstacle), between -`most` and +`most`."""
+    rows, columns = hits.shape
+    for row in range(rows):
+        for column in range(columns):
+            if hits[row, column] >= points:
+                evidence[row, column] = min(max(evidence[row, column], np.float32(0.0)) + np.float32(1.0), 5.0)
+                observed[row, column] = True
+            elif crossed[row, column] == 2 or (floor[row, column] > 0 and hits[row, column] == 0):
+                evidence[row, column] = max(evidence[row, column] - np.float32(0.5), -2.0)
+                observed[row, column] = True
+            elif crossed[row, column] == 1 and not observed[row, column]:
+                evidence[row, column] = np.float32(-0.5)
+                observed[row, column] = True

@@ -1,0 +1,373 @@
+"""One episode of VLV: look around, choose a direction, go there, look again; and go up to the goal once it was seen."""
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
+from vsnbench.models.vlv.occupancy_map import OccupancyMap
+from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
+from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
+from vsnbench.models.vlv.sub_goals import sub_goal_of
+from vsnbench.models.vlv.swath import obstacles_ahead
+from vsnbench.models.vlv.topological_graph import Candidate, Ranked, TopologicalGraph, View
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.pose import Pose, wrap_angle
+
+_ARRIVED_M: Final = 0.25
+_APPROACH_MARGIN_M: Final = 0.15
+"""The robot goes so much nearer to the goal than STOP needs: odometry and depth err."""
+_STOOD_STILL_M: Final = 0.05
+_SURELY_SEEN_M: Final = 3.0
+"""A goal in the open within this should be detected; a look that does not is a miss."""
+_VIEW_BORDER_RAD: Final = math.radians(10.0)
+_SHOWN_CANDIDATES: Final = 30
+
+
+class Mode(StrEnum):
+    """What the policy is about."""
+
+    SCAN = "scan"
+    TRAVEL = "travel"
+    SEEK = "seek"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """What the search decided, and why."""
+
+    action: Action
+    mode: Mode
+    note: str
+    sub_goal: Point | None = None
+    path: tuple[Point, ...] = ()
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+class Search:
+    """The state of an episode. It knows odometry, depth, and what detector and value network say; nothing else."""
+
+    def __init__(self, settings: VLVSettings, planner: Planner, seed: int) -> None:
+        self.settings = settings
+        self.map = OccupancyMap(settings)
+        self.graph = TopologicalGraph(settings)
+        self.memory = GoalMemory()
+        self._planner = planner
+        self._random = np.random.default_rng(seed)
+        self._confirmed = 0
+        self._before_forward: Pose | None = None
+        self._views: list[View] = []
+        self._turns_left: int | None = None
+        self._scans = 0
+        self._target: Candidate | None = None
+        self._budget = 0
+        self._shortest_m = math.inf
+
+    def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Move:
+        """Return the next action.
+
+        Args:
+            observation: with a depth image.
+            detections: those of the goal's class only, best first, over the threshold.
+            value: what the value network says of the view; 0 without one.
+        """
+        depth_m = observation.depth_m
+        if depth_m is None:
+            raise ValueError("no depth image")
+        pose = observation.pose
+        self._note_last_move(pose, depth_m, observation)
+        self.map.observe(depth_m, observation.camera, pose)
+        sightings = [sighting(each, depth_m, observation.camera, pose) for each in detections]
+        self._remember(sightings, observation)
+        near = [each for each in sightings if each.distance_m < self.settings.stop_distance_m]
+        self._confirmed = self._confirmed + 1 if near else 0
+        if self._confirmed >= self.settings.stop_looks:
+            nearest_m = min(each.distance_m for each in near)
+            return Move(
+                Action.STOP, Mode.STOP, f"the goal is {nearest_m:.2f} m away, confirmed {self._confirmed} times"
+            )
+        self.graph.visit(pose.position)
+        if self._turns_left is not None:
+            confidence = max((each.score for each in detections), default=0.0)
+            self._views.append(View(pose.heading_rad, value, confidence))
+        move = self._decide(observation, depth_m)
+        if move.action is Action.MOVE_FORWARD:
+            self._before_forward = pose
+        return move
+
+    # What was learnt from the last move
+
+    def _note_last_move(self, pose: Pose, depth_m: npt.NDArray[np.float32], observation: Observation) -> None:
+        """Mark an obstacle where a forward move fell short."""
+        before, self._before_forward = self._before_forward, None
+        if before is None:
+            return
+        moved_m = before.distance_to(pose)
+        if moved_m >= self.settings.short_move_m:
+            return
+        seen = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
+        # Refused: something within the guarded distance. Cut short: something at the front.
+        ahead_m = self.settings.robot_radius_m + (
+            self.settings.look_ahead_m / 2 if moved_m < _STOOD_STILL_M else self.settings.resolution_m
+        )
+        half_m = self.settings.robot_radius_m / 2
+        for point in seen or [
+            pose.compose(Pose(ahead_m, aside_m)).position for aside_m in np.linspace(-half_m, half_m, 5)
+        ]:
+            self.map.mark_obstacle(*point, pose)
+
+    def _remember(self, sightings: list[Sighting], observation: Observation) -> None:
+        """Add what was seen of the goal to the memory; count what should have been seen and was not."""
+        seen = [place for each in sightings if (place := self.memory.see(each)) is not None]
+        pose, camera = observation.pose, observation.camera
+        half_view_rad = math.radians(camera.horizontal_fov_deg) / 2 - _VIEW_BORDER_RAD
+        obstacles = self.map.occupied
+        for place in list(self.memory.places):
+            if any(place is each for each in seen):
+                continue
+            centre = place.centre
+            bearing = wrap_angle(math.atan2(centre[1] - pose.y_m, centre[0] - pose.x_m) - pose.heading_rad)
+            far_m = math.dist(centre, pose.position)
+            if abs(bearing) > half_view_rad or far_m > _SURELY_SEEN_M or far_m < camera.depth_min_m:
+                continue
+            if _in_sight(self.map, obstacles, pose.position, centre, far_m - 0.5):
+                self.memory.miss(place)
+
+    # What to do
+
+    def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+        pose = observation.pose
+        if self.memory.places and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
+            move = self._seek(observation, depth_m)
+            if move is not None:
+                self._turns_left = None
+                self._target = None
+                return move
+        if self._turns_left is None and self._target is None:
+            return self._begin_scan()
+        if self._turns_left is not None:
+            if self._turns_left > 0:
+                return self._turn_on()
+            self._finish_scan(pose)
+        return self._travel(observation, depth_m)
+
+    def _may_end_scan(self) -> bool:
+        return self.settings.scan_ends_on_goal or self._turns_left == 0
+
+    def _begin_scan(self) -> Move:
+        self._views = []
+        self._scans += 1
+        self._turns_left = self.settings.scan_turns
+        return self._turn_on()
+
+    def _turn_on(self) -> Move:
+        turns_left = self._turns_left or 0
+        self._turns_left = turns_left - 1
+        right = self.settings.scan_direction is ScanDirection.ALTERNATE and self._scans % 2 == 0
+        done = self.settings.scan_turns - turns_left + 1
+        note = f"looking around, turn {done} of {self.settings.scan_turns}"
+        return Move(Action.TURN_RIGHT if right else Action.TURN_LEFT, Mode.SCAN, note)
+
+    def _finish_scan(self, pose: Pose) -> None:
+        """Turn the views into candidates and choose where to go."""
+        self._turns_left = None
+        terrain = self._planner.terrain(self.map, pose, self.settings.clearance_m)
+        lengths_m = self._planner.lengths_from(terrain, pose)
+        node = len(self.graph.nodes)
+        candidates = []
+        for view in self._views:
+            point = sub_goal_of(pose.position, view.heading_rad, terrain, lengths_m, self.settings, self._random)
+            if point is not None and not self.graph.is_visited(point):
+                candidates.append(Candidate(point, node, view, view.score(self.settings)))
+        self.graph.add_node(pose.position, tuple(self._views), tuple(candidates))
+        self._choose(pose)
+
+    def _choose(self, pose: Pose) -> None:
+        """Take the best open candidate as the target; None when there is none."""
+        ranked = self._ranked(pose)
+        self._target = ranked[0].candidate if ranked else None
+        if ranked:
+            self.graph.close(ranked[0].candidate)
+            self._set_budget(ranked[0].way_m)
+
+    def _set_budget(self, way_m: float) -> None:
+        self._shortest_m = math.inf
+        self._budget = math.ceil(
+            self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
+        )
+
+    def _ranked(self, pose: Pose) -> list[Ranked]:
+        if not self.graph.open_candidates:
+            return []
+        terrain = self._planner.terrain(self.map, pose, 0.0)
+        lengths_m = self._planner.lengths_from(terrain, pose)
+        return self.graph.ranked([_at(lengths_m, self.map, each.point) for each in self.graph.open_candidates])
+
+    def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+        """Go on to the target; to another one where that fails; look around where none is left."""
+        pose = observation.pose
+        for _ in range(1 + len(self.graph.open_candidates)):
+            target = self._target
+            if target is None:
+                break
+            if math.dist(target.point, pose.position) < _ARRIVED_M or self._budget <= 0:
+                self._target = None
+                return self._begin_scan()
+            self._budget -= 1
+            move = self._towards(self._disk(target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
+            if move is not None:
+                where = f"to a view of node {target.node}, score {target.score:.2f}"
+                return Move(move.action, Mode.TRAVEL, f"{where}, {self._budget} actions left", target.point, move.path)
+            self._choose(pose)
+        return self._explore(observation, depth_m)
+
+    def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+        """With no candidate left: to the nearest border of the unknown that is worth a look."""
+        pose = observation.pose
+        frontier = self._frontier()
+        if frontier.any():
+            move = self._towards(frontier, observation, depth_m, Mode.TRAVEL)
+            if move is not None and move.path:
+                end = move.path[-1]
+                self._target = Candidate(end, len(self.graph.nodes) - 1, View(pose.heading_rad, 0.0, 0.0), 0.0)
+                self._set_budget(math.dist(end, pose.position))
+                return Move(move.action, Mode.TRAVEL, "no candidate is left: to the unknown", end, move.path)
+        return self._begin_scan()
+
+    def _frontier(self) -> BoolGrid:
+        """Return the free cells beside unknown ones, away from where the robot has been."""
+        known, obstacles = self.map.known, self.map.occupied
+        beside = np.zeros(known.shape, np.bool_)
+        beside[1:] |= ~known[:-1]
+        beside[:-1] |= ~known[1:]
+        beside[:, 1:] |= ~known[:, :-1]
+        beside[:, :-1] |= ~known[:, 1:]
+        frontier: BoolGrid = beside & known & ~obstacles
+        for been in self.graph.visited:
+            frontier &= ~self._disk(been, self.settings.visited_radius_m)
+        return frontier
+
+    def _seek(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
+        """Go up to the nearest place where the goal was seen, and look at it from there."""
+        pose = observation.pose
+        reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
+        region = np.zeros(self.map.shape, np.bool_)
+        for place in self.memory.places:
+            for point in place.points:
+                region |= self._disk(point, reach_m)
+        here = self.map.cell_at(pose.x_m, pose.y_m)
+        nearest = min(self.memory.places, key=lambda place: place.nearest_m(pose.position))
+        if region[here.row, here.column]:
+            return self._face(nearest, observation, depth_m)
+        move = self._towards(region, observation, depth_m, Mode.SEEK)
+        if move is None:
+            return None
+        note = f"up to where the goal was seen in {nearest.looks} looks and missed in {nearest.misses}"
+        return Move(move.action, Mode.SEEK, note, nearest.centre, move.path)
+
+    def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+        """Near enough: turn to the goal, and keep it in view for another look."""
+        pose = observation.pose
+        points = np.array(place.points)
+        near = points[np.argsort(np.hypot(*(points - pose.position).T))[: max(1, len(points) // 3)]]
+        x_m, y_m = near.mean(axis=0)
+        bearing = wrap_angle(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.heading_rad)
+        turn_rad = math.radians(self.settings.turn_deg)
+        note = "near the goal: looking at it"
+        if abs(bearing) <= turn_rad / 2 + 1e-6 and not obstacles_ahead(
+            depth_m, observation.camera, pose, self.settings
+        ):
+            terrain = self._planner.terrain(self.map, pose, 0.0)
+            ahead = pose.compose(Pose(self.settings.forward_m, 0.0)).position
+            if terrain.is_open(*ahead) and terrain.sees(pose.position, ahead):
+                return Move(Action.MOVE_FORWARD, Mode.SEEK, note, place.centre)
+        return Move(Action.TURN_LEFT if bearing > 0 else Action.TURN_RIGHT, Mode.SEEK, note, place.centre)
+
+    def _towards(
+        self, targets: BoolGrid, observation: Observation, depth_m: npt.NDArray[np.float32], mode: Mode
+    ) -> Move | None:
+        """Return the next action towards some cells, with as much clearance as leaves a way."""
+        pose = observation.pose
+        refused = False
+        for _ in range(2):
+            route: Route | None = None
+            for share in (1.0, 0.5, 0.0):
+                terrain = self._planner.terrain(self.map, pose, share * self.settings.clearance_m)
+                route = self._planner.route(terrain, targets, pose)
+                action = None if route is None else self._planner.next_action(route, pose, forward_refused=refused)
+                if action is not None:
+                    break
+            if route is None or action is None:
+                return None
+            if action is Action.MOVE_FORWARD:
+                seen = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
+                if seen:
+                    for point in seen:
+                        self.map.mark_obstacle(*point, pose)
+                    refused = True
+                    continue
+            return Move(action, mode, "", path=path_of(route, pose))
+        return None
+
+    def _disk(self, point: Point, radius_m: float) -> BoolGrid:
+        """Return the cells whose centres lie within a distance of a point; its own always."""
+        mask = np.zeros(self.map.shape, np.bool_)
+        cell = self.map.cell_at(*point)
+        reach = math.ceil(radius_m / self.map.resolution_m) + 1
+        rows, columns = self.map.shape
+        top, left = max(cell.row - reach, 0), max(cell.column - reach, 0)
+        bottom, right = min(cell.row + reach + 1, rows), min(cell.column + reach + 1, columns)
+        if top >= bottom or left >= right:
+            return mask
+        y_m = self.map.origin_y_m + (np.arange(top, bottom) + 0.5) * self.map.resolution_m
+        x_m = self.map.origin_x_m + (np.arange(left, right) + 0.5) * self.map.resolution_m
+        mask[top:bottom, left:right] = np.hypot(y_m[:, None] - point[1], x_m[None, :] - point[0]) <= radius_m
+        if self.map.holds(cell):
+            mask[cell.row, cell.column] = True
+        return mask
+
+    def details(self) -> dict[str, Any]:
+        """Return what the record keeps beside what is drawn."""
+        return {
+            "candidates": [
+                {
+                    "x_m": round(each.point[0], 3),
+                    "y_m": round(each.point[1], 3),
+                    "node": each.node,
+                    "value": round(each.view.value, 4),
+                    "confidence": round(each.view.confidence, 4),
+                    "score": round(each.score, 4),
+                }
+                for each in sorted(self.graph.open_candidates, key=lambda each: -each.score)[:_SHOWN_CANDIDATES]
+            ],
+            "edges": [list(edge) for edge in self.graph.edges],
+            "goal_places": [
+                {"x_m": round(place.centre[0], 3), "y_m": round(place.centre[1], 3)}
+                | {"looks": place.looks, "misses": place.misses}
+                for place in self.memory.places
+            ],
+        }
+
+
+def _at(field_m: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
+    cell = grid.cell_at(*point)
+    return float(field_m[cell.row, cell.column]) if grid.holds(cell) else math.inf
+
+
+def _in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:
+    """Whether the first `length_m` of the straight line are free."""
+    whole_m = math.dist(start, end)
+    terrain_steps = max(1, math.ceil(max(length_m, 0.0) / grid.resolution_m))
+    for k in range(terrain_steps):
+        share = k * grid.resolution_m / whole_m
+        cell = grid.cell_at(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+        if grid.holds(cell) and obstacles[cell.row, cell.column]:
+            return False
+    return True
