@@ -83,6 +83,8 @@ class Condition:
     campaigns: tuple[int, ...]
     name: str = ""
     """The model's name, made unique among the conditions of a report by what tells them apart."""
+    published: bool = False
+    """Printed in the paper, not measured here."""
 
     @property
     def environment(self) -> str:

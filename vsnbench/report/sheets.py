@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 UNKNOWN = "–"
 """What stands where there is no number."""
@@ -70,9 +70,9 @@ def word(text: str) -> Cell:
     return Cell(text)
 
 
-def count(number: int) -> Cell:
-    """A cell with a whole number."""
-    return Cell(str(number), number)
+def count(number: int | None) -> Cell:
+    """A cell with a whole number; a dash for one that is not known."""
+    return Cell(UNKNOWN, -math.inf) if number is None else Cell(str(number), number)
 
 
 def of(part: int, whole: int) -> Cell:
@@ -100,3 +100,17 @@ def interval_percent(low: float, high: float, places: int = 2) -> Cell:
 def listed(words: Iterable[object]) -> str:
     """Return the words with commas; a dash for none."""
     return ", ".join(str(each) for each in words) or "none"
+
+
+def kept(sheet: Sheet) -> Sheet:
+    """Return the sheet without the columns in which nothing is known."""
+    places = [
+        place
+        for place in range(len(sheet.columns))
+        if not sheet.rows or any(row.cells[place].text != UNKNOWN for row in sheet.rows)
+    ]
+    return replace(
+        sheet,
+        columns=tuple(sheet.columns[place] for place in places),
+        rows=tuple(replace(row, cells=tuple(row.cells[place] for place in places)) for row in sheet.rows),
+    )

@@ -253,4 +253,5 @@ def _two_sided_z(confidence: float) -> float:
 
 
 def _table(first: Proportion, second: Proportion) -> npt.NDArray[np.int64]:
-    return np.array([[first.successes, first.failures], [second.successes, second.failures]])
+    """Return the 2 x 2 table with a sample a column: scipy's Barnard fixes the column sums."""
+    return np.array([[first.successes, second.successes], [first.failures, second.failures]])

@@ -25,8 +25,8 @@ class Summary:
     """Episodes that count: one a trial."""
     planned: int
     """Trials planned."""
-    void: int
-    """Attempts that were no result; not among `episodes`."""
+    void: int | None
+    """Attempts that were no result; not among `episodes`. None when it is not known, as of published numbers."""
     unjudged: int
     """Results that await a verdict; not among `episodes`."""
     mean_actions: float
@@ -40,8 +40,8 @@ class Summary:
     """How many those are."""
     median_distance_m: float
     """Of the final distance to the goal, where it is known."""
-    collisions: int
-    step_limits: int
+    collisions: int | None
+    step_limits: int | None
 
     @property
     def proportion(self) -> Proportion:

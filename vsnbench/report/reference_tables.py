@@ -1,0 +1,158 @@
+"""The paper's Tables 3 to 6 as sheets, from data and with the intervals it leaves out; and ours laid beside them."""
+
+from vsnbench.report.compare import Comparison, compare
+from vsnbench.report.comparison_tables import comparison_sheets
+from vsnbench.report.published import published, published_results
+from vsnbench.report.record import Record
+from vsnbench.report.sheets import (
+    Cell,
+    Column,
+    Row,
+    Sheet,
+    count,
+    decimal,
+    interval_percent,
+    kept,
+    listed,
+    of,
+    percent,
+    row,
+    word,
+)
+from vsnbench.report.statistics import newcombe
+from vsnbench.report.summary import ConditionSummary, GoalSummary, Results
+from vsnbench.report.tables import goal_sheet
+
+
+def reference_sheets() -> list[Sheet]:
+    """Return the paper's Tables 3 to 6, what Figure 9 says in words, and the comparison that the paper leaves out."""
+    paper, results = published(), published_results()
+    sheets = [_real_against_virtual(results)]
+    for model, one in zip(paper.models, results.conditions, strict=True):
+        sheet = kept(goal_sheet(one, results.shared_goals))
+        notes = [f"Source: {paper.source}, Table {model.table}; the intervals are Wilson's and ours."]
+        if model.never_succeeding_starts:
+            notes.append(
+                f"Never a success from positions {listed(model.never_succeeding_starts)}, "
+                f"a single one from {listed(model.once_succeeding_starts)}."
+            )
+        if model.stops:
+            notes.append(
+                f"STOP was sampled {model.stops.count} times, printed as {model.stops.percent} % of the actions "
+                "(Figure 9); the two do not fit each other and are quoted as printed."
+            )
+        name, title = f"paper-table-{model.table}", f"Paper, Table {model.table}: {model.title}"
+        sheets.append(Sheet(name, title, sheet.columns, sheet.rows, tuple(notes)))
+    sheets.append(_stability())
+    for comparison in reference_comparison():
+        sheets += comparison_sheets(comparison)
+    return sheets
+
+
+def reference_comparison() -> tuple[Comparison, ...]:
+    """Compare the paper's two models with each other."""
+    import pandas as pd
+
+    results = published_results()
+    nothing = Record((), pd.DataFrame(), pd.DataFrame())
+    return compare(nothing, results, ["paper:vlv", "paper:pirlnav"], published=results)
+
+
+def beside_sheet(results: Results) -> Sheet:
+    """Lay our success rates by goal beside the paper's; the difference where the model is one of the paper's."""
+    paper = published_results()
+    everyone = [*results.conditions, *paper.conditions]
+    goals = list(dict.fromkeys(goal.goal for one in everyone for goal in one.goals))
+    rows = [
+        _beside(goal, one, summary, paper)
+        for goal in goals
+        for one in everyone
+        for summary in one.goals
+        if summary.goal == goal
+    ]
+    rows += [_beside("all", one, GoalSummary("all", one.total), paper) for one in everyone]
+    return kept(
+        Sheet(
+            name="beside-paper",
+            title="Success by goal beside the paper's",
+            columns=(
+                Column("goal", number=False),
+                Column("model", number=False),
+                Column("where", number=False),
+                Column("k/n"),
+                Column("SR %"),
+                Column("95 % interval"),
+                Column("actions"),
+                Column("less the paper's", note="difference in success rate from the same model in the paper, points"),
+                Column("95 % interval", note="Newcombe's interval of that difference, points"),
+            ),
+            rows=tuple(rows),
+            notes=(f"Published: {published().source}.",),
+        )
+    )
+
+
+def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Results) -> Row:
+    mine = summary.summary
+    theirs = None
+    if not one.condition.published:
+        for other in paper.conditions:
+            if other.condition.model == one.condition.model.lower():
+                theirs = next((each.summary for each in other.goals if each.goal == goal), None)
+                theirs = other.total if goal == "all" else theirs
+    unknown = decimal(float("nan"), 0)
+    difference: tuple[Cell, Cell] = (unknown, unknown)
+    if theirs and mine.episodes:
+        interval = newcombe(mine.proportion, theirs.proportion)
+        difference = (
+            decimal(100 * (mine.success_rate - theirs.success_rate), 2),
+            interval_percent(interval.low, interval.high),
+        )
+    return row(
+        word(goal),
+        word(one.condition.title),
+        word(f"{one.condition.environment}, {one.condition.site}"),
+        of(mine.successes, mine.episodes),
+        percent(mine.success_rate),
+        interval_percent(mine.interval.low, mine.interval.high),
+        decimal(mine.mean_actions, 1),
+        *difference,
+        total=goal == "all",
+    )
+
+
+def _real_against_virtual(results: Results) -> Sheet:
+    return Sheet(
+        name="paper-table-3",
+        title="Paper, Table 3: real world against simulation",
+        columns=(
+            Column("model", number=False),
+            Column("real k/n"),
+            Column("real SR %"),
+            Column("95 % interval"),
+            Column("virtual SR %"),
+        ),
+        rows=tuple(
+            row(
+                word(one.condition.title),
+                of(one.total.successes, one.total.episodes),
+                percent(one.total.success_rate),
+                interval_percent(one.total.interval.low, one.total.interval.high),
+                decimal(model.virtual_success_percent, 0),
+            )
+            for model, one in zip(published().models, results.conditions, strict=True)
+        ),
+        notes=("The virtual rates are those of the models' own papers; over how many episodes is not said.",),
+    )
+
+
+def _stability() -> Sheet:
+    paper = published()
+    rows = [row(word(one.robot), count(round(one.hours)), decimal(one.kilometres, 2)) for one in paper.stability]
+    rows.append(row(word("all"), count(round(paper.hours)), decimal(paper.kilometres, 2), total=True))
+    return Sheet(
+        name="paper-table-6",
+        title="Paper, Table 6: stability",
+        columns=(Column("robot", number=False), Column("hours"), Column("km")),
+        rows=tuple(rows),
+    )
