@@ -1,0 +1,158 @@
+"""Measures the full report on a large record: 200,000 episodes and 10 million steps, or as many as are asked for.
+
+    python benchmarks/report_scale.py --directory /var/tmp/large                       makes the record once, measures
+    python benchmarks/report_scale.py --directory /var/tmp/large --without-indexes     the same without our indexes
+
+The record is made up by SQL inside SQLite; the report is the command a user types, in a process of its own.
+"""
+
+import argparse
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+from vsnbench.database.engine import sqlite_url
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial, RobotIdentity
+from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import load_site
+from vsnbench.robots.profiles import load_profile
+
+MODELS = ("oracle", "random", "vlv", "pirlnav")
+STEPS_AN_EPISODE = 50
+VOID_SHARE = 0.02
+INDEXES = ("ix_step_actions", "ix_verdict_episode_id_id", "ix_episode_trial_id")
+
+
+def make_record(directory: Path, episodes: int) -> None:
+    """Write a record of so many episodes of 25 to 75 steps each."""
+    directory.mkdir(parents=True)
+    site = load_site("apartment")
+    cells = len(MODELS) * 2 * len(GOAL_CATEGORIES) * len(site.starts)
+    repetitions = max(1, round(episodes * (1 - VOID_SHARE)) // cells)
+    with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
+        for model in MODELS:
+            for simulated in (True, False):
+                journal.find_or_create_campaign(
+                    CampaignPlan(
+                        site=site,
+                        robot=RobotIdentity(load_profile("turtlebot2"), "simulated" if simulated else "ros", simulated),
+                        model=ModelIdentity(model),
+                        protocol=ProtocolParameters(),
+                        seed=0,
+                        trials=[
+                            PlannedTrial(goal, start.number, repetition)
+                            for repetition in range(1, repetitions + 1)
+                            for goal in GOAL_CATEGORIES
+                            for start in site.starts
+                        ],
+                    )
+                )
+    with closing(sqlite3.connect(directory / "vsnbench.db")) as database:
+        database.executescript(_FILL.format(episodes=episodes, steps=STEPS_AN_EPISODE))
+
+
+_FILL = """
+PRAGMA synchronous = OFF;
+BEGIN;
+CREATE TEMP TABLE attempt AS
+    SELECT row_number() OVER (ORDER BY void DESC, trial_id) AS id, trial_id, void,
+        abs(random()) / 9223372036854775807.0 AS luck,
+        {steps} / 2 + abs(random()) % {steps} AS actions,
+        abs(random()) / 9223372036854775807.0 AS way
+    FROM (
+        SELECT id AS trial_id, 0 AS void FROM trial
+        UNION ALL
+        SELECT * FROM (SELECT id, 1 FROM trial ORDER BY random() LIMIT {episodes} - (SELECT count(*) FROM trial))
+    );
+INSERT INTO episode (id, uuid, trial_id, process_id, origin, seed, started_at, ended_at, end_reason, error, actions,
+    path_length_m, geodesic_start_m, geodesic_end_m, duration_s, wall_duration_s, distance_to_goal_m, distance_source,
+    goal_instance, start_x_m, start_y_m, start_heading_rad, final_x_m, final_y_m, final_heading_rad, final_source,
+    images_directory)
+SELECT id, hex(randomblob(16)), trial_id, 1, 'run', id,
+    strftime('%Y-%m-%d %H:%M:%S.000000', 1700000000 + id * 60, 'unixepoch'),
+    strftime('%Y-%m-%d %H:%M:%S.000000', 1700000000 + id * 60 + 50, 'unixepoch'),
+    CASE WHEN void THEN 'motion_failed' WHEN luck < 0.5 THEN 'stop' WHEN luck < 0.8 THEN 'step_limit'
+        ELSE 'collision' END,
+    '', actions, 1 + 8 * way, 1 + 5 * way, 4 * luck, actions * 1.2, actions * 1.3, 4 * luck, 'simulated', 'chair_1',
+    1.0, 1.0, 0.0, 1 + 5 * way, 1 + 4 * luck, 0.0, 'simulated', ''
+FROM attempt;
+INSERT INTO verdict (episode_id, created_at, success, end_reason, distance_m, distance_source, goal_instance, author,
+    source, reason)
+SELECT e.id, e.ended_at, CASE WHEN a.void THEN NULL ELSE a.luck < 0.25 END, e.end_reason, e.distance_to_goal_m,
+    'simulated', 'chair_1', 'vsnbench', 'protocol', 'made up'
+FROM episode AS e JOIN attempt AS a ON a.id = e.id;
+WITH RECURSIVE number(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM number WHERE n < 2 * {steps})
+INSERT INTO step (episode_id, number, raw_action, action, blocked, completed, failure, recorded_at, stamp_s,
+    observed_x_m, observed_y_m, observed_heading_rad, after_x_m, after_y_m, after_heading_rad, world_x_m, world_y_m,
+    world_heading_rad, world_source, displacement_m, turn_rad, duration_s, corrections, rgb_sha256, depth_sha256,
+    sense_s, infer_s, move_s)
+SELECT id, n, action, action, (id + n) % 50 = 0, 1, '', '2026-01-01 00:00:00.000000', n * 1.2, n * 0.1, luck, luck,
+    n * 0.1, luck, luck, 1 + n * 0.05, 1 + luck, luck, 'simulated', 0.25, 0.0, 1.1, 0,
+    '0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef',
+    '0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef', 0.01, 0.02, 1.0
+FROM (
+    SELECT id, n, luck, CASE WHEN n = actions AND luck < 0.5 THEN 'STOP'
+        WHEN (id * 7919 + n * 104729) % 100 < 55 THEN 'MOVE_FORWARD'
+        WHEN (id + n) % 2 THEN 'TURN_LEFT' ELSE 'TURN_RIGHT' END AS action
+    FROM attempt CROSS JOIN number ON n <= actions
+);
+COMMIT;
+PRAGMA wal_checkpoint(TRUNCATE);
+"""
+
+
+def measure(directory: Path, arguments: list[str]) -> dict[str, float]:
+    """Run the report as a user would; return its wall seconds and the peak of its memory in MiB."""
+    began = time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vsnbench.cli.main", "report", "--results", str(directory), *arguments],
+        stdout=subprocess.DEVNULL,
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"the report failed with status {status}")
+    return {
+        "seconds": round(time.perf_counter() - began, 2),
+        "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 2),
+        "peak_mib": round(usage.ru_maxrss / 1024),
+    }
+
+
+def main() -> None:
+    """Make what is missing, measure, print JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--episodes", type=int, default=200_000)
+    parser.add_argument("--directory", type=Path, required=True)
+    parser.add_argument("--without-indexes", action="store_true", help="drop them from the made-up record for good")
+    options = parser.parse_args()
+    if not options.directory.exists():
+        began = time.perf_counter()
+        make_record(options.directory, options.episodes)
+        print(f"made in {time.perf_counter() - began:.0f} s", file=sys.stderr)
+    with closing(sqlite3.connect(options.directory / "vsnbench.db")) as database:
+        if options.without_indexes:
+            for name in INDEXES:
+                database.execute(f"DROP INDEX IF EXISTS {name}")
+            database.commit()
+        (episodes,) = database.execute("SELECT count(*) FROM episode").fetchone()
+        (steps,) = database.execute("SELECT count(*) FROM step").fetchone()
+    outcome = {
+        "episodes": episodes,
+        "steps": steps,
+        "database_mib": (options.directory / "vsnbench.db").stat().st_size // 2**20,
+        "indexes": not options.without_indexes,
+        "table": measure(options.directory, []),
+        "everything": measure(options.directory, ["--output", str(options.directory / "report")]),
+    }
+    print(json.dumps(outcome, indent=2))
+
+
+if __name__ == "__main__":
+    main()
