@@ -16,8 +16,15 @@ class Format(StrEnum):
 
     TABLE = "table"
     MARKDOWN = "markdown"
+    LATEX = "latex"
     CSV = "csv"
     JSON = "json"
+
+
+class Reference(StrEnum):
+    """The published numbers that there are."""
+
+    PAPER = "paper"
 
 
 def command(
@@ -35,6 +42,12 @@ def command(
     form: Annotated[
         Format, typer.Option("--format", "-f", help="what to print on stdout", rich_help_panel=_FORM)
     ] = Format.TABLE,
+    reference: Annotated[
+        Reference | None, typer.Option("--reference", help="lay published numbers beside", rich_help_panel=_WHAT)
+    ] = None,
+    only_reference: Annotated[
+        bool, typer.Option("--only-reference", help="only the paper's Tables 3 to 6", rich_help_panel=_WHAT)
+    ] = False,
     results: Annotated[
         Path | None,
         typer.Option(
@@ -56,16 +69,22 @@ def command(
         vsnbench report --model vlv --goal chair         one model, one goal
         vsnbench report --format markdown > table.md     to paste into a page
         vsnbench report --format json                    for a script; rates are shares of 0 to 1
+        vsnbench report --reference paper                beside the numbers of the ROS4VSN paper
+        vsnbench report --only-reference                 the paper's Tables 3 to 6, with the intervals it leaves out
 
     Void attempts (failed motion, lost sensor, model error, aborted, interrupted) are counted beside and never inside.
     """
-    from vsnbench.report.build import read, tables
-    from vsnbench.report.forms.markdown import markdown
-    from vsnbench.report.forms.plain import to_csv, to_json
+    from vsnbench.cli.report_forms import print_report, print_sheets_as
+    from vsnbench.report.build import build
     from vsnbench.report.record import Selection
-    from vsnbench.report.summary import summarise
     from vsnbench.runner.results import ResultsDirectory
 
+    if only_reference:
+        from vsnbench.report.published import published_results
+        from vsnbench.report.reference_tables import reference_sheets
+
+        print_sheets_as(form.value, reference_sheets(), published_results())
+        return
     selection = Selection(
         models=tuple(model or ()),
         goals=tuple(goal or ()),
@@ -74,16 +93,6 @@ def command(
         campaigns=tuple(campaign or ()),
     )
     place = ResultsDirectory.locate(results, db)
-    outcome = summarise(read(place.database_url, selection, place.path))
-    match form:
-        case Format.JSON:
-            typer.echo(to_json(outcome), nl=False)
-        case Format.CSV:
-            typer.echo(to_csv(outcome), nl=False)
-        case Format.MARKDOWN:
-            typer.echo(markdown(tables(outcome)), nl=False)
-        case Format.TABLE:
-            from vsnbench.cli.episode_page import page
-            from vsnbench.report.forms.terminal import print_sheets
-
-            print_sheets(tables(outcome), page())
+    print_report(
+        form.value, build(place.database_url, selection, place.path, reference=reference is not None, activity=False)
+    )

@@ -131,9 +131,9 @@ def _robots(connection: Connection, campaigns: Sequence[int], goals: Sequence[st
     )
     rows = connection.execute(by_process).all()
     helped = {
-        robot: number
-        for robot, number in connection.execute(
-            select(Campaign.robot_id, func.count())
+        row.robot_id: row.times
+        for row in connection.execute(
+            select(Campaign.robot_id, func.count().label("times"))
             .select_from(Event)
             .join(Episode, Episode.id == Event.episode_id)
             .join(Trial, Trial.id == Episode.trial_id)

@@ -1,14 +1,17 @@
 """Puts a report together: opens the record, refuses what it has nothing to say about, chooses the sheets."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from vsnbench.database.engine import shown_url
 from vsnbench.database.migrate import open_record
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.report.activity import Activity, read_activity
 from vsnbench.report.record import Record, Selection, goal_order, read_record
+from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
 from vsnbench.report.sheets import Sheet
-from vsnbench.report.summary import Results
-from vsnbench.report.tables import end_sheet, goal_sheet, start_sheet
+from vsnbench.report.summary import Results, summarise
+from vsnbench.report.tables import action_sheet, end_sheet, goal_sheet, real_sheet, stability_sheet, start_sheet
 from vsnbench.report.text import harmless
 
 
@@ -39,14 +42,65 @@ def read(url: str, selection: Selection, results_directory: Path | None = None) 
     raise UsageError(f"nothing in the record fits that selection: its models are {models}; its goals are {goals}")
 
 
-def tables(results: Results) -> list[Sheet]:
-    """Return the sheets of a report in the order in which they are read."""
-    sheets = [goal_sheet(one, results.shared_goals) for one in results.conditions]
-    if any(one.ends for one in results.conditions):
-        sheets.append(end_sheet(results))
-    return sheets
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A record, its numbers and its sheets."""
+
+    record: Record
+    results: Results
+    activity: Activity | None = None
+    """None where only the rates were asked for."""
+    reference: bool = False
+    """The paper's numbers are laid beside."""
+
+    def sheets(self, *, long: bool = False) -> list[Sheet]:
+        """Return the sheets in the order in which they are read; `long` adds those that are long."""
+        results = self.results
+        sheets = [goal_sheet(one, results.shared_goals) for one in results.conditions]
+        if self.reference:
+            sheets.append(beside_sheet(results))
+        if real := real_sheet(results):
+            sheets.append(real)
+        if any(one.ends for one in results.conditions):
+            sheets.append(end_sheet(results))
+        if self.activity:
+            sheets.append(stability_sheet(self.activity.robots))
+            if self.reference:
+                sheets.append(paper_stability_sheet())
+            if self.activity.actions:
+                sheets.append(action_sheet(results, self.activity.actions))
+        if long:
+            sheets += [start_sheet(one) for one in results.conditions]
+        return sheets
 
 
-def all_tables(results: Results) -> list[Sheet]:
-    """Return every sheet there is, the long ones too."""
-    return [*tables(results), *(start_sheet(one) for one in results.conditions)]
+def build(
+    url: str,
+    selection: Selection,
+    results_directory: Path | None = None,
+    *,
+    reference: bool = False,
+    activity: bool = True,
+) -> Report:
+    """Read a record and condense it.
+
+    Args:
+        url: any SQLAlchemy URL.
+        selection: which part of it.
+        results_directory: where the images of its episodes lie.
+        reference: lay the paper's numbers beside.
+        activity: count actions and distances too.
+
+    Raises:
+        RecordError: there is no record, nothing in it, or it cannot be read.
+        UsageError: the selection fits nothing in it.
+    """
+    record = read(url, selection, results_directory)
+    counted = None
+    if activity:
+        engine = open_record(url)
+        try:
+            counted = read_activity(engine, record)
+        finally:
+            engine.dispose()
+    return Report(record, summarise(record), counted, reference)

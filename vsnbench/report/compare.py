@@ -323,9 +323,12 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
             f"{where}: {numbers}. No winner is named: only {' and '.join(short)} are done, "
             f"{ENOUGH_COVERAGE:.0%} are needed.{caveat}"
         )
-    p = f"p = {rate.p:.3f}" if rate.p >= 0.001 else "p < 0.001"
+    p = f"p {_compared(rate.p)}"
     if rate.scope != ALL and comparison.asked > 1:
-        p += f", {rate.adjusted_p:.3f} after Holm's correction for {comparison.asked} questions"
+        p += f", {_compared(rate.adjusted_p)} after Holm's correction for {comparison.asked} questions"
+    for one in (comparison.first, comparison.second):
+        if one.surveyed:
+            caveat += f" {harmless(one.title)} is handed the site: an upper bound, not a competitor."
     if rate.significant:
         better, worse = (a, b) if rate.difference > 0 else (b, a)
         return f"{where}: {better} succeeds more often than {worse}: {numbers}, {p}.{caveat}"
@@ -338,3 +341,7 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
         else "the trials would have been enough for 80 % power, the difference seen is chance or smaller than it looks"
     )
     return f"{where}: not distinguishable at this number of trials ({numbers}, {p}); {advice}.{caveat}"
+
+
+def _compared(p: float) -> str:
+    return f"= {p:.3f}" if p >= 0.001 else "< 0.001"

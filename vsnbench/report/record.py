@@ -121,6 +121,15 @@ class Record:
         return rows[rows["state"] == COUNTED]
 
 
+def empty_record() -> Record:
+    """Return a record with nothing in it: for the published numbers, which have no episodes."""
+    import pandas as pd
+
+    return Record(
+        (), pd.DataFrame(columns=list(COLUMNS)), pd.DataFrame(columns=["condition", "goal", "start", "trials"])
+    )
+
+
 def goal_order(goal: str) -> tuple[int, str]:
     """Sort key: the order of the paper's tables, then the alphabet."""
     return (GOAL_CATEGORIES.index(goal) if goal in GOAL_CATEGORIES else len(GOAL_CATEGORIES), goal)

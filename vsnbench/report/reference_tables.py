@@ -3,7 +3,7 @@
 from vsnbench.report.compare import Comparison, compare
 from vsnbench.report.comparison_tables import comparison_sheets
 from vsnbench.report.published import published, published_results
-from vsnbench.report.record import Record
+from vsnbench.report.record import empty_record
 from vsnbench.report.sheets import (
     Cell,
     Column,
@@ -43,7 +43,7 @@ def reference_sheets() -> list[Sheet]:
             )
         name, title = f"paper-table-{model.table}", f"Paper, Table {model.table}: {model.title}"
         sheets.append(Sheet(name, title, sheet.columns, sheet.rows, tuple(notes)))
-    sheets.append(_stability())
+    sheets.append(paper_stability_sheet())
     for comparison in reference_comparison():
         sheets += comparison_sheets(comparison)
     return sheets
@@ -51,11 +51,8 @@ def reference_sheets() -> list[Sheet]:
 
 def reference_comparison() -> tuple[Comparison, ...]:
     """Compare the paper's two models with each other."""
-    import pandas as pd
-
     results = published_results()
-    nothing = Record((), pd.DataFrame(), pd.DataFrame())
-    return compare(nothing, results, ["paper:vlv", "paper:pirlnav"], published=results)
+    return compare(empty_record(), results, ["paper:vlv", "paper:pirlnav"], published=results)
 
 
 def beside_sheet(results: Results) -> Sheet:
@@ -146,7 +143,8 @@ def _real_against_virtual(results: Results) -> Sheet:
     )
 
 
-def _stability() -> Sheet:
+def paper_stability_sheet() -> Sheet:
+    """How long and how far the paper's robots drove (paper, Table 6)."""
     paper = published()
     rows = [row(word(one.robot), count(round(one.hours)), decimal(one.kilometres, 2)) for one in paper.stability]
     rows.append(row(word("all"), count(round(paper.hours)), decimal(paper.kilometres, 2), total=True))

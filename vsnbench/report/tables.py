@@ -1,8 +1,9 @@
 """The tables of a report as sheets: by goal, by starting position, by end reason."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.activity import ActionCount, RobotActivity
 from vsnbench.report.record import Condition
 from vsnbench.report.sheets import (
     Cell,
@@ -18,6 +19,7 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
+from vsnbench.report.statistics import newcombe
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 
 _RATES = (
@@ -99,6 +101,138 @@ def end_sheet(results: Results) -> Sheet:
     )
 
 
+def real_sheet(results: Results) -> Sheet | None:
+    """Real against simulated, for the models that were tested in both (paper, Table 3); None when there is none."""
+    rows = []
+    for real in results.conditions:
+        for virtual in results.conditions:
+            same = (real.condition.model, real.condition.weights_sha256) == (
+                virtual.condition.model,
+                virtual.condition.weights_sha256,
+            )
+            if real.condition.simulated or not virtual.condition.simulated or not same:
+                continue
+            a, b = real.total, virtual.total
+            gap = newcombe(a.proportion, b.proportion)
+            rows.append(
+                row(
+                    word(_model_title(real.condition)),
+                    word(f"{real.condition.robot_title}, {real.condition.site}"),
+                    of(a.successes, a.episodes),
+                    percent(a.success_rate),
+                    interval_percent(a.interval.low, a.interval.high),
+                    of(a.episodes, a.planned),
+                    word(f"{virtual.condition.robot_title}, {virtual.condition.site}"),
+                    of(b.successes, b.episodes),
+                    percent(b.success_rate),
+                    interval_percent(b.interval.low, b.interval.high),
+                    of(b.episodes, b.planned),
+                    decimal(100 * (a.success_rate - b.success_rate), 2),
+                    interval_percent(gap.low, gap.high),
+                )
+            )
+    if not rows:
+        return None
+    return Sheet(
+        name="real-simulated",
+        title="Real world against simulation",
+        columns=(
+            Column("model", number=False),
+            Column("real", number=False, rank=3),
+            Column("k/n"),
+            Column("SR %"),
+            Column("95 % interval", rank=1),
+            Column("done", rank=2),
+            Column("simulated", number=False, rank=3),
+            Column("k/n"),
+            Column("SR %"),
+            Column("95 % interval", rank=1),
+            Column("done", rank=2),
+            Column("real - sim.", note="difference in success rate, points"),
+            Column("95 % interval", note="Newcombe's interval of the difference"),
+        ),
+        rows=tuple(rows),
+        notes=("Totals over all goals of each; the goals may differ.",),
+    )
+
+
+def _model_title(condition: Condition) -> str:
+    return f"{condition.model} ({condition.weights_label})" if condition.weights_label else condition.model
+
+
+def stability_sheet(robots: Sequence[RobotActivity]) -> Sheet:
+    """How long and how far each robot drove, and how often it failed (paper, Table 6)."""
+    rows = [
+        _stability_row(f"{one.title or one.robot}, {'simulated' if one.simulated else 'real'}", one) for one in robots
+    ]
+    if len(robots) > 1:
+        rows.append(_stability_row("all", *robots, total=True))
+    return Sheet(
+        name="stability",
+        title="Stability",
+        columns=(
+            Column("robot", number=False),
+            Column("driving h", note="sum of the episodes' durations on the robot's clock, hours"),
+            Column("elapsed h", rank=2, note="from the first start to the last end of each session, hours"),
+            Column("km"),
+            Column("episodes", note="attempts, void ones too"),
+            Column("interventions", rank=1, note="recorded interventions, and episodes that a person aborted"),
+            Column("collisions", rank=1),
+            Column("failures", rank=1, note="failed motion, lost sensor, model error, dead process"),
+            Column("failures/km"),
+        ),
+        rows=tuple(rows),
+        notes=("All attempts, void ones too: the robot drove in them.",),
+    )
+
+
+def _stability_row(name: str, *robots: RobotActivity, total: bool = False) -> Row:
+    metres, failures = sum(one.path_m for one in robots), sum(one.failures for one in robots)
+    return row(
+        word(name),
+        decimal(sum(one.driving_s for one in robots) / 3600, 2),
+        decimal(sum(one.elapsed_s for one in robots) / 3600, 2),
+        decimal(metres / 1000, 2),
+        count(sum(one.episodes for one in robots)),
+        count(sum(one.interventions for one in robots)),
+        count(sum(one.collisions for one in robots)),
+        count(failures),
+        decimal(failures / metres * 1000 if metres > 0 else float("nan"), 2),
+        total=total,
+    )
+
+
+def action_sheet(results: Results, actions: Sequence[ActionCount]) -> Sheet:
+    """How often each action was chosen, and what became of it (paper, Figure 9)."""
+    rows = []
+    for one in results.conditions:
+        mine = [each for each in actions if each.condition == one.condition.number]
+        whole = sum(each.steps for each in mine)
+        rows += [
+            row(
+                word(one.condition.title),
+                word(each.raw_action),
+                word("blocked by the depth guard" if each.blocked else each.action),
+                count(each.steps),
+                percent(each.steps / whole),
+            )
+            for each in sorted(mine, key=lambda each: (-each.steps, each.raw_action))
+        ]
+    return Sheet(
+        name="actions",
+        title="Actions of the models, and what became of them",
+        columns=(
+            Column("model", number=False),
+            Column("the model's action", number=False),
+            Column("executed", number=False),
+            Column("steps"),
+            Column("%"),
+        ),
+        rows=tuple(rows),
+        notes=("Over the episodes that count.",),
+    )
+
+
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 
 
@@ -116,11 +250,11 @@ def described(condition: Condition) -> str:
 
 
 def _caveats(total: Summary) -> list[str]:
-    notes = []
+    notes = [f"n = {total.episodes} episodes of {total.planned} planned trials ({total.coverage:.1%})."]
     if not total.episodes:
         notes.append("No trial of this condition is done yet.")
     elif total.episodes < total.planned:
-        notes.append(f"Incomplete: {total.episodes} of {total.planned} planned trials are done ({total.coverage:.1%}).")
+        notes.append("Incomplete: the rates are of the trials done.")
     if total.unjudged:
         notes.append(f"{total.unjudged} episodes await a verdict and are in no rate.")
     if 0 < total.spl_episodes < total.episodes:

@@ -73,6 +73,7 @@ def condition_fields(condition: Condition) -> dict[str, Any]:
         "surveyed": condition.surveyed,
         "robot": condition.robot,
         "environment": condition.environment,
+        "published": condition.published,
         "site": condition.site,
         "max_actions": condition.max_actions,
         "success_distance_m": condition.success_distance_m,

@@ -1,0 +1,79 @@
+"""`vsnbench compare`: is one model better than another, or are there too few trials to say?"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_WHAT = "What to compare"
+_RECORD = "Record"
+
+
+class Format(StrEnum):
+    """The forms that go to stdout."""
+
+    TABLE = "table"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    JSON = "json"
+
+
+def command(
+    models: Annotated[
+        list[str],
+        typer.Argument(help="two models or more, as `vsnbench report` names them; paper:vlv and paper:pirlnav too"),
+    ],
+    by_goal: Annotated[
+        bool, typer.Option("--by-goal", help="each shared goal by itself as well", rich_help_panel=_WHAT)
+    ] = False,
+    goal: Annotated[
+        list[str] | None, typer.Option("--goal", "-g", help="only these goal categories", rich_help_panel=_WHAT)
+    ] = None,
+    site: Annotated[list[str] | None, typer.Option("--site", help="only these sites", rich_help_panel=_WHAT)] = None,
+    robot: Annotated[list[str] | None, typer.Option("--robot", help="only these robots", rich_help_panel=_WHAT)] = None,
+    form: Annotated[Format, typer.Option("--format", "-f", help="what to print on stdout")] = Format.TABLE,
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            "--results",
+            help="results directory; $VSNBENCH_RESULTS, then ./results, when absent",
+            rich_help_panel=_RECORD,
+        ),
+    ] = None,
+    db: Annotated[
+        str | None,
+        typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
+    ] = None,
+) -> None:
+    """Compare the success rates of models, pair by pair, and say plainly what can be concluded.
+
+    [bold]Examples[/bold]
+
+        vsnbench compare vlv pirlnav                 on the goals they share, and on all
+        vsnbench compare vlv pirlnav --by-goal       each shared goal too, corrected after Holm
+        vsnbench compare vlv paper:vlv               ours against the published numbers
+        vsnbench compare "vlv real" "vlv simulated"  one model under two conditions
+
+    Trials of one site are paired on goal, starting position and repetition: exact McNemar, and an exact permutation
+    within starting positions. Independent samples: Fisher and Barnard. Intervals: Newcombe for rates, bootstrap of
+    whole starting positions for actions and SPL. Below 95 % of the planned trials no winner is named.
+    """
+    from vsnbench.cli.report_forms import print_comparisons
+    from vsnbench.report.build import read
+    from vsnbench.report.compare import compare
+    from vsnbench.report.published import published_results
+    from vsnbench.report.record import Selection
+    from vsnbench.report.summary import summarise
+    from vsnbench.runner.results import ResultsDirectory
+
+    published = published_results()
+    if all(name.startswith("paper:") for name in models):
+        from vsnbench.report.record import empty_record
+
+        record = empty_record()
+    else:
+        place = ResultsDirectory.locate(results, db)
+        selection = Selection(goals=tuple(goal or ()), sites=tuple(site or ()), robots=tuple(robot or ()))
+        record = read(place.database_url, selection, place.path)
+    print_comparisons(form.value, compare(record, summarise(record), models, by_goal=by_goal, published=published))

@@ -1,0 +1,69 @@
+"""Prints sheets and results on stdout in the form that was asked for."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from vsnbench.report.build import Report
+    from vsnbench.report.compare import Comparison
+    from vsnbench.report.sheets import Sheet
+    from vsnbench.report.summary import Results
+
+
+def print_report(form: str, report: "Report") -> None:
+    """Print a report; as JSON and CSV the paper's models follow the measured ones when they were asked for."""
+    from dataclasses import replace
+
+    from vsnbench.report.published import published_results
+
+    results = report.results
+    if report.reference:
+        results = replace(results, conditions=(*results.conditions, *published_results().conditions))
+    print_sheets_as(form, report.sheets(), results)
+
+
+def print_sheets_as(form: str, sheets: "list[Sheet]", results: "Results") -> None:
+    """Print sheets as `table`, `markdown` or `latex`, or the results behind them as `json` or `csv`."""
+    if form == "table":
+        from vsnbench.cli.episode_page import page
+        from vsnbench.report.forms.terminal import print_sheets
+
+        print_sheets(sheets, page())
+        return
+    typer.echo(_text(form, sheets, results), nl=False)
+
+
+def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
+    """Print comparisons as sheets, or as one JSON list."""
+    import json
+
+    from vsnbench.report.comparison_tables import comparison_fields, comparison_sheets
+
+    if form == "json":
+        typer.echo(json.dumps([comparison_fields(one) for one in comparisons], indent=2, ensure_ascii=False))
+        return
+    sheets = [sheet for one in comparisons for sheet in comparison_sheets(one)]
+    if form == "table":
+        from vsnbench.cli.episode_page import page
+        from vsnbench.report.forms.terminal import print_sheets
+
+        print_sheets(sheets, page())
+        return
+    from vsnbench.report.forms.latex import latex
+    from vsnbench.report.forms.markdown import markdown
+
+    typer.echo(markdown(sheets) if form == "markdown" else latex(sheets), nl=False)
+
+
+def _text(form: str, sheets: "list[Sheet]", results: "Results") -> str:
+    from vsnbench.report.forms.latex import latex
+    from vsnbench.report.forms.markdown import markdown
+    from vsnbench.report.forms.plain import to_csv, to_json
+
+    if form == "json":
+        return to_json(results)
+    if form == "csv":
+        return to_csv(results)
+    return markdown(sheets) if form == "markdown" else latex(sheets)
