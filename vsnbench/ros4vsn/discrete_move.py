@@ -6,8 +6,10 @@ until the movement is over. Zero velocity is commanded on every way out.
 
 import logging
 import math
+import statistics
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -30,6 +32,10 @@ MOVEMENTS = {
 """The words of the service (paper, Section 3.1.3)."""
 _MOVED_BY_HAND_RAD = math.radians(3)
 """A heading farther off the held one than this was turned by somebody else: picked up, pushed, reset."""
+
+_SETTLING_READINGS = 2.5
+"""Two fresh readings and some: a slow odometer repeats itself while the robot still rolls."""
+_LONGEST_SETTLING_S = 1.0
 
 
 class Hazard(StrEnum):
@@ -93,11 +99,14 @@ class DiscreteMover:
         self._ticket_of = ""
         self._held_heading_rad: float | None = None
         self._odometry_seen_s = -math.inf
+        self._periods_s: deque[float] = deque(maxlen=20)
 
     def take_odometry(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> None:
         """Take one odometry message; a heading or position that is no number is a fault, and so is a jump."""
         arrival_s = self._now_s()
         with self._lock:
+            if self._tracker.latest is not None:
+                self._periods_s.append(stamp_s - self._tracker.latest.stamp_s)
             fault = self._tracker.add(x_m, y_m, heading_rad, stamp_s, arrival_s)
             self._odometry_seen_s = time.monotonic()
             if fault:
@@ -173,6 +182,7 @@ class DiscreteMover:
             return Outcome(movement, False, standing)
         held_rad = self._heading_to_hold(reading)
         target_rad = heading_after(action, held_rad, settings)
+        settings = settings.model_copy(update={"settle_s": max(settings.settle_s, self._settling_s())})
         controller = MotionController(action, reading.pose, target_rad, settings)
         ideal_s = ideal_duration_s(action, settings)
         sensor_lost = False
@@ -212,6 +222,12 @@ class DiscreteMover:
             if active[hazard] and action is not Action.MOVE_BACKWARD:
                 return f"the {hazard.value} sensor is still active: free the robot first, Backward is allowed"
         return ""
+
+    def _settling_s(self) -> float:
+        """Return how long the pose must not change, seen through odometry as rare as it really comes."""
+        with self._lock:
+            period_s = statistics.median(self._periods_s) if self._periods_s else 0.0
+        return min(max(_SETTLING_READINGS * period_s, 0.0), _LONGEST_SETTLING_S)
 
     def _heading_to_hold(self, reading: OdometryReading) -> float:
         """Return the heading from which this movement is reckoned, in the unwrapped frame of the odometry."""
