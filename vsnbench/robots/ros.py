@@ -37,6 +37,8 @@ PATIENCE_S = 30.0
 _CAMERA_TIMEOUT_S = 3.0
 _ODOMETRY_TIMEOUT_S = 0.8
 _COMMAND_TIMEOUT_S = 0.6
+_WEDGED_S = 3.0
+"""Nobody steers for this long in the middle of a movement: discrete_move is wedged."""
 _STANDSTILL_TIMEOUT_S = 1.5
 _MAX_SKEW_S = 0.1
 _STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
@@ -112,6 +114,7 @@ class RosRobot:
         self._start: Pose | None = None
         self._end = MotionEnd(0.0, 0.0)
         self._moving = False
+        self._asked_s = 0.0
         self._link = RobotLink(profile)
         try:
             self._wait_until_ready()
@@ -210,7 +213,7 @@ class RosRobot:
         with self._link.news:
             self._require_fresh_odometry()
             before = self._link.tracker.relative
-        began_s = time.monotonic()
+        began_s = self._asked_s = time.monotonic()
         failure, sensor_lost, answered = "", False, False
         self._moving = True
         try:
@@ -223,15 +226,15 @@ class RosRobot:
         if failure:
             self._force_standstill()
         self._moving = False
+        outcome = self._link.outcome
+        if not failure and not answered:
+            failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
+            sensor_lost = outcome is not None and outcome.sensor_lost
         after = before
         try:
             after = self._pose_at_rest()
         except SensorLostError as error:
             failure, sensor_lost = failure or str(error), sensor_lost or not failure
-        outcome = self._link.outcome
-        if not failure and not answered:
-            failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
-            sensor_lost = outcome is not None and outcome.sensor_lost
         collision = self._collision()
         return MotionResult(
             completed=not (failure := failure or self._lie(action, before, after)) and collision is None,
@@ -299,9 +302,12 @@ class RosRobot:
                 raise _AlarmError(link.odometry_fault, sensor_lost=True)
             if (silent_s := self._odometry_age_s()) > _ODOMETRY_TIMEOUT_S:
                 raise _AlarmError(_no_odometry(self.profile, silent_s), sensor_lost=True)
-        if now_s - link.commanded_s > _COMMAND_TIMEOUT_S:
+        unsteered_s = now_s - max(link.commanded_s, self._asked_s)
+        if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nobody steers: whatever the base was told last, it is told to stand now.
             link.stand_still()
+        if unsteered_s > _WEDGED_S:
+            raise _AlarmError(f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server")
 
     def _collision(self) -> Collision | None:
         with self._link.news:

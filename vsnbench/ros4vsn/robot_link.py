@@ -57,7 +57,7 @@ class RobotLink:
         self.truth: Stamped[Pose] | None = None
         self.outcome: Outcome | None = None
         self.commanded_s = 0.0
-        """When a velocity was last commanded by anybody (monotonic clock)."""
+        """When somebody else last commanded a velocity (monotonic clock)."""
 
         self.master: Master = start_node(NODE)
         self.names = names
@@ -162,8 +162,9 @@ class RobotLink:
                 self.readings.append(self.tracker.latest)
             self.news.notify_all()
 
-    def _on_command(self, _message: Any) -> None:
-        self.commanded_s = time.monotonic()
+    def _on_command(self, message: Any) -> None:
+        if message._connection_header.get("callerid") != self.master.caller:  # noqa: SLF001
+            self.commanded_s = time.monotonic()
 
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         with self.news:

@@ -1,0 +1,50 @@
+"""A colour and depth camera that shows a plain wall, and misbehaves when it is told to on /camera/fault.
+
+`silent` sends nothing, `blind` no depth, `small` half the size, `yuv` another encoding, `past` stamps from yesterday,
+`holes` a depth image with a different tenth of its pixels invalid each time, `good` is back to normal.
+"""
+
+import time
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+
+WIDTH, HEIGHT, RATE_HZ = 64, 48, 30.0
+rospy.init_node("camera")
+fault = "good"
+
+
+def on_fault(message: String) -> None:
+    global fault
+    fault = message.data
+
+
+rospy.Subscriber("/camera/fault", String, on_fault, queue_size=10)
+color = rospy.Publisher("/camera/color/image_raw", Image, queue_size=1)
+depth = rospy.Publisher("/camera/depth/image_raw", Image, queue_size=1)
+
+
+def image(pixels: np.ndarray, encoding: str, stamp: rospy.Time) -> Image:
+    message = Image(height=pixels.shape[0], width=pixels.shape[1], encoding=encoding, step=pixels[0].nbytes)
+    message.header.stamp = stamp
+    message.data = pixels.tobytes()
+    return message
+
+
+rng = np.random.default_rng(0)
+due = time.monotonic()
+while not rospy.is_shutdown():
+    due += 1 / RATE_HZ
+    time.sleep(max(due - time.monotonic(), 0))
+    if fault == "silent":
+        continue
+    stamp = rospy.Time.now() - rospy.Duration(86400 if fault == "past" else 0)
+    size = (HEIGHT // 2, WIDTH // 2) if fault == "small" else (HEIGHT, WIDTH)
+    color.publish(image(np.full((*size, 3), 90, np.uint8), "yuv422" if fault == "yuv" else "rgb8", stamp))
+    wall = np.full(size, 2000, np.uint16)
+    if fault == "holes":
+        wall[rng.random(size) < 0.1] = 0
+    if fault != "blind":
+        depth.publish(image(wall, "16UC1", stamp))
