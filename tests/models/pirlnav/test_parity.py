@@ -9,10 +9,12 @@ import pytest
 from tests.models.pirlnav.conftest import Recording
 from vsnbench.models.pirlnav.acceleration import choose_engine
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
-from vsnbench.models.pirlnav.engine import Engine, StepInput
+from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, Engine, StepInput, compare
+from vsnbench.models.pirlnav.network import build_network
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS, PIRLNav
 from vsnbench.models.pirlnav.preprocessing import preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
+from vsnbench.models.pirlnav.torch_engine import TorchEngine
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
@@ -66,3 +68,17 @@ def test_the_policy_gives_the_originals_logits_and_actions(
         np.testing.assert_allclose(decision.diagnostics.details["logits"], recording.logits[i], rtol=0, atol=1e-4)
         assert decision.raw_action == ACTIONS[recording.actions[i]].name
         assert math.isclose(sum(decision.diagnostics.probabilities.values()), 1, abs_tol=1e-12)
+
+
+def test_half_precision_in_the_encoder_stays_within_its_tolerance(small_checkpoint: Path) -> None:
+    checkpoint = read_checkpoint(small_checkpoint)
+    sizes = checkpoint.architecture
+    copies = [{name: weight.clone() for name, weight in checkpoint.weights.items()} for _ in range(2)]
+    reference, half = (
+        TorchEngine(build_network(sizes, copies[0])),
+        TorchEngine(build_network(sizes, copies[1]), half=True),
+    )
+    agreement = compare(reference, half, sizes, HALF_TOLERANCE)
+    assert agreement.holds
+    assert 0 < agreement.largest_difference < HALF_TOLERANCE / 2
+    assert not compare(reference, half, sizes, 1e-6).holds

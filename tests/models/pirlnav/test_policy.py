@@ -2,6 +2,7 @@
 
 import json
 import logging
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def test_the_robots_odometry_reaches_the_network_as_forward_and_right(
     decision = policy.act(look(recording, 0, Pose.from_degrees(1.5, -0.5, 60)))
     assert engine.told[0].gps_m == (1.5, 0.5)
     assert engine.told[0].compass_rad == pytest.approx(np.pi / 3)
-    assert decision.diagnostics.scalars["compass_deg"] == pytest.approx(60)
+    assert decision.diagnostics.scalars["compass_rad"] == pytest.approx(np.pi / 3)
     assert "value" not in decision.diagnostics.scalars
 
 
@@ -218,9 +219,19 @@ def test_weights_are_found_in_the_directory_of_weights(
     assert PIRLNav(model_config=EAGER, device="cpu").card.weights_label.startswith("pirlnav.ckpt")
 
 
-def test_without_pytorch_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
+@pytest.mark.parametrize("package", ["onnx", "onnxruntime"])
+def test_without_onnxruntime_pytorch_runs_in_its_place_and_says_so(
+    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, package: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with caplog.at_level(logging.WARNING):
+        assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.TORCH
+    assert f"{package} not installed; running in PyTorch" in caplog.text
+    with pytest.raises(ModelError, match=rf"needs {package}: pip install 'vsnbench\[neural\]'"):
+        PIRLNav(small_checkpoint, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), "cpu")
 
+
+def test_without_pytorch_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(ModelError, match=r"PyTorch.*pip install 'vsnbench\[neural\]'"):
         PIRLNav()

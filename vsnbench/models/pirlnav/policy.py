@@ -160,7 +160,7 @@ class PIRLNav:
         scalars = {
             "gps_forward_m": location.gps_m[0],
             "gps_left_m" if self._as_published else "gps_right_m": location.gps_m[1],
-            "compass_deg": math.degrees(location.compass_rad),
+            "compass_rad": location.compass_rad,
         }
         if math.isfinite(answer.value):
             scalars["value"] = answer.value
