@@ -1,4 +1,4 @@
-"""`vsnbench sites`: list, show, check, draw and picture surveyed places."""
+"""`vsnbench sites`: list, show, check, draw and picture surveyed places, and generate made-up ones."""
 
 from typing import Annotated
 
@@ -8,12 +8,13 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="""List, show, check, draw and picture sites: surveyed places, one YAML file each.
+    help="""List, show, check, draw, picture and generate sites: surveyed places, one YAML file each.
 
     vsnbench sites list
     vsnbench sites check my-flat.yaml --robot lola2
     vsnbench sites draw apartment plan.svg
     vsnbench sites look apartment --output look.png
+    vsnbench sites generate --seed 7 --output flat.yaml
     """,
 )
 
@@ -189,6 +190,38 @@ def look(
     image = contact_sheet(site)
     try:
         save_image(image, path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+    typer.echo(str(path))
+
+
+@app.command()
+def generate(
+    seed: Annotated[int, typer.Option(min=0, help="The same seed always gives the same flat.")],
+    output: Annotated[
+        str, typer.Option("--output", "-o", help="Where to: a .yaml file; twin-SEED.yaml when absent, - for stdout.")
+    ] = "",
+) -> None:
+    """Make up a furnished flat of 50 to 100 m2 that passes every check, with all goal categories in it.
+
+    vsnbench sites generate --seed 7
+    vsnbench run --model oracle --goal chair --site twin-7.yaml
+    """
+    from pathlib import Path
+
+    from vsnbench.errors import UsageError
+    from vsnbench.simulator.twins.generate import generate_site
+    from vsnbench.simulator.twins.site_file import site_yaml, write_site
+
+    path = Path(output or f"twin-{seed}.yaml")
+    if output != "-" and path.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"cannot write a site to {path}: name a file that ends in .yaml")
+    site = generate_site(seed)
+    if output == "-":
+        typer.echo(site_yaml(site), nl=False)
+        return
+    try:
+        write_site(site, path)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
     typer.echo(str(path))

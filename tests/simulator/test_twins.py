@@ -1,0 +1,182 @@
+"""Generated flats: valid, varied, always the same for a seed, solvable, and never the embedded apartment."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely.geometry import Point
+from typer.testing import CliRunner
+
+from tests.models.looks import look
+from vsnbench.cli.sites import app
+from vsnbench.models.oracle import Oracle
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.site_check import check_site
+from vsnbench.simulator.physics import Physics
+from vsnbench.simulator.scene import build_scene
+from vsnbench.simulator.twins.generate import ROBOT_RADIUS_M, generate_site
+from vsnbench.simulator.twins.site_file import write_site
+from vsnbench.simulator.twins.splits import SEEDS, Split, split_of
+from vsnbench.simulator.twins.variation import CameraVariation, Lighting
+
+SAMPLE = [*range(10), *range(1_000, 1_010), *range(10_000, 10_010)]
+"""Ten seeds of every split."""
+
+
+@lru_cache(maxsize=None)
+def twin(seed: int) -> Site:
+    return generate_site(seed)
+
+
+@pytest.mark.parametrize("seed", SAMPLE)
+def test_every_twin_passes_sites_check_and_has_what_the_protocol_asks_for(seed: int) -> None:
+    site = twin(seed)
+    assert check_site(site, ROBOT_RADIUS_M) == []
+    assert 50 <= site.area_m2 <= 100
+    assert set(GOAL_CATEGORIES) <= site.categories
+    assert len(site.starts) >= 15
+    for room in site.rooms:
+        assert any(room.shape.contains(Point(start.position)) for start in site.starts), room.name
+
+
+def test_no_two_seeds_give_the_same_flat() -> None:
+    assert len({twin(seed).sha256 for seed in SAMPLE}) == len(SAMPLE)
+    assert len({plan_of(twin(seed)) for seed in SAMPLE}) == len(SAMPLE)
+
+
+def test_twins_differ_in_rooms_instances_models_and_colours() -> None:
+    sites = [twin(seed) for seed in SAMPLE]
+    assert len({tuple(sorted(room.name for room in site.rooms)) for site in sites}) >= 5
+    for goal in ("chair", "table", "monitor", "plant"):
+        assert len({len(site.instances(goal)) for site in sites}) >= 2, goal
+    models = {thing.model for site in sites for thing in site.instances("chair")}
+    assert models == {"dining_chair", "office_chair", "armchair"}
+    assert len({thing.color for site in sites for thing in site.instances("sofa")}) >= 25
+
+
+def test_a_seed_always_gives_the_same_flat() -> None:
+    assert generate_site(10_003).sha256 == twin(10_003).sha256
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Rooms and furniture to 5 cm, whatever names, colours and starts are."""
+
+    rooms: frozenset[tuple[float, ...]]
+    furniture: frozenset[tuple[object, ...]]
+
+
+def plan_of(site: Site) -> Plan:
+    def near(value: float) -> int:
+        return round(value / 0.05)
+
+    return Plan(
+        frozenset(tuple(near(edge) for edge in room.shape.bounds) for room in site.rooms),
+        frozenset((thing.category, *map(near, thing.shape.bounds)) for thing in site.objects),
+    )
+
+
+def test_the_embedded_apartment_is_no_twin_and_shares_no_plan_with_one() -> None:
+    apartment = load_site("apartment")
+    own = plan_of(apartment)
+    starts = {start.position for start in apartment.starts}
+    for seed in SAMPLE:
+        site = twin(seed)
+        plan = plan_of(site)
+        assert site.sha256 != apartment.sha256
+        assert plan.rooms != own.rooms
+        assert len(plan.furniture & own.furniture) <= 1
+        assert len(starts & {start.position for start in site.starts}) <= 1
+
+
+def test_a_seed_belongs_to_one_split_at_most() -> None:
+    for one, other in itertools.combinations(SEEDS.values(), 2):
+        assert one.stop <= other.start or other.stop <= one.start
+    assert (split_of(3), split_of(1_003), split_of(10_003)) == (Split.TEST, Split.VALIDATION, Split.TRAINING)
+    assert split_of(5_000) is None
+
+
+@pytest.mark.parametrize("seed", [2, 1_001, 10_000])
+def test_the_oracle_reaches_every_goal(seed: int) -> None:
+    site = twin(seed)
+    oracle = Oracle()
+    for goal, start in zip(GOAL_CATEGORIES, site.starts, strict=False):
+        end, last = walk(oracle, site, goal, start.pose)
+        assert last is Action.STOP
+        assert min(thing.shape.distance(Point(end.position)) for thing in site.instances(goal)) < 1.0, goal
+
+
+def walk(oracle: Oracle, site: Site, goal: str, start: Pose) -> tuple[Pose, Action]:
+    """Drive the oracle with exact odometry; return where it ended and with which action."""
+    oracle.survey(site, start)
+    oracle.reset(goal, 0)
+    pose, action = Pose(0, 0), Action.TURN_LEFT
+    for _ in range(150):
+        action = oracle.act(look(pose)).action
+        if action is Action.STOP:
+            break
+        turn = {Action.TURN_LEFT: math.radians(30), Action.TURN_RIGHT: -math.radians(30)}.get(action, 0.0)
+        pose = pose.compose(Pose(0.25 if action is Action.MOVE_FORWARD else 0.0, 0.0, turn))
+    return start.compose(pose), action
+
+
+def test_the_simulated_robot_touches_nothing_at_any_start() -> None:
+    from vsnbench.robots.profiles import load_profile
+
+    site = twin(10_001)
+    physics = Physics(build_scene(site), load_profile("turtlebot2").base)
+    for start in site.starts:
+        physics.place(start.pose)
+        assert physics.touch() is None, start.number
+
+
+def test_a_written_twin_is_read_back_to_the_same_content(tmp_path: Path) -> None:
+    path = tmp_path / "flat.yaml"
+    write_site(twin(2), path)
+    assert load_site(path).sha256 == twin(2).sha256
+    assert [file.name for file in tmp_path.iterdir()] == ["flat.yaml"]
+
+
+def test_the_command_writes_a_file_that_sites_check_accepts(tmp_path: Path) -> None:
+    path = tmp_path / "flat.yaml"
+    made = CliRunner().invoke(app, ["generate", "--seed", "2", "--output", str(path)])
+    assert (made.exit_code, made.stdout.strip()) == (0, str(path))
+    checked = CliRunner().invoke(app, ["check", str(path)])
+    assert checked.exit_code == 0
+    assert "nothing to complain about" in checked.stdout
+
+
+def test_a_site_that_fails_the_check_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
+    from vsnbench.errors import SiteError
+    from vsnbench.simulator.twins import generate
+
+    bad = twin(2).model_copy(update={"objects": []})
+    monkeypatch.setattr(generate, "_draw", lambda seed, rng: bad)
+    with pytest.raises(SiteError, match="seed 2 gave no valid site"):
+        generate_site(2)
+
+
+def test_cameras_stay_in_their_span_and_differ_from_seed_to_seed() -> None:
+    camera = Camera(width=640, height=480, horizontal_fov_deg=60, mount_height_m=0.6)
+    variation = CameraVariation(mount_height_m=(0.5, 0.7), tilt_deg=(-5, 0), horizontal_fov_deg=(55, 65))
+    drawn = [variation.draw(camera, seed) for seed in range(20)]
+    assert len({each.mount_height_m for each in drawn}) > 15
+    assert all(
+        0.5 <= c.mount_height_m <= 0.7 and -5 <= c.tilt_deg <= 0 and 55 <= c.horizontal_fov_deg <= 65 for c in drawn
+    )
+    assert variation.draw(camera, 3) == drawn[3]
+
+
+def test_lighting_changes_an_image_the_same_way_for_a_seed() -> None:
+    rgb = np.full((4, 4, 3), 100, np.uint8)
+    lit = [Lighting.draw(seed).apply(rgb) for seed in range(8)]
+    assert len({each[0, 0].tobytes() for each in lit}) == 8
+    assert np.array_equal(Lighting.draw(3).apply(rgb), lit[3])

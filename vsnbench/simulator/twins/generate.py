@@ -1,0 +1,135 @@
+"""From a seed to a site: draw, furnish, check, and draw again until the checks that any site must pass are passed."""
+
+import math
+
+import numpy as np
+import shapely
+from numpy.random import Generator
+
+from vsnbench.errors import SiteError
+from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.free_space import BoolGrid, FreeSpace
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Room, Site, StartingPosition
+from vsnbench.protocol.site_check import check_site
+from vsnbench.simulator.twins import palette
+from vsnbench.simulator.twins.furnishing import furnish_rooms
+from vsnbench.simulator.twins.layout import PlannedRoom, RoomKind, draw_layout
+from vsnbench.simulator.twins.placing import Placer
+from vsnbench.simulator.twins.shell import build_shell
+
+ROBOT_RADIUS_M = 0.177
+"""Of the Turtlebot 2, for which every twin is passable."""
+_SPARE_M = 0.07
+"""Passages are wider than the robot by this much on both sides."""
+_START_CLEARANCE_M = 0.26
+_SMALLEST_M2, _LARGEST_M2 = 50.0, 100.0
+_ATTEMPTS = 200
+_FLOORS = {
+    RoomKind.BATHROOM: ("tiles",),
+    RoomKind.KITCHEN: ("tiles", "tiles", "wood", "concrete"),
+    RoomKind.BEDROOM: ("wood", "carpet", "wood"),
+    RoomKind.SECOND_BEDROOM: ("carpet", "wood"),
+}
+
+
+def generate_site(seed: int) -> Site:
+    """Return the twin of a seed: always the same one, with every goal category and nothing that `sites check` minds.
+
+    Raises:
+        SiteError: no draw of this seed passed the checks.
+    """
+    for attempt in range(_ATTEMPTS):
+        site = _draw(seed, np.random.default_rng([seed, attempt]))
+        if site is not None and not check_site(site, ROBOT_RADIUS_M):
+            return site
+    raise SiteError(f"seed {seed} gave no valid site in {_ATTEMPTS} attempts; take another seed")
+
+
+def _draw(seed: int, rng: Generator) -> Site | None:
+    """Return one draw; None where a room, a must or a way through is missing."""
+    rooms = draw_layout(rng)
+    if not _SMALLEST_M2 <= sum(room.shape.area for room in rooms) <= _LARGEST_M2:
+        return None
+    shell = build_shell(rooms, rng)
+    if shell is None:
+        return None
+    placer = Placer(rooms, shell, rng)
+    if not furnish_rooms(placer):
+        return None
+    site = Site(
+        name=f"twin-{seed}",
+        title=f"Generated flat, seed {seed}",
+        ceiling_height_m=round(float(rng.uniform(2.4, 2.7)), 2),
+        rooms=[_room(room, rng) for room in rooms],
+        walls=list(shell.walls),
+        doors=list(shell.doors),
+        windows=list(shell.windows),
+        objects=placer.objects,
+        starts=[StartingPosition(number=1, position=(0.0, 0.0), heading_deg=0.0)],
+    )
+    starts = _starts(site, rooms, rng)
+    return None if starts is None else site.model_copy(update={"starts": starts})
+
+
+def _room(room: PlannedRoom, rng: Generator) -> Room:
+    floor = str(rng.choice(_FLOORS.get(room.kind, ("wood", "wood", "tiles"))))
+    outline = [(float(x), float(y)) for x, y in room.shape.exterior.coords[:-1]]
+    return Room.model_validate(
+        {"name": room.kind.value, "polygon": outline, "floor": floor, "floor_color": palette.floor(rng, floor)}
+    )
+
+
+def _starts(site: Site, rooms: tuple[PlannedRoom, ...], rng: Generator) -> list[StartingPosition] | None:
+    """Return 15 to 18 places over all rooms, far from each other, none within reach of a goal; None if impossible."""
+    space = FreeSpace(site, ROBOT_RADIUS_M)
+    region = _largest_region(space.clearance_m >= ROBOT_RADIUS_M + _SPARE_M)
+    if region is None or region.sum() < 0.8 * space.cells.sum():
+        return None
+    nearest_m = np.full(space.cells.shape, np.inf)
+    for goal in GOAL_CATEGORIES:
+        distance_m = space.goal_distance_m(goal)
+        if not (region & (distance_m < 0.75)).any():
+            return None
+        nearest_m = np.minimum(nearest_m, distance_m)
+    success_m = ProtocolParameters().success_distance_m
+    allowed = region & (space.clearance_m >= _START_CLEARANCE_M) & (nearest_m > success_m + 0.02)
+    chosen: list[tuple[float, float]] = []
+    owners = [shapely.contains_xy(room.shape, space.x_m, space.y_m) & allowed for room in rooms]
+    if not all(own.any() for own in owners):
+        return None
+    for own in owners:
+        chosen.append(_farthest(space, own, chosen, rng))
+    for _ in range(int(rng.integers(15, 19)) - len(rooms)):
+        chosen.append(_farthest(space, allowed, chosen, rng))
+    order = rng.permutation(len(chosen))
+    return [
+        StartingPosition(
+            number=number,
+            position=chosen[k],
+            heading_deg=float(rng.integers(-179, 181)),
+            note=next(room.kind.value for room in rooms if room.shape.covers(shapely.Point(chosen[k]))),
+        )
+        for number, k in enumerate(order, start=1)
+    ]
+
+
+def _farthest(
+    space: FreeSpace, allowed: BoolGrid, chosen: list[tuple[float, float]], rng: Generator
+) -> tuple[float, float]:
+    """Return a free place far from the chosen ones: the farthest of a few drawn ones."""
+    rows, columns = np.nonzero(allowed)
+    drawn = rng.integers(len(rows), size=12)
+    places = [(float(space.x_m[rows[k], columns[k]]), float(space.y_m[rows[k], columns[k]])) for k in drawn]
+    best = max(places, key=lambda place: min((math.dist(place, other) for other in chosen), default=0.0))
+    return (round(best[0], 3), round(best[1], 3))
+
+
+def _largest_region(cells: BoolGrid) -> BoolGrid | None:
+    import cv2
+
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=4)
+    if count < 2:
+        return None
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    return np.asarray(labels == largest, np.bool_)
