@@ -3,7 +3,7 @@
 import itertools
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ SAMPLE = [*range(10), *range(1_000, 1_010), *range(10_000, 10_010)]
 """Ten seeds of every split."""
 
 
-@lru_cache(maxsize=None)
+@cache
 def twin(seed: int) -> Site:
     return generate_site(seed)
 

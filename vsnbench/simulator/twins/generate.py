@@ -1,14 +1,17 @@
 """From a seed to a site: draw, furnish, check, and draw again until the checks that any site must pass are passed."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.random import Generator
+from shapely.geometry.base import BaseGeometry
 
 from vsnbench.errors import SiteError
 from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.free_space import BoolGrid, FreeSpace
+from vsnbench.protocol.free_space import BoolGrid, FloatGrid, solid_shapes
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Room, Site, StartingPosition
 from vsnbench.protocol.site_check import check_site
@@ -22,6 +25,9 @@ ROBOT_RADIUS_M = 0.177
 """Of the Turtlebot 2, for which every twin is passable."""
 _SPARE_M = 0.07
 """Passages are wider than the robot by this much on both sides."""
+_GRID_M = 0.1
+_OFF_DOORWAY_M = 0.3
+"""Nobody starts in a doorway."""
 _START_CLEARANCE_M = 0.26
 _SMALLEST_M2, _LARGEST_M2 = 50.0, 100.0
 _ATTEMPTS = 200
@@ -31,6 +37,31 @@ _FLOORS = {
     RoomKind.BEDROOM: ("wood", "carpet", "wood"),
     RoomKind.SECOND_BEDROOM: ("carpet", "wood"),
 }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    """Points of the floor plan, much coarser than those of the final check; all arrays are (rows, columns)."""
+
+    x_m: FloatGrid
+    y_m: FloatGrid
+    clearance_m: FloatGrid
+    """To the nearest solid thing; 0 outside every room."""
+
+    @classmethod
+    def over(cls, site: Site) -> "_Grid":
+        rooms = shapely.union_all([room.shape for room in site.rooms])
+        x0, y0, x1, y1 = rooms.bounds
+        x_m, y_m = np.meshgrid(np.arange(x0, x1, _GRID_M), np.arange(y0, y1, _GRID_M))
+        grid = cls(x_m, y_m, np.zeros_like(x_m))
+        inside = shapely.contains_xy(rooms, x_m, y_m)
+        return replace(grid, clearance_m=np.where(inside, grid.distance_m(solid_shapes(site)), 0.0))
+
+    def distance_m(self, shapes: Sequence[BaseGeometry]) -> FloatGrid:
+        """Return (rows, columns): the distance to the nearest of the shapes."""
+        points = shapely.points(self.x_m.ravel(), self.y_m.ravel())
+        _, distances = shapely.STRtree(shapes).query_nearest(points, return_distance=True, all_matches=False)
+        return np.asarray(distances, np.float64).reshape(self.x_m.shape)
 
 
 def generate_site(seed: int) -> Site:
@@ -82,26 +113,27 @@ def _room(room: PlannedRoom, rng: Generator) -> Room:
 
 def _starts(site: Site, rooms: tuple[PlannedRoom, ...], rng: Generator) -> list[StartingPosition] | None:
     """Return 15 to 18 places over all rooms, far from each other, none within reach of a goal; None if impossible."""
-    space = FreeSpace(site, ROBOT_RADIUS_M)
-    region = _largest_region(space.clearance_m >= ROBOT_RADIUS_M + _SPARE_M)
-    if region is None or region.sum() < 0.8 * space.cells.sum():
+    grid = _Grid.over(site)
+    region = _largest_region(grid.clearance_m >= ROBOT_RADIUS_M + _SPARE_M)
+    if region is None or region.sum() < 0.8 * (grid.clearance_m >= ROBOT_RADIUS_M).sum():
         return None
-    nearest_m = np.full(space.cells.shape, np.inf)
+    nearest_m = np.full(region.shape, np.inf)
     for goal in GOAL_CATEGORIES:
-        distance_m = space.goal_distance_m(goal)
+        distance_m = grid.distance_m([thing.shape for thing in site.instances(goal)])
         if not (region & (distance_m < 0.75)).any():
             return None
         nearest_m = np.minimum(nearest_m, distance_m)
     success_m = ProtocolParameters().success_distance_m
-    allowed = region & (space.clearance_m >= _START_CLEARANCE_M) & (nearest_m > success_m + 0.02)
+    allowed = region & (grid.clearance_m >= _START_CLEARANCE_M) & (nearest_m > success_m + 0.02)
     chosen: list[tuple[float, float]] = []
-    owners = [shapely.contains_xy(room.shape, space.x_m, space.y_m) & allowed for room in rooms]
+    owners = [shapely.contains_xy(room.shape.buffer(-_OFF_DOORWAY_M), grid.x_m, grid.y_m) & allowed for room in rooms]
+    allowed = np.logical_or.reduce(owners)
     if not all(own.any() for own in owners):
         return None
     for own in owners:
-        chosen.append(_farthest(space, own, chosen, rng))
+        chosen.append(_farthest(grid, own, chosen, rng))
     for _ in range(int(rng.integers(15, 19)) - len(rooms)):
-        chosen.append(_farthest(space, allowed, chosen, rng))
+        chosen.append(_farthest(grid, allowed, chosen, rng))
     order = rng.permutation(len(chosen))
     return [
         StartingPosition(
@@ -114,13 +146,11 @@ def _starts(site: Site, rooms: tuple[PlannedRoom, ...], rng: Generator) -> list[
     ]
 
 
-def _farthest(
-    space: FreeSpace, allowed: BoolGrid, chosen: list[tuple[float, float]], rng: Generator
-) -> tuple[float, float]:
+def _farthest(grid: _Grid, allowed: BoolGrid, chosen: list[tuple[float, float]], rng: Generator) -> tuple[float, float]:
     """Return a free place far from the chosen ones: the farthest of a few drawn ones."""
     rows, columns = np.nonzero(allowed)
     drawn = rng.integers(len(rows), size=12)
-    places = [(float(space.x_m[rows[k], columns[k]]), float(space.y_m[rows[k], columns[k]])) for k in drawn]
+    places = [(float(grid.x_m[rows[k], columns[k]]), float(grid.y_m[rows[k], columns[k]])) for k in drawn]
     best = max(places, key=lambda place: min((math.dist(place, other) for other in chosen), default=0.0))
     return (round(best[0], 3), round(best[1], 3))
 
