@@ -186,9 +186,19 @@ def test_the_permutation_test_counts_every_dealing(strata: list[Stratum]) -> Non
     )
 
 
+def test_holm_is_that_of_statsmodels() -> None:
+    random = np.random.default_rng(3)
+    for size in (1, 2, 5, 8):
+        p_values = (random.random(size) ** 3).tolist()
+        assert holm(p_values) == pytest.approx(multipletests(p_values, method="holm")[1])
+
+
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
-def test_holm_is_that_of_statsmodels(p_values: list[float]) -> None:
-    assert holm(p_values) == pytest.approx(multipletests(p_values, method="holm")[1])
+def test_holm_never_lowers_a_p_value_and_keeps_their_order(p_values: list[float]) -> None:
+    adjusted = holm(p_values)
+    assert all(p <= after <= 1 for p, after in zip(p_values, adjusted, strict=True))
+    by_p = sorted(range(len(p_values)), key=lambda index: p_values[index])
+    assert [adjusted[index] for index in by_p] == sorted(adjusted)
 
 
 def test_the_trials_needed_give_the_power_asked_for() -> None:

@@ -1,0 +1,99 @@
+"""The action histogram (paper, Figure 9): what the model chose and what the robot did, rare actions readable too."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from vsnbench.protocol.actions import Action
+from vsnbench.report.activity import ActionCount
+from vsnbench.report.figures.style import (
+    COLORS,
+    COLUMN_IN,
+    INK,
+    PAGE_IN,
+    Drawing,
+    light_grid,
+    new_figure,
+    shown,
+    styled,
+)
+from vsnbench.report.summary import ConditionSummary, Results
+
+MOST_PANELS = 6
+
+
+def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawing | None:
+    """Draw one panel a condition: the model's own actions, and those that were executed; None for no actions."""
+    panels = [
+        (one, mine)
+        for one in results.conditions
+        if (mine := [each for each in actions if each.condition == one.condition.number])
+    ][:MOST_PANELS]
+    if not panels:
+        return None
+    columns = 1 if len(panels) == 1 else 2
+    lines = -(-len(panels) // columns)
+    tallest = max(len(_names(mine)) for _, mine in panels)
+    with styled():
+        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.55 + 0.3 * tallest) + 0.35)
+        grid = figure.subplots(lines, columns, squeeze=False)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_axis_off()
+        for axes, (one, mine) in zip(grid.flat, panels, strict=False):
+            raw, executed = _counts(mine)
+            names = _names(mine)
+            whole = sum(raw.values())
+            for series, (counts, label, look) in enumerate(
+                (
+                    (raw, "chosen by the model", {"color": COLORS[0]}),
+                    (executed, "executed", {"facecolor": "white", "edgecolor": COLORS[1], "hatch": "////"}),
+                )
+            ):
+                places = [place + (series - 0.5) * 0.38 for place in range(len(names))]
+                widths = [100 * counts[name] / whole for name in names]
+                axes.barh(places, widths, height=0.34, linewidth=0.6, label=label, **look)
+                for place, name, width in zip(places, names, widths, strict=True):
+                    # A share is printed beside its bar: STOP is no taller than a hair, and is to be read.
+                    axes.text(width + 1, place, f"{counts[name]:,} ({_share(width)} %)", va="center", fontsize=5.5)
+            axes.set_yticks(range(len(names)), [shown(name, 24) for name in names])
+            axes.set_ylim(len(names) - 0.45, -0.55)
+            axes.set_xlim(0, 128)
+            axes.set_xticks([0, 25, 50, 75, 100])
+            axes.set_xlabel("% of the model's actions")
+            axes.set_title(f"{shown(one.condition.title)}, {one.total.episodes} episodes", loc="left", color=INK)
+            light_grid(axes, "x")
+        handles, labels = grid.flat[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    return Drawing("actions", "Actions chosen and executed", _alt(panels), figure)
+
+
+def _counts(mine: Sequence[ActionCount]) -> tuple[Counter[str], Counter[str]]:
+    raw: Counter[str] = Counter()
+    executed: Counter[str] = Counter()
+    for each in mine:
+        raw[each.raw_action] += each.steps
+        executed["blocked" if each.blocked else each.action] += each.steps
+    return raw, executed
+
+
+def _names(mine: Sequence[ActionCount]) -> list[str]:
+    """The protocol's actions first and in its order, then the model's own, then what the guard refused."""
+    seen = {each.raw_action for each in mine} | {each.action for each in mine if not each.blocked}
+    known = [action.value for action in Action if action.value in seen]
+    blocked = ["blocked"] if any(each.blocked for each in mine) else []
+    return [*known, *sorted(seen - set(known)), *blocked]
+
+
+def _share(percent: float) -> str:
+    return f"{percent:.1f}" if percent >= 0.1 or percent == 0 else f"{percent:.2g}"
+
+
+def _alt(panels: Sequence[tuple[ConditionSummary, Sequence[ActionCount]]]) -> str:
+    parts = []
+    for one, mine in panels:
+        raw, _ = _counts(mine)
+        whole = sum(raw.values())
+        shares = ", ".join(
+            f"{shown(name)} {count} ({_share(100 * count / whole)} %)" for name, count in raw.most_common()
+        )
+        parts.append(f"{shown(one.condition.title, 80)}: {shares}")
+    return f"Histogram of actions. {'; '.join(parts)}."
