@@ -42,6 +42,16 @@ def command(
     form: Annotated[
         Format, typer.Option("--format", "-f", help="what to print on stdout", rich_help_panel=_FORM)
     ] = Format.TABLE,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="write everything into this directory", rich_help_panel=_FORM),
+    ] = None,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="show the page on 127.0.0.1 until Ctrl-C", rich_help_panel=_FORM)
+    ] = False,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="for --serve; 0 for any", rich_help_panel=_FORM)
+    ] = 0,
     reference: Annotated[
         Reference | None, typer.Option("--reference", help="lay published numbers beside", rich_help_panel=_WHAT)
     ] = None,
@@ -70,11 +80,13 @@ def command(
         vsnbench report --format markdown > table.md     to paste into a page
         vsnbench report --format json                    for a script; rates are shares of 0 to 1
         vsnbench report --reference paper                beside the numbers of the ROS4VSN paper
+        vsnbench report --output report/                 page, tables in every form, figures
+        vsnbench report --serve                          the page in your browser
         vsnbench report --only-reference                 the paper's Tables 3 to 6, with the intervals it leaves out
 
     Void attempts (failed motion, lost sensor, model error, aborted, interrupted) are counted beside and never inside.
     """
-    from vsnbench.cli.report_forms import print_report, print_sheets_as
+    from vsnbench.cli.report_forms import print_report, print_sheets_as, write_or_serve
     from vsnbench.report.build import build
     from vsnbench.report.record import Selection
     from vsnbench.runner.results import ResultsDirectory
@@ -93,6 +105,9 @@ def command(
         campaigns=tuple(campaign or ()),
     )
     place = ResultsDirectory.locate(results, db)
-    print_report(
-        form.value, build(place.database_url, selection, place.path, reference=reference is not None, activity=False)
-    )
+    whole = output is not None or serve
+    report = build(place.database_url, selection, place.path, reference=reference is not None, activity=whole)
+    if whole:
+        write_or_serve(report, place.database_url, output, port if serve else None)
+    else:
+        print_report(form.value, report)

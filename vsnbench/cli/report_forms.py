@@ -1,6 +1,7 @@
 """Prints sheets and results on stdout in the form that was asked for."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -55,6 +56,29 @@ def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
     from vsnbench.report.forms.markdown import markdown
 
     typer.echo(markdown(sheets) if form == "markdown" else latex(sheets), nl=False)
+
+
+def write_or_serve(report: "Report", url: str, output: Path | None, port: int | None) -> None:
+    """Write the whole report into a directory, serve its page, or both."""
+    from vsnbench.database.migrate import open_record
+    from vsnbench.report.drawings import drawings
+    from vsnbench.report.forms.html import html_page
+    from vsnbench.report.output import serve_page, write_report
+
+    engine = open_record(url)
+    try:
+        drawn = list(drawings(report, engine))
+    finally:
+        engine.dispose()
+    if output is not None:
+        for path in write_report(report, drawn, output):
+            typer.echo(str(path))
+    if port is not None:
+        page = html_page(report, report.sheets(long=True), drawn)
+        try:
+            serve_page(page, port, lambda address: typer.echo(f"{address}  (Ctrl-C to stop)"))
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)
 
 
 def _text(form: str, sheets: "list[Sheet]", results: "Results") -> str:

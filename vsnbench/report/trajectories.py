@@ -1,13 +1,13 @@
 """Reads where robots went: the tracks of the episodes of one condition, in the site's frame."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import Engine, select
 
 from vsnbench.database.engine import record_errors
 from vsnbench.database.tables import Episode, Step
+from vsnbench.protocol.pose import Pose
 from vsnbench.report.record import Condition, Record
 
 
@@ -33,10 +33,10 @@ def read_tracks(engine: Engine, record: Record, condition: Condition, most_a_goa
         RecordError: the database cannot be used.
     """
     rows = record.counted(condition)
-    chosen = []
-    for _, mine in rows.groupby("goal", observed=True):
-        stride = max(1, math.ceil(len(mine) / most_a_goal))
-        chosen += list(mine.iloc[::stride].itertuples(index=False))
+    strides = {goal: max(1, math.ceil(len(mine) / most_a_goal)) for goal, mine in rows.groupby("goal", observed=True)}
+    rank = rows.groupby("goal", observed=True).cumcount()
+    chosen = rows[(rank % rows["goal"].astype(str).map(strides)) == 0]
+    numbers = [int(number) for number in chosen["episode"]]
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(
             select(
@@ -44,25 +44,20 @@ def read_tracks(engine: Engine, record: Record, condition: Condition, most_a_goa
                 *(Step.world_x_m, Step.world_y_m, Step.after_x_m, Step.after_y_m),
             )
             .join(Step, Step.episode_id == Episode.id)
-            .where(Episode.id.in_([row.episode for row in chosen]))
+            .where(Episode.id.in_(numbers))
             .order_by(Step.episode_id, Step.number)
         ).all()
     points: dict[int, list[tuple[float, float]]] = {}
     for number, x, y, heading, world_x, world_y, after_x, after_y in found:
-        track = points.setdefault(number, [(x, y)] if x is not None and y is not None else [])
+        start = None if x is None or y is None or heading is None else Pose(x, y, heading)
+        track = points.setdefault(number, [start.position] if start else [])
         if world_x is not None and world_y is not None:
             track.append((world_x, world_y))
-        elif None not in (x, y, heading, after_x, after_y):
-            cos, sin = math.cos(heading), math.sin(heading)
-            track.append((x + cos * after_x - sin * after_y, y + sin * after_x + cos * after_y))
+        elif start and after_x is not None and after_y is not None:
+            track.append(start.compose(Pose(after_x, after_y)).position)
+    columns = (chosen["goal"], chosen["start"], chosen["success"], chosen["end_reason"])
     return tuple(
-        Track(
-            row.episode, str(row.goal), row.start, bool(row.success), str(row.end_reason), _finite(points[row.episode])
-        )
-        for row in chosen
-        if points.get(row.episode)
+        Track(number, str(goal), int(start), bool(success), str(reason), tuple(points[number]))
+        for number, goal, start, success, reason in zip(numbers, *columns, strict=True)
+        if points.get(number)
     )
-
-
-def _finite(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    return tuple(point for point in points if all(map(math.isfinite, point)))

@@ -71,13 +71,14 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) 
 def success_map(site: Site, one: ConditionSummary) -> Drawing | None:
     """Draw the share of successes from each starting position as a filled disk; None when no trial is done."""
     from matplotlib.patches import Circle, Wedge
+    from matplotlib.patheffects import withStroke
 
     rates = {each.start: each.summary for each in one.starts if each.summary.episodes}
     places = {start.number: start.position for start in site.starts if start.number in rates}
     if not places:
         return None
     with styled():
-        figure = new_figure(COLUMN_IN, COLUMN_IN * _shape(site) + 0.55)
+        figure = new_figure(COLUMN_IN, COLUMN_IN * _shape(site) + 0.35)
         axes = figure.subplots()
         _bare_plan(site, axes, None)
         for number, (x, y) in places.items():
@@ -89,7 +90,12 @@ def success_map(site: Site, one: ConditionSummary) -> Drawing | None:
                 )
             axes.text(x, y, str(number), ha="center", va="center_baseline", fontsize=6, weight="bold", zorder=13)
             axes.text(
-                x, y - 0.33, f"{summary.successes}/{summary.episodes}", ha="center", va="top", fontsize=5.2, zorder=13
+                *(x, y - 0.31, f"{summary.successes}/{summary.episodes}"),
+                ha="center",
+                va="top",
+                fontsize=5.5,
+                zorder=13,
+                path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
             )
         axes.set_title(f"{shown(one.condition.title, 60)}: success by starting position", pad=3)
         never = ", ".join(map(str, one.never_succeeding))

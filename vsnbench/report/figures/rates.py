@@ -1,5 +1,7 @@
 """Success by goal with intervals, the paper's values beside."""
 
+import itertools
+
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
@@ -14,7 +16,7 @@ from vsnbench.report.figures.style import (
     styled,
 )
 from vsnbench.report.record import goal_order
-from vsnbench.report.summary import ConditionSummary, Results, Summary
+from vsnbench.report.summary import ConditionSummary, Results
 
 
 def success_by_goal(results: Results, published: Results | None = None) -> Drawing:
@@ -29,18 +31,29 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
     series += published.conditions if published else ()
     goals = sorted({goal.goal for one in series for goal in one.goals}, key=goal_order)
     rows = [*goals, "all"]
-    step = 1 / (len(series) + 1)
+    drawn = [{goal.goal: goal.summary for goal in one.goals} | {"all": one.total} for one in series]
+    drawn = [{goal: each for goal, each in summaries.items() if each.episodes} for summaries in drawn]
+    # A row is as high as it has marks: a goal that only the paper has takes little room.
+    heights = [max(1, sum(row in summaries for summaries in drawn)) + 0.9 for row in rows]
+    tops = [sum(heights[:index]) for index in range(len(rows) + 1)]
     with styled():
         width = COLUMN_IN if len(series) <= 3 else PAGE_IN * 0.75
-        figure = new_figure(width, 0.75 + len(rows) * max(0.26, 0.11 * len(series)) + 0.14 * len(series))
+        figure = new_figure(width, 0.7 + 0.115 * tops[-1] + 0.14 * len(series) / (1 if len(series) <= 3 else 2))
         axes = figure.subplots()
-        for index, one in enumerate(series):
+        taken = [0.95] * len(rows)
+        for index, (one, summaries) in enumerate(zip(series, drawn, strict=True)):
             hollow = index >= measured
             color = FAINT if hollow else COLORS[index]
-            summaries = {goal.goal: goal.summary for goal in one.goals} | {"all": one.total}
             # The paper's two take the last marks, so that they never look like one of ours.
             marker = MARKERS[-1 - (index - measured)] if hollow else MARKERS[index]
-            places, values, below, above = _points(rows, summaries, (index + 1) * step - 0.5)
+            places, values, below, above = [], [], [], []
+            for row, name in enumerate(rows):
+                if summary := summaries.get(name):
+                    places.append(tops[row] + taken[row])
+                    taken[row] += 1
+                    values.append(100 * summary.success_rate)
+                    below.append(100 * (summary.success_rate - summary.interval.low))
+                    above.append(100 * (summary.interval.high - summary.success_rate))
             axes.errorbar(
                 values,
                 places,
@@ -54,31 +67,17 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
                 capthick=0.7,
                 label=f"{shown(one.condition.title)} ({one.total.successes}/{one.total.episodes})",
             )
-        axes.set_yticks(range(len(rows)), [shown(row, 24) for row in rows])
-        axes.set_ylim(len(rows) - 0.5, -0.5)
-        for edge in range(len(rows) - 1):
-            axes.axhline(edge + 0.5, color="#cfcfcf" if edge < len(goals) - 1 else FAINT, linewidth=0.5)
+        middles = [(top + bottom) / 2 for top, bottom in itertools.pairwise(tops)]
+        axes.set_yticks(middles, [shown(row, 24) for row in rows])
+        axes.tick_params(axis="y", length=0)
+        axes.set_ylim(tops[-1], 0)
+        for edge in tops[1:-1]:
+            axes.axhline(edge, color=FAINT if edge == tops[-2] else "#cfcfcf", linewidth=0.5)
         axes.set_xlim(-2, 102)
         axes.set_xlabel("success rate (%), Wilson 95 % interval")
         light_grid(axes, "x")
         figure.legend(loc="outside lower center", ncols=1 if width == COLUMN_IN else 2, handletextpad=0.3)
     return Drawing("success-by-goal", "Success by goal", _alt(results.conditions), figure)
-
-
-def _points(
-    rows: list[str], summaries: dict[str, Summary], offset: float
-) -> tuple[list[float], list[float], list[float], list[float]]:
-    places, values, below, above = [], [], [], []
-    for place, goal in enumerate(rows):
-        summary = summaries.get(goal)
-        if summary is None or not summary.episodes:
-            continue
-        rate, interval = summary.success_rate, summary.interval
-        places.append(place + offset)
-        values.append(100 * rate)
-        below.append(100 * (rate - interval.low))
-        above.append(100 * (interval.high - rate))
-    return places, values, below, above
 
 
 def _alt(conditions: tuple[ConditionSummary, ...]) -> str:

@@ -1,0 +1,211 @@
+"""The report as one HTML page: no network, tables that sort, figures and pictures inline, dark and light."""
+
+import base64
+import hashlib
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from vsnbench import __version__
+from vsnbench.report.build import Report
+from vsnbench.report.figures.style import COLUMN_IN, Drawing
+from vsnbench.report.record import COUNTED, Record
+from vsnbench.report.sheets import Cell, Sheet, count, decimal, word
+from vsnbench.report.strips import strip_of
+from vsnbench.report.summary import ConditionSummary
+from vsnbench.report.text import harmless
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+MOST_EPISODES = 1000
+MOST_STRIPS = 400
+"""The page stays a file that a browser opens at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Card:
+    title: str
+    rate: str
+    interval: str
+    bar_label: str
+    low: str
+    width: str
+    at: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Figure:
+    name: str
+    title: str
+    alt: str
+    data: str
+    wide: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Episode:
+    number: int
+    cells: tuple[tuple[Cell, bool], ...]
+    outcome: str
+    strip: str
+    frames: int
+    alt: str
+    command: str
+
+
+_EPISODE_COLUMNS = (
+    ("episode", True),
+    ("model", False),
+    ("goal", False),
+    ("start", True),
+    ("repetition", True),
+    ("result", False),
+    ("actions", True),
+    ("distance (m)", True),
+    ("SPL", True),
+    ("began (UTC)", False),
+)
+
+GLOSSARY = (
+    ("k/n, SR", "Successful episodes of the episodes that count, one a trial; the success rate is their share."),
+    ("95 % interval", "Wilson's interval: rates outside it are hard to reconcile with what was seen."),
+    (
+        "success",
+        (
+            "The model chose STOP nearer than the success distance to the footprint of the nearest instance of the "
+            "goal, in fewer actions than the cap, with no collision."
+        ),
+    ),
+    ("actions", "Mean over all episodes, as the paper averages; the second column is over the successful ones only."),
+    ("SPL, SoftSPL", "Success, or progress, weighted by the shortest way over the way driven; 0 to 1."),
+    ("done", "Trials done of trials planned. Rates of unfinished campaigns can still move."),
+    (
+        "void",
+        "Attempts that were no result (failed motion, lost sensor, model error, abortion, crash).",
+    ),
+)
+
+
+def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawing]) -> str:
+    """Return the page as text."""
+    template = _environment().get_template("page.html.j2")
+    script, style = _part("page.js"), _part("page.css")
+    results = report.results
+    episodes = list(_episodes(report.record))
+    whole = len(report.record.episodes)
+    lead = f"All {whole} episodes." if whole <= len(episodes) else f"The first {len(episodes)} of {whole} episodes."
+    if any(episode.strip for episode in episodes):
+        lead += " Pictures: five frames from the first to the last."
+    from markupsafe import Markup
+
+    return template.render(
+        table=_environment().get_template("table.html.j2").module.table,  # type: ignore[attr-defined]
+        version=__version__,
+        title="vsnbench report",
+        lead=f"{results.episodes} of {sum(one.total.planned for one in results.conditions)} planned trials done; "
+        f"{len(results.conditions)} condition{'s' if len(results.conditions) > 1 else ''}.",
+        script=Markup(script),  # noqa: S704 - our own files, not text from the record
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        style=Markup(style),  # noqa: S704
+        cards=[_card(one) for one in results.conditions],
+        sheets=sheets,
+        figures=[_figure(drawing) for drawing in drawings],
+        episodes=episodes,
+        episodes_lead=lead,
+        episode_columns=_EPISODE_COLUMNS,
+        glossary=GLOSSARY,
+        footer=f"Made by vsnbench {__version__} from the record alone.",
+    )
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("vsnbench.report.forms", "page"), autoescape=True, undefined=StrictUndefined
+    )
+    environment.filters["harmless"] = lambda value: harmless(str(value))
+    return environment
+
+
+def _part(name: str) -> str:
+    return resources.files("vsnbench.report.forms").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def _card(one: ConditionSummary) -> _Card:
+    total, interval = one.total, one.total.interval
+    known = total.episodes > 0
+    low, high = (100 * interval.low, 100 * interval.high) if known else (0.0, 0.0)
+    rate = f"{100 * total.success_rate:.1f} %" if known else "–"
+    span = f"[{low:.1f}, {high:.1f}]" if known else ""
+    words = f"{total.successes}/{total.episodes} episodes, {total.episodes}/{total.planned} trials done"
+    if total.void:
+        words += f", {total.void} void beside"
+    return _Card(
+        title=harmless(one.condition.title),
+        rate=rate,
+        interval=span,
+        bar_label=f"success rate {rate}, interval {span}" if known else "no trial is done",
+        low=f"{low:.2f}",
+        width=f"{high - low:.2f}",
+        at=f"{100 * total.success_rate if known else 0:.2f}",
+        words=f"{words}; {one.condition.environment}, {harmless(one.condition.site)}",
+    )
+
+
+def _figure(drawing: Drawing) -> _Figure:
+    return _Figure(
+        name=f"figure-{drawing.name}",
+        title=drawing.title,
+        alt=drawing.alt,
+        data=base64.b64encode(drawing.svg()).decode(),
+        wide=drawing.figure.get_figwidth() > COLUMN_IN * 1.2,
+    )
+
+
+def _episodes(record: Record) -> Iterator[_Episode]:
+    titles = {one.number: harmless(one.title) for one in record.conditions}
+    where = f" --results {shlex.quote(str(record.results_directory))}" if record.results_directory else ""
+    strips = 0
+    columns = (
+        *("episode", "condition", "goal", "start", "repetition", "state", "end_reason", "success", "actions"),
+        *("distance_m", "spl", "started_at", "images_directory"),
+    )
+    rows = record.episodes.iloc[:MOST_EPISODES]
+    for values in zip(*(rows[name].tolist() for name in columns), strict=True):
+        number, condition, goal, start, repetition, state, reason, success, actions, distance, spl, began, images = (
+            values
+        )
+        outcome = ("success" if success else "failure") if state == COUNTED else str(state)
+        words = outcome if success and state == COUNTED else f"{outcome}: {reason}" if reason else outcome
+        strip = None
+        if strips < MOST_STRIPS and record.results_directory and images:
+            strip = strip_of(record.results_directory, images)
+            strips += strip is not None
+        cells = (
+            count(number),
+            word(titles[condition]),
+            word(harmless(str(goal))),
+            count(start),
+            count(repetition),
+            word(harmless(words)),
+            count(actions),
+            decimal(distance, 2),
+            decimal(spl, 3),
+            word(f"{began:%Y-%m-%d %H:%M}"),
+        )
+        yield _Episode(
+            number=number,
+            cells=tuple((cell, number) for cell, (_, number) in zip(cells, _EPISODE_COLUMNS, strict=True)),
+            outcome=outcome,
+            strip=base64.b64encode(strip.jpeg).decode() if strip else "",
+            frames=strip.frames if strip else 0,
+            alt=f"Frames of episode {number}: {harmless(str(goal))} from position {start}, {harmless(words)}.",
+            command=harmless(f"vsnbench view {number}{where}"),
+        )

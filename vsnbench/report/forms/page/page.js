@@ -1,0 +1,37 @@
+"use strict";
+for (const button of document.querySelectorAll("thead button")) {
+  button.addEventListener("click", () => {
+    const heading = button.parentElement, table = heading.closest("table"), body = table.tBodies[0];
+    const place = heading.cellIndex, down = heading.getAttribute("aria-sort") === "ascending";
+    for (const other of table.querySelectorAll("th[aria-sort]")) other.removeAttribute("aria-sort");
+    heading.setAttribute("aria-sort", down ? "descending" : "ascending");
+    const number = heading.classList.contains("number");
+    const key = (row) => {
+      const text = row.cells[place].dataset.key ?? row.cells[place].textContent;
+      return number ? (text === "-inf" ? -Infinity : Number.parseFloat(text)) : text;
+    };
+    const order = (a, b) => (number ? a - b || 0 : String(a).localeCompare(String(b), "en", { numeric: true }));
+    const rows = [...body.rows].map((row) => [key(row), row]);
+    rows.sort(([a], [b]) => (down ? -order(a, b) : order(a, b)));
+    body.append(...rows.map(([, row]) => row));
+  });
+}
+const filter = document.getElementById("filter");
+filter?.addEventListener("input", () => {
+  const words = filter.value.toLowerCase().split(/[\s,]+/).filter(Boolean);
+  let shown = 0;
+  for (const row of document.getElementById("episode-table").tBodies[0].rows) {
+    const text = [...row.cells].slice(0, -2).map((cell) => cell.textContent.toLowerCase()).join(" ");
+    row.hidden = !words.every((word) => text.includes(word));
+    shown += row.hidden ? 0 : 1;
+  }
+  document.getElementById("matches").textContent = words.length ? `${shown} match` : "";
+});
+const theme = document.getElementById("theme");
+let dark = matchMedia("(prefers-color-scheme: dark)").matches;
+const paint = () => {
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+  theme.setAttribute("aria-pressed", String(dark));
+};
+theme.addEventListener("click", () => { dark = !dark; paint(); });
+paint();

@@ -1,0 +1,85 @@
+"""Writes a whole report into a directory: the page, the tables in every form, the figures; and serves the page."""
+
+from collections.abc import Callable, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+from vsnbench.errors import RecordError
+from vsnbench.report.build import Report
+from vsnbench.report.figures.style import Drawing
+from vsnbench.report.forms.html import html_page
+from vsnbench.report.forms.latex import document, latex
+from vsnbench.report.forms.markdown import markdown
+from vsnbench.report.forms.plain import to_csv, to_json
+
+
+def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -> tuple[Path, ...]:
+    """Write everything there is and return the files.
+
+    `report.html` stands alone; `report.md`, `report.csv`, `report.json`; `tables.tex` to paste into a paper and
+    `report.tex` to compile; `figures/` with SVG, PDF and PNG of each figure.
+
+    Raises:
+        RecordError: the directory cannot be written.
+    """
+    sheets = report.sheets(long=True)
+    files: dict[str, bytes] = {
+        "report.html": html_page(report, sheets, drawings).encode(),
+        "report.md": markdown(sheets).encode(),
+        "report.csv": to_csv(report.results).encode(),
+        "report.json": to_json(report.results).encode(),
+        "tables.tex": latex(sheets).encode(),
+        "report.tex": document(sheets).encode(),
+    }
+    for drawing in drawings:
+        files[f"figures/{drawing.name}.svg"] = drawing.svg()
+        files[f"figures/{drawing.name}.pdf"] = drawing.pdf()
+        files[f"figures/{drawing.name}.png"] = drawing.png()
+    written = []
+    try:
+        (directory / "figures").mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            path = directory / name
+            part = path.with_name(f".{path.name}.part")
+            part.write_bytes(content)
+            part.replace(path)
+            written.append(path)
+    except OSError as error:
+        raise RecordError(f"cannot write the report to {directory}: {error.strerror or error}") from error
+    return tuple(written)
+
+
+def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:
+    """Serve the page on 127.0.0.1 until interrupted; nothing else is served and nobody else can reach it.
+
+    Args:
+        page: the HTML.
+        port: 0 for any that is free.
+        announce: is told the address once it answers.
+
+    Raises:
+        RecordError: the port is taken.
+    """
+    content = page.encode()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            found = self.path.split("?")[0] in ("/", "/report.html")
+            self.send_response(200 if found else 404)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("X-Content-Type-Options", "nosniff")
+            self.send_header("Content-Length", str(len(content) if found else 0))
+            self.end_headers()
+            if found:
+                self.wfile.write(content)
+
+        def log_message(self, *_: object) -> None:
+            """Stay silent: the terminal is the user's."""
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except OSError as error:
+        raise RecordError(f"cannot serve on port {port}: {error.strerror or error}; choose another --port") from error
+    with server:
+        announce(f"http://127.0.0.1:{server.server_address[1]}/")
+        server.serve_forever()

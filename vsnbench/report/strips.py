@@ -1,0 +1,49 @@
+"""Strips of five frames of an episode, as in the paper's Figures 6 and 7, from the pictures of the record."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+FRAMES = 5
+_WIDTH_PX = 176
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A JPEG with the frames side by side."""
+
+    jpeg: bytes
+    frames: int
+
+
+def strip_of(results_directory: Path, images_directory: str) -> Strip | None:
+    """Return five frames from the first to the last, side by side; None where there are no pictures to read.
+
+    Args:
+        results_directory: of the record; nothing outside it is read, whatever the database says.
+        images_directory: the episode's, relative to it.
+    """
+    import cv2
+    import numpy as np
+
+    root = results_directory.resolve()
+    directory = (root / images_directory).resolve()
+    if not images_directory or not directory.is_relative_to(root) or not (directory / "rgb").is_dir():
+        return None
+    files = sorted(path for path in (directory / "rgb").iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    if not files:
+        return None
+    frames = []
+    for place in np.unique(np.linspace(0, len(files) - 1, FRAMES).round().astype(int)):
+        # A quarter of the size is enough, and JPEG decodes to it directly.
+        picture = cv2.imread(str(files[place]), cv2.IMREAD_REDUCED_COLOR_4)
+        if picture is None:
+            continue  # cut off by a crash: the others still tell the story
+        height = round(_WIDTH_PX * picture.shape[0] / picture.shape[1])
+        frames.append(cv2.resize(picture, (_WIDTH_PX, height), interpolation=cv2.INTER_AREA))
+    frames = [frame for frame in frames if frame.shape == frames[0].shape]
+    if not frames:
+        return None
+    gap = np.full((frames[0].shape[0], 4, 3), 255, np.uint8)
+    row = [piece for frame in frames for piece in (frame, gap)][:-1]
+    written, jpeg = cv2.imencode(".jpg", np.concatenate(row, axis=1), [cv2.IMWRITE_JPEG_QUALITY, 72])
+    return Strip(jpeg.tobytes(), len(frames)) if written else None
