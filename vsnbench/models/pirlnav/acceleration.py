@@ -4,7 +4,6 @@ import importlib.util
 import logging
 import os
 from dataclasses import dataclass
-from typing import Final
 
 import torch
 
@@ -14,10 +13,10 @@ from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agr
 from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
+from vsnbench.models.torch_device import available_device
 
 logger = logging.getLogger(__name__)
 
-DEVICES: Final = ("auto", "cpu", "cuda", "mps")
 _MOST_THREADS = 8
 """One image at a time gains nothing from more."""
 
@@ -36,23 +35,6 @@ class ChosenEngine:
     """None for the reference itself."""
     refused: str = ""
     """Why something faster is not used."""
-
-
-def available_device(wanted: str) -> str:
-    """Return the device to run on: the one wanted, or for `auto` the best there is.
-
-    Raises:
-        UsageError: there is no such kind of device.
-        ModelError: this machine has none of that kind.
-    """
-    if wanted not in DEVICES:
-        raise UsageError(f"no device {wanted!r}: it is one of {', '.join(DEVICES)}")
-    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
-    if wanted == "auto":
-        return next(device for device in ("cuda", "mps", "cpu") if there[device])
-    if not there[wanted]:
-        raise ModelError(f"PyTorch {torch.__version__} finds no {wanted} device here; use --device auto or cpu")
-    return wanted
 
 
 def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ChosenEngine:
