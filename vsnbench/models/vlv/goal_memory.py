@@ -1,6 +1,7 @@
 """Where the goal was seen: detections with depth become places in the start's frame, confirmed or given up later."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -14,10 +15,11 @@ from vsnbench.protocol.pose import Pose
 Point = tuple[float, float]
 
 _SAME_PLACE_M: Final = 1.0
-_KEPT_POINTS: Final = 60
+_SAME_SPOT_M: Final = 0.6
+_KEPT_SPOTS: Final = 60
 _POINTS_A_LOOK: Final = 20
-_MORE_MISSES: Final = 2
-"""A place is given up when looks that should have shown the goal failed so many times more than others showed it."""
+_LOOKS_TO_BELIEVE: Final = 2
+_MISSES_OF_A_SPOT: Final = 3
 _NEAR_SHARE: Final = 10
 """Percentile of a mask's distances that counts as the object's: a mask's edge often lies on what is behind it."""
 
@@ -36,27 +38,40 @@ class Sighting:
 
 
 @dataclass(slots=True, eq=False)
+class Spot:
+    """A point of a goal's surface, and how often in a row it should have been seen again and was not."""
+
+    point: Point
+    misses: int = 0
+
+
+@dataclass(slots=True, eq=False)
 class Place:
     """A place where the goal was seen."""
 
-    points: list[Point]
+    spots: list[Spot]
     looks: int = 1
     misses: int = 0
 
     @property
-    def centre(self) -> Point:
-        """The median of its points."""
-        x_m, y_m = np.median(np.array(self.points), axis=0)
-        return (float(x_m), float(y_m))
+    def believed(self) -> bool:
+        """Whether more than one look speaks for it: a detector that errs seldom errs twice at the same place."""
+        return self.looks - self.misses >= _LOOKS_TO_BELIEVE
 
     @property
-    def doubtful(self) -> bool:
-        """Whether it should be given up."""
-        return self.misses >= self.looks + _MORE_MISSES
+    def points(self) -> npt.NDArray[np.float64]:
+        """(N, 2): its points, metres."""
+        return np.array([spot.point for spot in self.spots], np.float64).reshape(-1, 2)
+
+    @property
+    def centre(self) -> Point:
+        """The median of its points."""
+        x_m, y_m = np.median(self.points, axis=0)
+        return (float(x_m), float(y_m))
 
     def nearest_m(self, point: Point) -> float:
         """Distance from a point to the nearest of its points."""
-        return float(np.hypot(*(np.array(self.points) - point).T).min())
+        return float(np.hypot(*(self.points - point).T).min())
 
 
 def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> Sighting:
@@ -95,32 +110,42 @@ class GoalMemory:
     """The places of an episode."""
 
     places: list[Place] = field(default_factory=list)
-    given_up: list[Point] = field(default_factory=list)
 
-    def see(self, seen: Sighting) -> Place | None:
-        """Add a sighting to its place, or as a new one; None without depth, or where it was given up before."""
-        if seen.points.shape[0] == 0:
-            return None
-        points: list[Point] = [(float(x), float(y)) for x, y in seen.points]
+    @property
+    def believed(self) -> list[Place]:
+        """The places that more than one look speaks for."""
+        return [place for place in self.places if place.believed]
+
+    def look(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
+        """Take in one look at the world.
+
+        Args:
+            sightings: of the goal; those without depth say nothing.
+            should_see: whether a goal at a point could not have been overlooked now.
+        """
+        with_depth = [each for each in sightings if each.points.shape[0]]
+        seen = {id(self._see(each)) for each in with_depth}
+        surfaces = np.concatenate([each.points for each in with_depth]) if with_depth else np.zeros((0, 2))
+        for place in list(self.places):
+            expected = [spot for spot in place.spots if should_see(spot.point)]
+            for spot in expected:
+                again = surfaces.size and float(np.hypot(*(surfaces - spot.point).T).min()) < _SAME_SPOT_M
+                spot.misses = 0 if again else spot.misses + 1
+            place.spots = [spot for spot in place.spots if spot.misses < _MISSES_OF_A_SPOT]
+            if expected and id(place) not in seen:
+                place.misses += 1
+            if not place.spots or place.misses > place.looks:
+                self.places.remove(place)
+
+    def _see(self, seen: Sighting) -> Place:
+        """Add a sighting to its place, or as a new one."""
+        spots = [Spot((float(x), float(y))) for x, y in seen.points]
         middle = (float(np.median(seen.points[:, 0])), float(np.median(seen.points[:, 1])))
         near = [place for place in self.places if place.nearest_m(middle) < _SAME_PLACE_M]
         if near:
             place = min(near, key=lambda place: place.nearest_m(middle))
-            place.points = [*place.points, *points][-_KEPT_POINTS:]
+            place.spots = [*place.spots, *spots][-_KEPT_SPOTS:]
             place.looks += 1
             return place
-        if any(math.dist(middle, point) < _SAME_PLACE_M for point in self.given_up):
-            return None
-        self.places.append(Place(points))
+        self.places.append(Place(spots))
         return self.places[-1]
-
-    def miss(self, place: Place) -> None:
-        """Note that a look which should have shown the place's goal did not."""
-        place.misses += 1
-        if place.doubtful:
-            self.give_up(place)
-
-    def give_up(self, place: Place) -> None:
-        """Forget a place, and do not believe in it again."""
-        self.given_up.append(place.centre)
-        self.places.remove(place)

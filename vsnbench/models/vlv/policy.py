@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from vsnbench.errors import ModelError, SensorLostError, UsageError
 from vsnbench.models.contract import ModelCard
+from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
-from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
 from vsnbench.models.vlv.planner import Planner
 from vsnbench.models.vlv.search import Move, Search
@@ -52,14 +52,19 @@ class VLV:
             ModelError: weights that were named cannot be used.
         """
         self.settings = _settings_from(model_config)
-        self._detector: Detector = SimulatedDetector(self.settings)
         self._value = open_value(weights, device)
+        self._detector: Detector = open_detector(self.settings, device)
         self._planner = Planner(self.settings)
         self._search: Search | None = None
         self._class = ""
+        goals = frozenset(goal for goal, name in CLASS_OF_GOAL.items() if name in self._detector.classes)
+        if not goals:
+            raise ModelError(
+                f"vlv's detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}"
+            )
         self.card = ModelCard(
             name="vlv",
-            goals=frozenset(goal for goal, name in CLASS_OF_GOAL.items() if name in self._detector.classes),
+            goals=goals,
             sensors=frozenset(self.needed_sensors) | self._detector.sensors,
             weights_sha256=self._value.sha256,
             weights_label=f"{self._value.label}; {self._detector.name}",
@@ -112,7 +117,13 @@ class VLV:
         )
 
     def _record(self) -> Mapping[str, Any]:
-        return self.settings.model_dump(mode="json")
+        """Return the settings as used, and what the two learned parts are."""
+        return self.settings.model_dump(mode="json") | {
+            "value_network": self._value.label,
+            "detector_name": self._detector.name,
+            "detector_settings": dict(self._detector.settings),
+            "detector_sha256": self._detector.weights_sha256,
+        }
 
 
 def _settings_from(given: str | Path | VLVSettings | None) -> VLVSettings:

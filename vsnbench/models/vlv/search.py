@@ -24,8 +24,10 @@ _ARRIVED_M: Final = 0.25
 _APPROACH_MARGIN_M: Final = 0.15
 """The robot goes so much nearer to the goal than STOP needs: odometry and depth err."""
 _STOOD_STILL_M: Final = 0.05
-_SURELY_SEEN_M: Final = 3.0
+_SURELY_SEEN_M: Final = 4.0
 """A goal in the open within this should be detected; a look that does not is a miss."""
+_SURFACE_M: Final = 0.3
+"""The line of sight to a surface may end so far before it."""
 _VIEW_BORDER_RAD: Final = math.radians(10.0)
 _SHOWN_CANDIDATES: Final = 30
 
@@ -125,27 +127,26 @@ class Search:
 
     def _remember(self, sightings: list[Sighting], observation: Observation) -> None:
         """Add what was seen of the goal to the memory; count what should have been seen and was not."""
-        seen = [place for each in sightings if (place := self.memory.see(each)) is not None]
         pose, camera = observation.pose, observation.camera
         half_view_rad = math.radians(camera.horizontal_fov_deg) / 2 - _VIEW_BORDER_RAD
         obstacles = self.map.occupied
-        for place in list(self.memory.places):
-            if any(place is each for each in seen):
-                continue
-            centre = place.centre
-            bearing = wrap_angle(math.atan2(centre[1] - pose.y_m, centre[0] - pose.x_m) - pose.heading_rad)
-            far_m = math.dist(centre, pose.position)
-            if abs(bearing) > half_view_rad or far_m > _SURELY_SEEN_M or far_m < camera.depth_min_m:
-                continue
-            if _in_sight(self.map, obstacles, pose.position, centre, far_m - 0.5):
-                self.memory.miss(place)
+
+        def should_see(point: Point) -> bool:
+            bearing = wrap_angle(math.atan2(point[1] - pose.y_m, point[0] - pose.x_m) - pose.heading_rad)
+            far_m = math.dist(point, pose.position)
+            if abs(bearing) > half_view_rad or not camera.depth_min_m < far_m < _SURELY_SEEN_M:
+                return False
+            return _in_sight(self.map, obstacles, pose.position, point, far_m - _SURFACE_M)
+
+        self.memory.look(sightings, should_see)
 
     # What to do
 
     def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         pose = observation.pose
-        if self.memory.places and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
-            move = self._seek(observation, depth_m)
+        believed = self.memory.believed
+        if believed and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
+            move = self._seek(believed, observation, depth_m)
             if move is not None:
                 self._turns_left = None
                 self._target = None
@@ -254,16 +255,16 @@ class Search:
             frontier &= ~self._disk(been, self.settings.visited_radius_m)
         return frontier
 
-    def _seek(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
+    def _seek(self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
         """Go up to the nearest place where the goal was seen, and look at it from there."""
         pose = observation.pose
         reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
         region = np.zeros(self.map.shape, np.bool_)
-        for place in self.memory.places:
-            for point in place.points:
-                region |= self._disk(point, reach_m)
+        for place in places:
+            for spot in place.spots:
+                region |= self._disk(spot.point, reach_m)
         here = self.map.cell_at(pose.x_m, pose.y_m)
-        nearest = min(self.memory.places, key=lambda place: place.nearest_m(pose.position))
+        nearest = min(places, key=lambda place: place.nearest_m(pose.position))
         if region[here.row, here.column]:
             return self._face(nearest, observation, depth_m)
         move = self._towards(region, observation, depth_m, Mode.SEEK)
@@ -275,7 +276,7 @@ class Search:
     def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Near enough: turn to the goal, and keep it in view for another look."""
         pose = observation.pose
-        points = np.array(place.points)
+        points = place.points
         near = points[np.argsort(np.hypot(*(points - pose.position).T))[: max(1, len(points) // 3)]]
         x_m, y_m = near.mean(axis=0)
         bearing = wrap_angle(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.heading_rad)

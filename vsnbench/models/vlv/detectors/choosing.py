@@ -1,0 +1,66 @@
+"""Opens the detector that the settings name, or for `auto` the best that there is a file for."""
+
+import logging
+from pathlib import Path
+from typing import Final
+
+from vsnbench.errors import ModelError
+from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.vlv.detectors.contract import Detector
+from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
+from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
+from vsnbench.models.weights import find_weights, weights_directory
+
+logger = logging.getLogger(__name__)
+
+MASK_RCNN_FILE: Final = "vlv_mask_rcnn.pth"
+ONNX_FILE: Final = "vlv_detector.onnx"
+
+
+def open_detector(settings: VLVSettings, device: str) -> Detector:
+    """Return the detector.
+
+    Raises:
+        ModelError: its file is missing or cannot be used.
+    """
+    kind = _resolved(settings)
+    given = Path(settings.detector_weights).expanduser() if settings.detector_weights else None
+    if kind is DetectorKind.SIMULATED:
+        if given is not None:
+            raise ModelError(f"the simulated detector has no weights: leave out detector_weights ({given})")
+        return SimulatedDetector(settings)
+    if given is not None and not given.is_file():
+        raise ModelError(f"no detector at {given} (detector_weights)")
+    if kind is DetectorKind.ONNX:
+        from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
+
+        return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold)
+    require_torch()
+    from vsnbench.models.torch_device import available_device
+    from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
+
+    return MaskRCNNDetector(_file(given, MASK_RCNN_FILE), available_device(device), settings.detector_threshold)
+
+
+def _resolved(settings: VLVSettings) -> DetectorKind:
+    """Return what `auto` means here."""
+    if settings.detector is not DetectorKind.AUTO:
+        return settings.detector
+    if settings.detector_weights:
+        return DetectorKind.ONNX if settings.detector_weights.endswith(".onnx") else DetectorKind.MASK_RCNN
+    if (weights_directory() / MASK_RCNN_FILE).is_file():
+        return DetectorKind.MASK_RCNN
+    if (weights_directory() / ONNX_FILE).is_file():
+        return DetectorKind.ONNX
+    logger.warning(
+        "vlv has no detector's weights (%s or %s in %s): it uses the simulator's own labels, which only a simulated "
+        "robot has",
+        MASK_RCNN_FILE,
+        ONNX_FILE,
+        weights_directory(),
+    )
+    return DetectorKind.SIMULATED
+
+
+def _file(given: Path | None, name: str) -> Path:
+    return given if given is not None else find_weights("vlv's detector", name, None)

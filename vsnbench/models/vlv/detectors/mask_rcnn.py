@@ -1,0 +1,68 @@
+"""The paper's detector: Mask R-CNN R50-FPN with COCO's classes, from a weights file of torchvision's layout."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from vsnbench.models.vlv.detectors.coco import CLASSES_91
+from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
+from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN, Objects
+from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
+from vsnbench.protocol.observation import Observation, Sensor
+
+
+class MaskRCNNDetector:
+    """Runs the network on the camera's image."""
+
+    def __init__(self, path: Path, device: str, threshold: float) -> None:
+        """Load the weights.
+
+        Args:
+            path: the weights file.
+            device: of PyTorch.
+            threshold: lower scores are left out.
+
+        Raises:
+            ModelError: the weights cannot be used.
+        """
+        weights = read_mask_rcnn_weights(path, len(CLASSES_91))
+        self.name = f"Mask R-CNN R50-FPN ({path.name})"
+        self.classes = frozenset(CLASSES_91[1:]) - {"N/A"}
+        self.sensors = frozenset({Sensor.RGB})
+        self.weights_sha256 = weights.sha256
+        self.settings: Mapping[str, Any] = {"device": device, "threshold": threshold}
+        self._threshold = threshold
+        self._device = device
+        self._network = MaskRCNN(weights.classes)
+        self._network.load_state_dict(dict(weights.tensors))
+        self._network.eval().to(device)
+
+    def begin(self, seed: int) -> None:
+        """Nothing in it is random."""
+
+    def detect(self, observation: Observation) -> tuple[Detection, ...]:
+        """Return the objects over the threshold, best first."""
+        height, width = observation.rgb.shape[:2]
+        found = self.run(observation)
+        detections = []
+        for box, label, score, mask in zip(
+            found.boxes.tolist(), found.labels.tolist(), found.scores.tolist(), found.masks.cpu().numpy(), strict=True
+        ):
+            if score < self._threshold:
+                continue
+            edges = (box[0], box[1], box[2], box[3])
+            detections.append(
+                Detection(CLASSES_91[label], score, edges, paste_mask(np.asarray(mask), edges, (height, width)))
+            )
+        return tuple(detections)
+
+    @torch.inference_mode()
+    def run(self, observation: Observation) -> Objects:
+        """Return everything that the network found."""
+        image = torch.from_numpy(np.ascontiguousarray(observation.rgb.transpose(2, 0, 1))).to(self._device)
+        objects: Objects = self._network(image.to(torch.float32) / 255)
+        return objects

@@ -1,0 +1,126 @@
+"""A detector from an ONNX file: image in, boxes, labels, scores and masks out, as torchvision exports Mask R-CNN."""
+
+import ast
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from vsnbench.errors import ModelError
+from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
+from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
+from vsnbench.models.weights import file_sha256
+from vsnbench.protocol.observation import Observation, Sensor
+
+_OUTPUTS: Final = ("boxes", "labels", "scores", "masks")
+_NAMES_KEY: Final = "names"
+
+
+class ONNXDetector:
+    """Runs a file through onnxruntime.
+
+    The file has one input, float32 (3, H, W) or (1, 3, H, W) in [0, 1], and the outputs boxes (N, 4), labels (N,) and
+    scores (N,); with masks (N, 1, M, M) within the boxes or over the image where it has them, else a box is all mask.
+    Its metadata may name the classes (`names`, a list or a mapping from number to name); else they are COCO's 91.
+    """
+
+    def __init__(self, path: Path, threshold: float) -> None:
+        """Load the file.
+
+        Args:
+            path: the file.
+            threshold: lower scores are left out.
+
+        Raises:
+            ModelError: onnxruntime is missing, or the file is no such detector.
+        """
+        try:
+            import onnxruntime as ort
+        except ImportError as error:
+            raise ModelError("an ONNX detector needs onnxruntime: pip install 'vsnbench[neural]'") from error
+        options = ort.SessionOptions()
+        options.log_severity_level = 3
+        try:
+            self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # onnxruntime's own errors share no base class
+            reason = str(error).partition("\n")[0][:160]
+            raise ModelError(f"{path}: onnxruntime cannot load it ({reason})") from error
+        inputs = self._session.get_inputs()
+        self._outputs = [output.name for output in self._session.get_outputs()]
+        missing = [name for name in _OUTPUTS[:3] if name not in self._outputs]
+        if len(inputs) != 1 or missing:
+            has = ", ".join(self._outputs) or "none"
+            raise ModelError(
+                f"{path}: not a detector: it needs one input and the outputs {', '.join(_OUTPUTS[:3])} (and masks); "
+                f"it has {len(inputs)} inputs and the outputs {has}"
+            )
+        self._input = inputs[0]
+        self._classes = _classes_of(self._session.get_modelmeta().custom_metadata_map, path)
+        self._threshold = threshold
+        self.name = f"ONNX detector ({path.name})"
+        self.classes = frozenset(self._classes.values())
+        self.sensors = frozenset({Sensor.RGB})
+        self.weights_sha256 = file_sha256(path)
+        self.settings: Mapping[str, Any] = {"threshold": threshold, "masks": "masks" in self._outputs}
+
+    def begin(self, seed: int) -> None:
+        """Nothing in it is random."""
+
+    def detect(self, observation: Observation) -> tuple[Detection, ...]:
+        """Return the objects over the threshold, best first.
+
+        Raises:
+            ModelError: the file's answer has not the form it should.
+        """
+        height, width = observation.rgb.shape[:2]
+        image = np.ascontiguousarray(observation.rgb.transpose(2, 0, 1)).astype(np.float32) / 255
+        if len(self._input.shape) == 4:
+            image = image[None]
+        try:
+            answers = self._session.run(self._outputs, {self._input.name: image})
+        except Exception as error:
+            reason = str(error).partition("\n")[0][:160]
+            raise ModelError(f"{self.name}: onnxruntime failed on a {width} x {height} image ({reason})") from error
+        named = dict(zip(self._outputs, answers, strict=True))
+        boxes, scores = np.asarray(named["boxes"]).reshape(-1, 4), np.asarray(named["scores"]).reshape(-1)
+        labels = np.asarray(named["labels"]).reshape(-1)
+        if not len(boxes) == len(labels) == len(scores):
+            raise ModelError(f"{self.name}: {len(boxes)} boxes, {len(labels)} labels and {len(scores)} scores")
+        detections = []
+        for index in np.argsort(-scores, kind="stable"):
+            label = self._classes.get(int(labels[index]))
+            if label is None or not scores[index] >= self._threshold:
+                continue
+            left, top, right, bottom = (float(edge) for edge in boxes[index])
+            edges = (left, top, right, bottom)
+            if "masks" in named:
+                mask = np.asarray(named["masks"][index], np.float32).reshape(named["masks"].shape[-2:])
+                over_image = mask.shape == (height, width)
+                pixels = mask >= 0.5 if over_image else paste_mask(mask, edges, (height, width))
+            else:
+                pixels = np.zeros((height, width), np.bool_)
+                pixels[max(round(top), 0) : max(round(bottom), 0), max(round(left), 0) : max(round(right), 0)] = True
+            detections.append(Detection(label, float(scores[index]), edges, pixels))
+        return tuple(detections)
+
+
+def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
+    """Return the file's classes by number."""
+    text = metadata.get(_NAMES_KEY)
+    if text is None:
+        return {number: name for number, name in enumerate(CLASSES_91) if number and name != "N/A"}
+    try:
+        names = ast.literal_eval(text)
+    except (ValueError, SyntaxError) as error:
+        raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping") from error
+    if isinstance(names, list | tuple):
+        names = dict(enumerate(names))
+    if not isinstance(names, dict) or not names:
+        raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping")
+    known = {"sofa": "couch", "diningtable": "dining table", "tvmonitor": "tv", "pottedplant": "potted plant"}
+    found = {int(number): known.get(str(name), str(name)) for number, name in names.items()}
+    if not set(found.values()) & set(CLASSES_80):
+        raise ModelError(f"{path}: none of its {len(found)} classes is one of COCO's")
+    return found
