@@ -29,7 +29,7 @@ def command(
         str, typer.Option("--site", help="embedded site, or the path of a site file", rich_help_panel=_WHAT)
     ] = "apartment",
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="simulated, simulated:lola2, ...", rich_help_panel=_WHAT)
+        str, typer.Option("--robot", "-r", help="simulated, simulated:lola2, turtlebot2, ...", rich_help_panel=_WHAT)
     ] = "simulated",
     starts: Annotated[
         str | None,
@@ -70,6 +70,10 @@ def command(
         str | None,
         typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
     ] = None,
+    unattended: Annotated[
+        bool,
+        typer.Option("--unattended", help="nobody places a real robot; distances are estimated", rich_help_panel=_HOW),
+    ] = False,
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=_RECORD)
     ] = False,
@@ -106,6 +110,7 @@ def command(
         seed=seed,
         shuffle=shuffle,
         noise=noise,
+        unattended=unattended,
         live=live,
         model_options={name: value for name, value in options.items() if value is not None},
     )

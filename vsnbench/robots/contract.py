@@ -54,3 +54,27 @@ class Robot(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
+
+
+class Attendant(Protocol):
+    """The person beside a robot that nothing else can put at its starting position."""
+
+    def put_at(self, start: StartingPosition, problem: str) -> None:
+        """Return once the person says that the robot stands at `start`.
+
+        Args:
+            start: where it should stand, and facing where.
+            problem: what was wrong with the last attempt; empty at first.
+
+        Raises:
+            RobotError: there is nobody who could put the problem right.
+        """
+        ...
+
+
+@runtime_checkable
+class PlacedByHand(Robot, Protocol):
+    """A robot that may need a person to put it at the start of every episode."""
+
+    attendant: Attendant | None
+    needs_a_person: bool

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.motion.law import direction, ideal_duration_s
@@ -23,6 +23,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
+from vsnbench.robots.contract import Attendant
 from vsnbench.ros4vsn.depth_filter import median_depth_m, share_invalid
 from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard
 from vsnbench.ros4vsn.images import ImageError, decode_color, decode_depth, decode_labels
@@ -46,22 +47,6 @@ _LIE_M, _LIE_RAD = 0.10, math.radians(10)
 """A server that says True while the odometry is off by more than this has not done what was asked. Upstream's own
 tolerance of 0.08 rad, and its overshoot on a base with a lag, stay well below."""
 _WORD_OF = {action: word for word, action in MOVEMENTS.items()}
-
-
-class Attendant(Protocol):
-    """The person beside a robot that nothing else can put at its starting position."""
-
-    def put_at(self, start: StartingPosition, problem: str) -> None:
-        """Return once the person says that the robot stands at `start`.
-
-        Args:
-            start: where it should stand, and facing where.
-            problem: what was wrong with the last attempt; empty at first.
-
-        Raises:
-            RobotError: there is nobody to ask.
-        """
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +104,7 @@ class RosRobot:
         try:
             self._wait_until_ready()
             self.simulated = self._link.can_be_placed
+            self.needs_a_person = not self.simulated
             if self.simulated:
                 self._link.join_simulation()
         except BaseException:

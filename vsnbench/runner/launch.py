@@ -8,20 +8,23 @@ from functools import partial
 from typing import Any
 
 from vsnbench.database.journal import Journal
+from vsnbench.database.provenance import gather_provenance
 from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity, RobotIdentity
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.registry import create_policy
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, load_site
-from vsnbench.robots.contract import Robot
+from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
+from vsnbench.runner.emergency_stop import EmergencyStop
+from vsnbench.runner.operator import Absent, Operator, require_operator
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.rerun_viewer import Viewer, WebViewer, has_display, open_window
 from vsnbench.runner.results import ResultsDirectory
-from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.session import SessionResult, SessionWatcher, run_session
 from vsnbench.runner.stopping import StopSignals
 
 logger = logging.getLogger(__name__)
@@ -43,6 +46,8 @@ class RunRequest:
     shuffle: bool = False
     noise: bool = False
     live: bool = False
+    unattended: bool = False
+    """Nobody is beside the robot: it is taken to stand where it should, and distances are estimated."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -70,6 +75,9 @@ def launch(request: RunRequest) -> Launched:
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
+        by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
+        if by_hand:
+            require_operator(robot.profile, unattended=request.unattended)
         plan = CampaignPlan(
             site=site,
             robot=RobotIdentity(robot.profile, request.robot.partition(":")[0], robot.simulated),
@@ -87,6 +95,14 @@ def launch(request: RunRequest) -> Launched:
         target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
+        watcher: SessionWatcher = progress
+        if isinstance(robot, PlacedByHand) and by_hand:
+            if request.unattended:
+                robot.attendant = Absent()
+            else:
+                emergency = stack.enter_context(EmergencyStop(robot.halt))
+                keep = partial(journal.add_verdict, author=gather_provenance().operator)
+                robot.attendant = watcher = Operator(progress, parameters, keep, emergency)
         result = run_session(
             journal,
             campaign,
@@ -96,7 +112,7 @@ def launch(request: RunRequest) -> Launched:
             robot,
             policy,
             partial(EpisodeRecorderFanOut, target),
-            progress,
+            watcher,
             stop,
         )
     return Launched(campaign, result)

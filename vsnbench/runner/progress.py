@@ -1,6 +1,8 @@
 """What a person at the terminal sees of a running campaign: a bar with the success rate so far, a line an episode."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
@@ -72,12 +74,22 @@ class CampaignProgress:
             self._successes += success
             self._bar.advance(self._task)
         self._bar.update(self._task, rate=self._rate(), now="")
-        reason = escape(outcome.error or outcome.verdict.text)
+        reason = escape(outcome.error or outcome.verdict.text.split(": ", 1)[-1])
         self.console.print(
             f"[dim]#{number}[/dim] {goal} from {start}: [{_STYLE[success]}]{_WORD[success]}[/] "
-            f"({outcome.verdict.end_reason}, {outcome.actions} actions) [dim]{reason.split(': ', 1)[-1]}[/dim]",
+            f"({outcome.verdict.end_reason}, {outcome.actions} actions) [dim]{reason}[/dim]",
             soft_wrap=True,
         )
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Take the bar away while a person types."""
+        self._bar.stop()
+        try:
+            yield
+        finally:
+            if self.console.is_terminal:
+                self._bar.start()
 
     def note(self, text: str) -> None:
         """Write a line above the bar."""

@@ -1,0 +1,69 @@
+"""The emergency stop key, on a real terminal of the test's own."""
+
+import os
+import pty
+import signal
+import termios
+import threading
+
+import pytest
+
+from vsnbench.runner.emergency_stop import EmergencyStop
+
+
+@pytest.fixture
+def terminal():
+    master, slave = pty.openpty()
+    yield master, slave
+    os.close(master)
+    os.close(slave)
+
+
+@pytest.fixture
+def interrupted():
+    """An event that SIGINT sets."""
+    event = threading.Event()
+    before = signal.signal(signal.SIGINT, lambda *_: event.set())
+    yield event
+    signal.signal(signal.SIGINT, before)
+
+
+def cooked(descriptor: int) -> bool:
+    return bool(termios.tcgetattr(descriptor)[3] & termios.ICANON)
+
+
+@pytest.mark.parametrize("key", [b" ", b"\x1b"])
+def test_the_key_halts_the_robot_and_then_interrupts(terminal, interrupted, key) -> None:
+    master, slave = terminal
+    halted: list[bool] = []
+    with EmergencyStop(lambda: halted.append(interrupted.is_set()), slave):
+        os.write(master, key)
+        assert interrupted.wait(10)
+    assert halted == [False]
+
+
+def test_other_keys_do_nothing(terminal, interrupted) -> None:
+    master, slave = terminal
+    halted: list[bool] = []
+    with EmergencyStop(lambda: halted.append(True), slave):
+        os.write(master, b"x")
+        os.write(master, b" ")
+        assert interrupted.wait(10)
+    assert len(halted) == 1
+
+
+def test_the_terminal_is_given_back_while_a_person_types_and_at_the_end(terminal) -> None:
+    _, slave = terminal
+    assert cooked(slave)
+    with EmergencyStop(lambda: None, slave) as stop:
+        assert not cooked(slave)
+        with stop.off():
+            assert cooked(slave)
+        assert not cooked(slave)
+    assert cooked(slave)
+
+
+def test_without_a_terminal_nothing_listens() -> None:
+    before = threading.active_count()
+    with EmergencyStop(lambda: None), EmergencyStop(lambda: None) as stop, stop.off():
+        assert threading.active_count() == before

@@ -1,0 +1,87 @@
+"""The emergency stop key: the space bar halts the robot at once and ends the episode as Ctrl-C does."""
+
+import os
+import select
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self
+
+KEYS = b" \x1b"
+"""Space and Escape."""
+
+
+class EmergencyStop:
+    """Listens for the key while it is entered; does nothing where standard input is no terminal."""
+
+    def __init__(self, halt: Callable[[], None], descriptor: int | None = None) -> None:
+        self._halt = halt
+        self._descriptor = _terminal() if descriptor is None else descriptor
+        self._ended = threading.Event()
+        self._listening = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._modes: list[Any] | None = None
+
+    def __enter__(self) -> Self:
+        if self._descriptor is not None:
+            self._thread = threading.Thread(target=self._run, name="emergency stop", daemon=True)
+            self._thread.start()
+            self._listen(self._descriptor)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._stop_listening()
+        if self._thread is not None:
+            self._thread.join(2.0)
+
+    @contextmanager
+    def off(self) -> Iterator[None]:
+        """Give the terminal back while a person types an answer."""
+        self._stop_listening()
+        try:
+            yield
+        finally:
+            if self._descriptor is not None and not self._ended.is_set() and self._thread is not None:
+                self._listen(self._descriptor)
+
+    def _listen(self, descriptor: int) -> None:
+        """Have keys come one by one, unseen; Ctrl-C stays what it is."""
+        import termios
+        import tty
+
+        self._modes = termios.tcgetattr(descriptor)
+        tty.setcbreak(descriptor)
+        self._listening.set()
+
+    def _stop_listening(self) -> None:
+        import termios
+
+        self._listening.clear()
+        if self._descriptor is not None and self._modes is not None:
+            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._modes)
+            self._modes = None
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            if not self._listening.wait(0.1) or self._descriptor is None:
+                continue
+            ready = select.select([self._descriptor], [], [], 0.05)[0]
+            if not ready or not self._listening.is_set():
+                continue
+            key = os.read(self._descriptor, 1)
+            if key and key in KEYS:
+                self._halt()
+                os.kill(os.getpid(), signal.SIGINT)
+
+
+def _terminal() -> int | None:
+    try:
+        return sys.stdin.fileno() if sys.stdin.isatty() else None
+    except (OSError, ValueError):
+        return None
