@@ -65,6 +65,16 @@ class LatticePlanner:
         to_spare = np.maximum(space.clearance_m - space.robot_radius_m, 0.0)
         self._extra_cost = _NARROW_COST * np.maximum(0.0, 1.0 - to_spare / _NARROW_M)
 
+    @property
+    def allowed_moves(self) -> BoolGrid:
+        """(headings, rows, columns): whether a forward move may begin there."""
+        return self._may_move
+
+    @property
+    def extra_cost(self) -> npt.NDArray[np.float64]:
+        """(rows, columns): what a move that ends there costs beyond 1."""
+        return self._extra_cost
+
     def heading_rad(self, k: int) -> float:
         """Return the heading with number `k`."""
         return self._base_heading_rad + k * self._turn_rad

@@ -1,0 +1,176 @@
+"""Behaviour cloning with inflection weighting: the memory learns the oracle's actions over lanes of whole episodes.
+
+As in PIRLNav's first stage; the gradient is cut every few dozen steps, the memory itself goes on through an episode.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from training.networks import recall
+from training.recipe import Recipe
+from training.shards import UNLABELLED, Shard, inflection_weight, read_shard
+from training.stage import Row, Stage
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """Where one episode lies."""
+
+    shard: int
+    first: int
+    end: int
+
+
+class Episodes:
+    """All episodes of some shards, with the features of their frames."""
+
+    def __init__(self, shards: Sequence[Path], features: Sequence[Path]) -> None:
+        self.shards: list[Shard] = [read_shard(path) for path in shards]
+        self.features = [np.load(path, mmap_mode="r") for path in features]
+        self.weight = inflection_weight(self.shards)
+        self.episodes: list[Episode] = []
+        for number, shard in enumerate(self.shards):
+            firsts = [*np.flatnonzero(shard.begins).tolist(), len(shard)]
+            self.episodes += [Episode(number, a, b) for a, b in itertools.pairwise(firsts)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """T steps of B lanes; arguments of `recall`, and what to learn."""
+
+    features: Tensor
+    gps_m: Tensor
+    compass_rad: Tensor
+    goals: Tensor
+    previous: Tensor
+    begins: Tensor
+    expert: Tensor
+    weights: Tensor
+
+
+class Lanes:
+    """Endless rows of episodes, drawn anew from the seed; where each stands is all there is to remember."""
+
+    def __init__(self, data: Episodes, seed: Sequence[int], count: int) -> None:
+        self._data, self._seed = data, list(seed)
+        self.drawn = [0] * count
+        self.at = [0] * count
+
+    def take(self, steps: int, least_weight: float) -> Batch:
+        """Return the next `steps` of every lane."""
+        columns = [self._column(lane, steps) for lane in range(len(self.drawn))]
+
+        def stacked(pick: Callable[[Shard], npt.NDArray[np.generic]], kind: torch.dtype) -> Tensor:
+            parts = [
+                np.concatenate([pick(self._data.shards[e.shard])[e.first : e.end] for e in column])
+                for column in columns
+            ]
+            return torch.from_numpy(np.stack(parts, axis=1)).to(kind)
+
+        features = [
+            np.concatenate([self._data.features[e.shard][e.first : e.end] for e in column]) for column in columns
+        ]
+        weight = max(self._data.weight, least_weight)
+        expert = stacked(lambda shard: shard.expert, torch.int64)
+        changes = stacked(lambda shard: shard.inflections, torch.float32)
+        return Batch(
+            torch.from_numpy(np.stack(features, axis=1).astype(np.float32)),
+            stacked(lambda shard: shard.gps_m, torch.float32),
+            stacked(lambda shard: shard.compass_rad, torch.float32),
+            stacked(lambda shard: shard.goals, torch.int64),
+            stacked(lambda shard: shard.previous, torch.int64),
+            stacked(lambda shard: shard.begins, torch.bool),
+            expert,
+            (1 + (weight - 1) * changes) * (expert != UNLABELLED),
+        )
+
+    def _column(self, lane: int, steps: int) -> list[Episode]:
+        """Return the stretches of episodes that make up a lane's next steps."""
+        stretches = []
+        while steps > 0:
+            rng = np.random.default_rng([*self._seed, lane, self.drawn[lane]])
+            episode = self._data.episodes[int(rng.integers(len(self._data.episodes)))]
+            first = episode.first + self.at[lane]
+            end = min(episode.end, first + steps)
+            stretches.append(Episode(episode.shard, first, end))
+            steps -= end - first
+            self.at[lane] += end - first
+            if end == episode.end:
+                self.drawn[lane], self.at[lane] = self.drawn[lane] + 1, 0
+        return stretches
+
+
+def train_cloning(
+    recipe: Recipe,
+    network: PIRLNavNetwork,
+    data: Episodes,
+    round_number: int,
+    output: Path,
+    examine: Callable[[], Row],
+) -> list[Row]:
+    """Train everything but the encoder on one round's data.
+
+    Args:
+        recipe: sizes and counts.
+        network: trained in place.
+        data: the episodes of this round and those before.
+        round_number: 0 for the oracle's demonstrations, then DAgger's.
+        output: the run's directory.
+        examine: drives validation episodes with the network.
+
+    Returns:
+        The log.
+    """
+    plan, sizes = recipe.cloning, recipe.network
+    lanes = Lanes(data, (recipe.seed, 2, round_number), plan.lanes)
+    trained = [p for name, p in network.named_parameters() if not name.startswith("net.visual_encoder.")]
+    stage = Stage(
+        f"cloning-{round_number}",
+        output / f"cloning-{round_number}.pt",
+        recipe.sha256,
+        network,
+        trained,
+        plan.learning_rate,
+        plan.updates,
+        recipe.save_every_updates,
+    )
+
+    def step(stage: Stage) -> Tensor:
+        if stage.extra:
+            lanes.drawn, lanes.at = list(stage.extra["drawn"]), list(stage.extra["at"])
+            hidden = stage.extra["hidden"]
+        else:
+            hidden = torch.zeros(sizes.recurrent_layers, plan.lanes, sizes.hidden_size)
+        batch = lanes.take(plan.steps, plan.least_inflection_weight)
+        logits, hidden = recall(
+            network,
+            batch.features,
+            batch.gps_m,
+            batch.compass_rad,
+            batch.goals,
+            batch.previous,
+            batch.begins,
+            hidden,
+        )
+        stage.extra = {"drawn": list(lanes.drawn), "at": list(lanes.at), "hidden": hidden.detach()}
+        losses = nn.functional.cross_entropy(
+            logits.flatten(0, 1), batch.expert.flatten(), ignore_index=UNLABELLED, reduction="none"
+        )
+        weights = batch.weights.flatten()
+        return (losses * weights).sum() / weights.sum().clamp(min=1)
+
+    stage.run(
+        step,
+        largest_gradient=plan.largest_gradient,
+        examine=lambda _stage: examine(),
+        examine_every=recipe.validation.every_updates,
+    )
+    return stage.rows

@@ -1,0 +1,42 @@
+"""Draws the curves of a run: losses of every stage and success on the validation twins."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from training.stage import Row
+from training.whole_files import write_whole
+
+
+def draw_curves(rows: Sequence[Row], path: Path) -> None:
+    """Write a PNG.
+
+    Raises:
+        TrainingError: the disk is full or cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    seen, cloned, success = figure.subplots(1, 3)
+    _line(seen, rows, "seeing", "loss", "training")
+    _line(seen, rows, "seeing", "held_out_loss", "held out")
+    for stage in sorted({row["stage"] for row in rows if row["stage"].startswith("cloning")}):
+        _line(cloned, rows, stage, "loss", stage)
+        examined = [row for row in rows if row["stage"] == stage and "validation_episodes" in row]
+        shares = [100 * row["validation_successes"] / row["validation_episodes"] for row in examined]
+        success.plot([row["update"] for row in examined], shares, "o-", label=stage, markersize=3)
+    for axes, title in ((seen, "Seeing: loss"), (cloned, "Cloning: loss"), (success, "Validation success, %")):
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel("update")
+        axes.grid(alpha=0.3)
+        if axes.lines:
+            axes.legend(fontsize=8, frameon=False)
+    success.set_ylim(0, 100)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=130)
+    write_whole(path, lambda file: file.write(drawn.getvalue()))
+
+
+def _line(axes: object, rows: Sequence[Row], stage: str, key: str, label: str) -> None:
+    own = [row for row in rows if row["stage"] == stage and key in row]
+    axes.plot([row["update"] for row in own], [row[key] for row in own], label=label, linewidth=1.2)  # type: ignore[attr-defined]

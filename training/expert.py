@@ -1,0 +1,161 @@
+"""The oracle's plan for all poses of a twin at once: the cost to go, solved backwards over the oracle's own lattice.
+
+A demonstration that is knocked off its way, and DAgger, need the expert's answer at every pose; planning anew each time
+would cost more than everything else together. Allowed moves, prices and wanted views are the oracle's.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.models.goal_views import ViewWish, view_points, wanted_poses
+from vsnbench.models.lattice_planner import Clearance, LatticePlanner
+from vsnbench.models.oracle import OracleSettings
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+
+TICKS: Final = 4
+"""Costs are counted in quarters of a move."""
+_FAR: Final = 2**30
+_SPARE_M = 0.03
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Lattice:
+    """Where a robot may move in one twin, over headings that all differ by whole turns."""
+
+    def __init__(self, space: FreeSpace, base_heading_rad: float) -> None:
+        rules = ProtocolParameters()
+        guard = rules.depth_guard
+        self.space = space
+        self.turn_rad = math.radians(rules.turn_deg)
+        self.forward_m = rules.forward_m
+        clearance = Clearance(space.robot_radius_m, _SPARE_M, guard.distance_m + 0.02, guard.margin_m + 0.01)
+        self.planner = LatticePlanner(space, base_heading_rad, rules.forward_m, self.turn_rad, clearance)
+        self.may_move = self.planner.allowed_moves
+        self.move_ticks = np.rint(TICKS * (1.0 + self.planner.extra_cost)).astype(np.int64)
+        steps = [self.planner.heading_rad(k) for k in range(self.planner.headings)]
+        self.offsets = np.array(
+            [
+                [round(self.forward_m * math.sin(h) / RESOLUTION_M), round(self.forward_m * math.cos(h) / RESOLUTION_M)]
+                for h in steps
+            ]
+        )
+
+    def cell_of(self, pose: Pose) -> tuple[int, int, int]:
+        """Return (heading, row, column)."""
+        return (self.planner.nearest_heading(pose.heading_rad), *self.space.cell_of(*pose.position))
+
+    def after(self, pose: Pose, action: Action) -> Pose:
+        """Return where an action leads; a forward move that is not allowed stays, as the depth guard has it."""
+        if action is Action.MOVE_FORWARD:
+            return pose.compose(Pose(self.forward_m, 0.0)) if self.may_move[self.cell_of(pose)] else pose
+        if action.turns:
+            return pose.compose(Pose(0.0, 0.0, self.turn_rad if action is Action.TURN_LEFT else -self.turn_rad))
+        return pose
+
+
+class Expert:
+    """Answers for one goal in one twin what the oracle would do at any pose."""
+
+    def __init__(self, lattice: Lattice, goal: str, eye_height_m: float) -> None:
+        settings = OracleSettings()
+        points = view_points(lattice.space, goal, ViewWish(settings.stop_within_m, eye_height_m))
+        wanted = wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg))
+        self._lattice = lattice
+        self.ticks = _solve(wanted, lattice.may_move, lattice.move_ticks, lattice.offsets)
+        """(headings, rows, columns) quarters of a move to the nearest view of the goal; `_FAR` where there is none."""
+
+    def knows_way(self, pose: Pose) -> bool:
+        """Whether the goal can be reached from there."""
+        return bool(self.ticks[self._lattice.cell_of(pose)] < _FAR)
+
+    def action_at(self, pose: Pose) -> Action | None:
+        """Return the best action; None where no way is known."""
+        lattice = self._lattice
+        k, row, column = lattice.cell_of(pose)
+        here = int(self.ticks[k, row, column])
+        if here >= _FAR:
+            return None
+        if here == 0:
+            return Action.STOP
+        headings = lattice.planner.headings
+        costs = {
+            Action.TURN_LEFT: TICKS + int(self.ticks[(k + 1) % headings, row, column]),
+            Action.TURN_RIGHT: TICKS + int(self.ticks[(k - 1) % headings, row, column]),
+        }
+        if lattice.may_move[k, row, column]:
+            ahead = lattice.cell_of(lattice.after(pose, Action.MOVE_FORWARD))
+            costs[Action.MOVE_FORWARD] = int(lattice.move_ticks[ahead[1:]]) + int(self.ticks[ahead])
+        return min(costs, key=lambda action: costs[action])
+
+
+def _compiled(function: F) -> F:
+    compiled: F = numba.njit(cache=True, nogil=True)(function)
+    return compiled
+
+
+@_compiled
+def _solve(
+    wanted: npt.NDArray[np.bool_],
+    may_move: npt.NDArray[np.bool_],
+    move_ticks: npt.NDArray[np.int64],
+    offsets: npt.NDArray[np.int64],
+) -> npt.NDArray[np.int32]:
+    """Return the cost to go by a search outwards from the wanted poses, one bucket of equal costs after the other."""
+    headings, rows, columns = wanted.shape
+    area = rows * columns
+    buckets = int(move_ticks.max()) + 1
+    cost = np.full(headings * area, 2**30, np.int32)
+    heads = np.full(buckets, -1, np.int64)
+    capacity = 4 * headings * area + 1
+    following = np.empty(capacity, np.int64)
+    held = np.empty(capacity, np.int64)
+    pushes = 0
+    for k in range(headings):
+        for row in range(rows):
+            for column in range(columns):
+                if wanted[k, row, column]:
+                    state = k * area + row * columns + column
+                    cost[state] = 0
+                    held[pushes], following[pushes] = state, heads[0]
+                    heads[0] = pushes
+                    pushes += 1
+    level, idle = 0, 0
+    while idle < buckets:
+        bucket = level % buckets
+        entry = heads[bucket]
+        heads[bucket] = -1
+        idle = idle + 1 if entry < 0 else 0
+        while entry >= 0:
+            state = held[entry]
+            entry = following[entry]
+            if cost[state] != level:
+                continue
+            k, cell = state // area, state % area
+            row, column = cell // columns, cell % columns
+            for choice in range(3):
+                if choice == 2:
+                    from_row, from_column = row - offsets[k, 0], column - offsets[k, 1]
+                    if not (0 <= from_row < rows and 0 <= from_column < columns):
+                        continue
+                    if not may_move[k, from_row, from_column]:
+                        continue
+                    before = k * area + from_row * columns + from_column
+                    price = move_ticks[row, column]
+                else:
+                    before = (k + 1 - 2 * choice + headings) % headings * area + cell
+                    price = 4
+                if level + price < cost[before] and pushes < capacity:
+                    cost[before] = level + price
+                    held[pushes], following[pushes] = before, heads[(level + price) % buckets]
+                    heads[(level + price) % buckets] = pushes
+                    pushes += 1
+        level += 1
+    return cost.reshape(headings, rows, columns)

@@ -1,0 +1,43 @@
+"""Writes the trained network in the layout of PIRLNav's checkpoints, in half precision, for the reader of them all."""
+
+from collections import OrderedDict
+from pathlib import Path
+
+import torch
+
+from training.whole_files import write_whole
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
+
+TRAINER = "vsnbench-demonstrations"
+
+
+def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
+    """Write a checkpoint; `frames` is how many steps of experience it saw.
+
+    Raises:
+        TrainingError: the disk is full or cannot be written.
+    """
+    sizes = network.architecture
+    config = {
+        "TRAINER_NAME": TRAINER,
+        "POLICY": {
+            "RGB_ENCODER": {
+                "backbone": sizes.backbone,
+                "image_size": sizes.image_size_px,
+                "resnet_baseplanes": sizes.base_planes,
+                "hidden_size": sizes.visual_size,
+                "avgpooled_image": False,
+            },
+            "STATE_ENCODER": {
+                "hidden_size": sizes.hidden_size,
+                "rnn_type": sizes.recurrent_type,
+                "num_recurrent_layers": sizes.recurrent_layers,
+            },
+            "SEQ2SEQ": {"use_prev_action": True},
+        },
+    }
+    weights = OrderedDict(
+        (f"actor_critic.{name}", weight.to(torch.float16)) for name, weight in network.state_dict().items()
+    )
+    content = {"state_dict": weights, "config": config, "extra_state": {"step": frames}}
+    write_whole(path, lambda file: torch.save(content, file))

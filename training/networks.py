@@ -1,0 +1,146 @@
+"""The PIRLNav network as training needs it: many frames at once, and the memory over many steps of many lanes."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from training.rollout import INDEX, Lane
+from training.shards import LABELS
+from training.twin_world import View
+from vsnbench.models.pirlnav.architecture import Architecture
+from vsnbench.models.pirlnav.network import Bottleneck, PIRLNavNetwork
+from vsnbench.models.pirlnav.policy import GOALS
+from vsnbench.protocol.actions import Action
+
+_IMAGE_MEAN, _IMAGE_VARIANCE = 0.5, 0.06
+"""What the network's normalisation of images is set to; about what the twins' images have."""
+
+
+def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
+    """Return an untrained network; unused actions start out as unlikely."""
+    torch.manual_seed(seed)
+    network = PIRLNavNetwork(architecture)
+    statistics = network.net.visual_encoder.running_mean_and_var
+    statistics.get_buffer("_mean").fill_(_IMAGE_MEAN)
+    statistics.get_buffer("_var").fill_(_IMAGE_VARIANCE)
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d):
+            nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+        if isinstance(module, Bottleneck):  # blocks begin as identities, which trains such a deep small network faster
+            nn.init.zeros_(module.bn3.weight)
+    with torch.no_grad():
+        head = network.action_distribution.get_parameter("linear.bias")
+        head[len(INDEX) :] = -4.0
+    return network
+
+
+class Describer(nn.Module):
+    """What is in view, from the visual features: trained with the encoder and then thrown away."""
+
+    def __init__(self, visual_size: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(visual_size, LABELS)
+
+    def forward(self, visual: Tensor) -> Tensor:
+        """Return (N, LABELS)."""
+        out: Tensor = self.linear(visual)
+        return out
+
+
+def compressed(network: PIRLNavNetwork, images: npt.NDArray[np.uint8]) -> Tensor:
+    """Return (N, features) of (N, S, S, 3) images, before the visual fully connected layer."""
+    scaled = torch.from_numpy(images).to(torch.float32) / 255
+    features: Tensor = network.net.visual_encoder(scaled).flatten(1)
+    return features
+
+
+def recall(
+    network: PIRLNavNetwork,
+    features: Tensor,
+    gps_m: Tensor,
+    compass_rad: Tensor,
+    goals: Tensor,
+    previous: Tensor,
+    begins: Tensor,
+    hidden: Tensor,
+) -> tuple[Tensor, Tensor]:
+    """Run the memory over T steps of B lanes.
+
+    Args:
+        network: whose encoder is not used here.
+        features: (T, B, F) compressed features.
+        gps_m: (T, B, 2).
+        compass_rad: (T, B).
+        goals: (T, B) int64.
+        previous: (T, B) int64.
+        begins: (T, B) bool: the memory is empty before these steps.
+        hidden: (layers, B, H).
+
+    Returns:
+        logits (T, B, actions) and the memory after the last step.
+    """
+    net = network.net
+    steps, lanes = begins.shape
+    visual = net.visual_fc(features.reshape(steps * lanes, -1)).reshape(steps, lanes, -1)
+    direction = torch.stack([torch.cos(compass_rad), torch.sin(compass_rad)], dim=-1)
+    told = torch.cat(
+        [
+            visual,
+            net.gps_embedding(gps_m),
+            net.compass_embedding(direction),
+            net.obj_categories_embedding(goals),
+            net.prev_action_embedding(previous),
+        ],
+        dim=-1,
+    )
+    keep = (~begins).to(hidden.dtype)
+    outputs = []
+    for step in range(steps):
+        output, hidden = net.state_encoder.rnn(told[step : step + 1], hidden * keep[step][None, :, None])
+        outputs.append(output[0])
+    return network.action_distribution(torch.stack(outputs)), hidden
+
+
+class NetworkStudent:
+    """Drives lanes with a network, by sampling; the memory of a lane is found by its identity."""
+
+    def __init__(self, network: PIRLNavNetwork, seed: int) -> None:
+        self._network = network.eval()
+        self._random = torch.Generator().manual_seed(seed)
+        self._memory: dict[int, Tensor] = {}
+
+    @torch.no_grad()
+    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> list[Action]:
+        """Return an action for each lane."""
+        sizes = self._network.architecture
+        empty = torch.zeros(sizes.recurrent_layers, sizes.hidden_size)
+        hidden = torch.stack([self._memory.get(id(lane), empty) if lane.steps else empty for lane in lanes], dim=1)
+        logits, hidden = recall(
+            self._network,
+            compressed(self._network, np.stack([view.rgb for view in views]))[None],
+            torch.tensor([[lane.gps_m for lane in lanes]], dtype=torch.float32),
+            torch.tensor([[lane.compass_rad for lane in lanes]], dtype=torch.float32),
+            torch.tensor([[GOALS[lane.goal] for lane in lanes]]),
+            torch.tensor([[lane.previous for lane in lanes]]),
+            torch.tensor([[lane.steps == 0 for lane in lanes]]),
+            hidden,
+        )
+        for k, lane in enumerate(lanes):
+            self._memory[id(lane)] = hidden[:, k]
+        shares = torch.softmax(logits[0, :, : len(INDEX)], dim=-1)
+        drawn = torch.multinomial(shares, 1, generator=self._random)[:, 0].tolist()
+        actions = list(INDEX)
+        return [actions[number] for number in drawn]
+
+
+def learning_rate(peak: float, update: int, updates: int) -> float:
+    """Return the rate of an update: a short rise, then half a cosine down to a twentieth."""
+    rise = max(1, updates // 50)
+    if update < rise:
+        return peak * (update + 1) / rise
+    done = (update - rise) / max(1, updates - rise)
+    return peak * (0.05 + 0.95 * 0.5 * (1 + math.cos(math.pi * done)))

@@ -1,0 +1,134 @@
+"""Everything that decides what a training run does; its hash names the data and the result."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vsnbench.errors import UsageError
+from vsnbench.models.pirlnav.architecture import Architecture
+from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
+from vsnbench.protocol.settings_file import read_settings
+from vsnbench.simulator.twins.splits import SEEDS, Split
+from vsnbench.simulator.twins.variation import CameraVariation
+
+Span = tuple[float, float]
+Count = Annotated[int, Field(ge=1)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class NetworkSizes(_Strict):
+    """The free sizes of the PIRLNav network."""
+
+    image_size_px: int = Field(default=96, multiple_of=32, ge=32, le=256)
+    base_planes: int = Field(default=12, multiple_of=2, ge=2, le=32)
+    visual_size: Count = 256
+    hidden_size: Count = 384
+    recurrent_layers: Count = 2
+
+    @property
+    def architecture(self) -> Architecture:
+        """The network: imitation only, so without a critic."""
+        return Architecture(**self.model_dump(), actions=len(ACTIONS), goals=len(GOALS), critic=False)
+
+
+class Demonstrations(_Strict):
+    """How the data of one round is made; a shard is one twin seen with one camera."""
+
+    twins: Count = Field(default=200, description="shards of the first round")
+    dagger_twins: int = Field(default=70, ge=0, description="shards of every later round")
+    dagger_rounds: int = Field(default=2, ge=0)
+    episodes: Count = Field(default=48, description="per shard")
+    lanes: Count = Field(default=16, description="episodes of a shard that are driven side by side")
+    max_actions: Count = 150
+    perturbed_share: float = Field(default=0.06, ge=0, le=1, description="chance per step to begin random actions")
+    perturbed_actions: Count = Field(default=4, description="at most this many random actions in a row")
+    expert_share: float = Field(default=0.3, ge=0, le=1, description="of DAgger's steps that the oracle drives")
+    mount_height_m: Span = (0.5, 0.75)
+    tilt_deg: Span = (-5.0, 5.0)
+    horizontal_fov_deg: Span = (55.0, 68.0)
+    jpeg_quality: int = Field(default=95, ge=50, le=100)
+
+    @property
+    def camera_variation(self) -> CameraVariation:
+        """The spans of the camera's properties."""
+        return CameraVariation(self.mount_height_m, self.tilt_deg, self.horizontal_fov_deg)
+
+
+class Seeing(_Strict):
+    """Training of the image encoder on single frames: what is in view, how near, and how far the way is free."""
+
+    updates: Count = 6000
+    batch: Count = 64
+    learning_rate: float = Field(default=1e-3, gt=0)
+
+
+class Cloning(_Strict):
+    """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
+
+    updates: Count = 6000
+    lanes: Count = 32
+    steps: Count = Field(default=48, description="between two cuts of the gradient")
+    learning_rate: float = Field(default=6e-4, gt=0)
+    largest_gradient: float = Field(default=1.0, gt=0)
+    least_inflection_weight: float = Field(default=1.0, ge=0, description="the weight is the data's own ratio, or this")
+
+
+class Validation(_Strict):
+    """Episodes on twins that are never trained on, driven without physics."""
+
+    twins: Count = 4
+    episodes: Count = 24
+    every_updates: Count = 1000
+
+
+class Recipe(_Strict):
+    """One training run."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    seed: int = Field(default=0, ge=0)
+    network: NetworkSizes = NetworkSizes()
+    demonstrations: Demonstrations = Demonstrations()
+    seeing: Seeing = Seeing()
+    cloning: Cloning = Cloning()
+    validation: Validation = Validation()
+    save_every_updates: Count = 200
+    profile: str = "turtlebot2"
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the content."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+    def training_seeds(self, round_number: int) -> range:
+        """Return the twins of a round; no two rounds share one, and none is validated or tested on."""
+        plan = self.demonstrations
+        first = SEEDS[Split.TRAINING].start + 10_000 * self.seed
+        first += 0 if round_number == 0 else plan.twins + (round_number - 1) * plan.dagger_twins
+        seeds = range(first, first + (plan.twins if round_number == 0 else plan.dagger_twins))
+        if seeds and seeds[-1] not in SEEDS[Split.TRAINING]:
+            raise UsageError(f"recipe {self.name}: seed {self.seed} leads outside the training split")
+        return seeds
+
+    @property
+    def validation_seeds(self) -> range:
+        """The twins that success is measured on between the rounds."""
+        return SEEDS[Split.VALIDATION][: self.validation.twins]
+
+
+RECIPES: Final = Path(__file__).parent / "recipes"
+
+
+def load_recipe(name_or_path: str) -> Recipe:
+    """Read one of our recipes by name, or any by path.
+
+    Raises:
+        UsageError: there is no such recipe, or it breaks the format.
+    """
+    ours = RECIPES / f"{name_or_path}.yaml"
+    return read_settings(ours if ours.is_file() else Path(name_or_path), Recipe, UsageError, "recipe")

@@ -1,0 +1,187 @@
+"""Drives episodes side by side in a twin and keeps every step: the perturbed oracle, or a student (DAgger)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from training.recipe import Demonstrations
+from training.shards import UNLABELLED, Shard, encode
+from training.twin_world import SUCCESS_DISTANCE_M, TwinWorld, View
+from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.pose import Pose
+
+INDEX: Final = {action: number for number, action in enumerate([each.executed for each in ACTIONS[:4]])}
+"""STOP, MOVE_FORWARD, TURN_LEFT, TURN_RIGHT: the actions that are ever demonstrated."""
+_MOVES: Final = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
+
+
+@dataclass(slots=True)
+class Lane:
+    """One episode on its way."""
+
+    goal: str
+    start: Pose
+    pose: Pose
+    previous: int = 0
+    steps: int = 0
+    perturbed_left: int = 0
+    stopped: bool = False
+
+    @property
+    def gps_m(self) -> tuple[float, float]:
+        """Habitat's GPS: forward and right of the start."""
+        local = self.pose.relative_to(self.start)
+        return (local.x_m, -local.y_m)
+
+    @property
+    def compass_rad(self) -> float:
+        """Counter-clockwise from the start, in (-pi, pi]."""
+        turned = self.pose.heading_rad - self.start.heading_rad
+        return float(np.angle(np.exp(1j * turned)))
+
+
+class Student(Protocol):
+    """A policy that acts for several lanes at once and remembers each."""
+
+    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> list[Action]:
+        """Return an action for each lane; a lane whose `steps` is 0 begins an episode."""
+        ...
+
+
+@dataclass(slots=True)
+class _Steps:
+    """The columns of a shard, for one lane."""
+
+    rows: list[
+        tuple[npt.NDArray[np.uint8], npt.NDArray[np.float16], tuple[float, float], float, int, int, int, bool]
+    ] = field(default_factory=list)
+
+
+def demonstrate(
+    world: TwinWorld, plan: Demonstrations, rng: np.random.Generator, student: Student | None = None
+) -> Shard:
+    """Drive `plan.episodes` episodes and label every step with the oracle's action."""
+    kept: list[_Steps] = []
+    goals = list(GOALS)
+    for first in range(0, plan.episodes, plan.lanes):
+        wave = [goals[(first + k) % len(goals)] for k in range(min(plan.lanes, plan.episodes - first))]
+        starts = [world.draw_start(goal, rng) for goal in wave]
+        lanes = [Lane(goal, start, start) for goal, start in zip(wave, starts, strict=True)]
+        steps = [_Steps() for _ in lanes]
+        while not all(lane.stopped for lane in lanes):
+            active = [k for k, lane in enumerate(lanes) if not lane.stopped]
+            views = {k: world.look(lanes[k].pose) for k in active}
+            expert = {k: world.expert(lanes[k].goal).action_at(lanes[k].pose) for k in active}
+            chosen: dict[int, Action] = {}
+            if student is not None:
+                answers = student.choose([lanes[k] for k in active], [views[k] for k in active])
+                chosen = dict(zip(active, answers, strict=True))
+            for k in active:
+                _keep(steps[k], lanes[k], views[k], expert[k], plan.jpeg_quality)
+                wish = expert[k]
+                if student is not None and (wish is None or rng.random() >= plan.expert_share):
+                    wish = chosen[k]
+                _advance(world, plan, lanes[k], expert[k], wish, rng)
+        kept += steps
+    return _shard(kept)
+
+
+def _advance(
+    world: TwinWorld,
+    plan: Demonstrations,
+    lane: Lane,
+    expert: Action | None,
+    wish: Action | None,
+    rng: np.random.Generator,
+) -> None:
+    """Carry out the wish, now and then a random move instead; a wrong STOP is not carried out."""
+    if expert is Action.STOP:
+        lane.stopped = True
+        return
+    action = expert if wish is None or wish is Action.STOP else wish
+    if lane.perturbed_left == 0 and rng.random() < plan.perturbed_share:
+        lane.perturbed_left = int(rng.integers(1, plan.perturbed_actions + 1))
+    at_random = lane.perturbed_left > 0 or action is None
+    lane.perturbed_left = max(lane.perturbed_left - 1, 0)
+    move(world, lane, _MOVES[int(rng.integers(len(_MOVES)))] if at_random or action is None else action)
+    lane.stopped = lane.steps >= plan.max_actions
+
+
+def move(world: TwinWorld, lane: Lane, action: Action) -> None:
+    """Let a lane take an action."""
+    lane.pose = world.lattice.after(lane.pose, action)
+    lane.previous = 1 + INDEX[action]
+    lane.steps += 1
+
+
+def _keep(steps: _Steps, lane: Lane, view: View, expert: Action | None, quality: int) -> None:
+    label = UNLABELLED if expert is None else INDEX[expert]
+    steps.rows.append(
+        (
+            encode(view.rgb, quality),
+            view.labels,
+            lane.gps_m,
+            lane.compass_rad,
+            GOALS[lane.goal],
+            lane.previous,
+            label,
+            lane.steps == 0,
+        )
+    )
+
+
+def _shard(kept: Sequence[_Steps]) -> Shard:
+    images, views, gps, compass, goals, previous, expert, begins = zip(
+        *(row for steps in kept for row in steps.rows), strict=True
+    )
+    return Shard(
+        images=np.concatenate(images),
+        ends=np.cumsum([len(image) for image in images]).astype(np.int64),
+        views=np.stack(views),
+        gps_m=np.array(gps, np.float32),
+        compass_rad=np.array(compass, np.float32),
+        goals=np.array(goals, np.uint8),
+        previous=np.array(previous, np.uint8),
+        expert=np.array(expert, np.int8),
+        begins=np.array(begins, np.bool_),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a student's episodes went, without physics: a refused move is no collision here."""
+
+    episodes: int
+    successes: int
+    stops: int
+    actions: int
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the episodes that stopped near the goal in time."""
+        return self.successes / max(self.episodes, 1)
+
+
+def evaluate(world: TwinWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:
+    """Let a student drive alone and judge it by the protocol's distance and cap."""
+    goals = list(GOALS)
+    wave = [goals[k % len(goals)] for k in range(episodes)]
+    starts = [world.draw_start(goal, rng) for goal in wave]
+    lanes = [Lane(goal, start, start) for goal, start in zip(wave, starts, strict=True)]
+    successes = stops = 0
+    while active := [lane for lane in lanes if not lane.stopped]:
+        answers = student.choose(active, [world.look(lane.pose) for lane in active])
+        for lane, action in zip(active, answers, strict=True):
+            if action is Action.STOP:
+                lane.stopped, lane.steps = True, lane.steps + 1
+                stops += 1
+                near = world.goal_distance_m(lane.goal, lane.pose) < SUCCESS_DISTANCE_M
+                successes += near and lane.steps < max_actions
+                continue
+            move(world, lane, action)
+            lane.stopped = lane.steps >= max_actions
+    return Outcome(episodes, successes, stops, sum(lane.steps for lane in lanes))

@@ -1,0 +1,176 @@
+"""The whole run, stage by stage; each skips what is done, so that a killed run goes on where it was."""
+
+import json
+import logging
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from training.cloning import Episodes, train_cloning
+from training.curves import draw_curves
+from training.export import write_checkpoint
+from training.networks import NetworkStudent, new_network
+from training.recipe import Recipe
+from training.rollout import Student, demonstrate, evaluate
+from training.seeing import store_features, train_seeing
+from training.shards import read_shard, write_shard
+from training.stage import Row
+from training.twin_world import TwinWorld
+from training.whole_files import TrainingError, sweep, write_whole
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
+from vsnbench.models.weights import file_sha256
+
+logger = logging.getLogger(__name__)
+WEIGHTS = "pirlnav-embedded.ckpt"
+
+
+def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
+    """Run a recipe to its end.
+
+    Args:
+        recipe: what to do.
+        output: the run's directory; made if need be.
+        workers: processes that make demonstrations.
+
+    Returns:
+        The checkpoint.
+
+    Raises:
+        TrainingError: the disk is full, or the directory is another recipe's.
+    """
+    _claim(recipe, output)
+    network = new_network(recipe.network.architecture, recipe.seed)
+    rows: list[Row] = []
+    shards: list[Path] = []
+    features: list[Path] = []
+    validation: dict[int, TwinWorld] = {}
+    for number in range(recipe.demonstrations.dagger_rounds + 1):
+        student = None if number == 0 else output / f"cloning-{number - 1}.pt"
+        made = _demonstrations(recipe, number, output, workers, student)
+        if number == 0:
+            rows += train_seeing(recipe, network, made, output)
+        for path in made:
+            features.append(output / "features" / f"round-{number}" / f"{path.stem}.npy")
+            store_features(network, path, features[-1])
+        shards += made
+        rows += train_cloning(
+            recipe,
+            network,
+            Episodes(shards, features),
+            number,
+            output,
+            lambda: _validate(recipe, network, validation),
+        )
+        _write_log(rows, output)
+    path = output / WEIGHTS
+    write_checkpoint(network, sum(len(read_shard(shard)) for shard in shards), path)
+    _write_json(output / "result.json", _result(recipe, rows, path))
+    return path
+
+
+def _claim(recipe: Recipe, output: Path) -> None:
+    """Make the directory this recipe's, and clear what killed processes left half written."""
+    claim = output / "recipe.json"
+    if claim.is_file():
+        if json.loads(claim.read_text())["sha256"] != recipe.sha256:
+            raise TrainingError(f"{output} holds a run of another recipe: choose another --output, or remove it")
+        sweep(output)
+        return
+    _write_json(claim, {"sha256": recipe.sha256, "recipe": recipe.model_dump(mode="json")})
+
+
+def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path | None) -> int:
+    """Drive one twin's episodes and write its shard; return its steps."""
+    torch.set_num_threads(1)
+    world = TwinWorld(recipe, seed)
+    driver: Student | None = None
+    if student is not None:
+        network = new_network(recipe.network.architecture, recipe.seed)
+        network.load_state_dict(torch.load(student, map_location="cpu", weights_only=True)["model"])
+        driver = NetworkStudent(network, seed)
+    shard = demonstrate(world, recipe.demonstrations, np.random.default_rng([recipe.seed, seed, 1]), driver)
+    provenance = {
+        "recipe": recipe.sha256,
+        "round": number,
+        "seed": seed,
+        "site": world.site.sha256,
+        "camera": world.camera.model_dump(mode="json"),
+    }
+    write_shard(path, shard, provenance)
+    return len(shard)
+
+
+def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, student: Path | None) -> list[Path]:
+    """Make the shards of a round that are not there yet."""
+    seeds = recipe.training_seeds(number)
+    paths = [output / "demonstrations" / f"round-{number}" / f"{seed:06d}.npz" for seed in seeds]
+    missing = [(seed, path) for seed, path in zip(seeds, paths, strict=True) if not path.is_file()]
+    began, steps = time.perf_counter(), 0
+    threads = torch.get_num_threads()
+    if workers == 1:
+        for done, (seed, path) in enumerate(missing, start=1):
+            steps += make_shard(recipe, number, seed, path, student)
+            _report(number, done, len(missing), steps, began)
+    elif missing:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            jobs = [pool.submit(make_shard, recipe, number, seed, path, student) for seed, path in missing]
+            for done, job in enumerate(jobs, start=1):
+                steps += job.result()
+                _report(number, done, len(missing), steps, began)
+    torch.set_num_threads(threads)
+    return paths
+
+
+def _report(number: int, done: int, of: int, steps: int, began: float) -> None:
+    pace = steps / (time.perf_counter() - began)
+    logger.info("demonstrations of round %d: %d/%d twins, %d frames, %.1f frames/s", number, done, of, steps, pace)
+
+
+def _validate(recipe: Recipe, network: PIRLNavNetwork, worlds: dict[int, TwinWorld]) -> Row:
+    """Drive episodes on the validation twins; successes and stops over all of them."""
+    plan = recipe.validation
+    was_training = network.training
+    outcomes = []
+    for seed in recipe.validation_seeds:
+        if seed not in worlds:
+            worlds[seed] = TwinWorld(recipe, seed)
+        rng = np.random.default_rng([recipe.seed, seed, 2])
+        student = NetworkStudent(network, seed)
+        outcomes.append(evaluate(worlds[seed], plan.episodes, student, rng, recipe.demonstrations.max_actions))
+    network.train(was_training)
+    episodes = sum(outcome.episodes for outcome in outcomes)
+    return {
+        "validation_episodes": episodes,
+        "validation_successes": sum(outcome.successes for outcome in outcomes),
+        "validation_stops": sum(outcome.stops for outcome in outcomes),
+        "validation_mean_actions": sum(outcome.actions for outcome in outcomes) / episodes,
+    }
+
+
+def _result(recipe: Recipe, rows: list[Row], path: Path) -> dict[str, Any]:
+    examined = [row for row in rows if "validation_episodes" in row]
+    return {
+        "weights": path.name,
+        "weights_sha256": file_sha256(path),
+        "bytes": path.stat().st_size,
+        "recipe": recipe.name,
+        "recipe_sha256": recipe.sha256,
+        "seed": recipe.seed,
+        "last_validation": examined[-1],
+    }
+
+
+def _write_log(rows: list[Row], output: Path) -> None:
+    text = "".join(json.dumps(row) + "\n" for row in rows)
+    write_whole(output / "log.jsonl", lambda file: file.write(text.encode()))
+    draw_curves(rows, output / "curves.png")
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    text = json.dumps(content, indent=2) + "\n"
+    write_whole(path, lambda file: file.write(text.encode()))

@@ -1,0 +1,103 @@
+"""What one twin gave: frames with what the network is told at each, what the oracle would do, and what is in view."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from training.whole_files import TrainingError, write_whole
+from vsnbench.models.pirlnav.policy import GOALS
+
+BANDS: Final = 6
+"""Vertical strips of the depth image in which the free way is measured."""
+LABELS: Final = 2 * len(GOALS) + BANDS
+UNLABELLED: Final = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shard:
+    """N steps of whole episodes, one after the other."""
+
+    images: npt.NDArray[np.uint8]
+    """All JPEG files, end to end."""
+    ends: npt.NDArray[np.int64]
+    """(N,) where each of them ends."""
+    views: npt.NDArray[np.float16]
+    """(N, LABELS): share of the image of each goal (square root), nearness of each (1 / (1 + metres), 0 unseen), and
+    nearness of what is ahead in each band."""
+    gps_m: npt.NDArray[np.float32]
+    """(N, 2) forward and right of the episode's start."""
+    compass_rad: npt.NDArray[np.float32]
+    """(N,)."""
+    goals: npt.NDArray[np.uint8]
+    """(N,)."""
+    previous: npt.NDArray[np.uint8]
+    """(N,) 1 + the action before, 0 at the start of an episode."""
+    expert: npt.NDArray[np.int8]
+    """(N,) the oracle's action, `UNLABELLED` where it knows no way."""
+    begins: npt.NDArray[np.bool_]
+    """(N,) first step of an episode."""
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    def image(self, index: int) -> npt.NDArray[np.uint8]:
+        """Return one frame, (S, S, 3) RGB."""
+        begin = int(self.ends[index - 1]) if index else 0
+        decoded = cv2.imdecode(self.images[begin : int(self.ends[index])], cv2.IMREAD_COLOR)
+        return np.ascontiguousarray(np.asarray(decoded, np.uint8)[..., ::-1])
+
+    @property
+    def inflections(self) -> npt.NDArray[np.bool_]:
+        """(N,) whether the oracle's action differs from the action before; a first step counts."""
+        return np.asarray(self.previous != self.expert.astype(np.int64) + 1, np.bool_)
+
+
+def encode(rgb: npt.NDArray[np.uint8], quality: int) -> npt.NDArray[np.uint8]:
+    """Return an image as JPEG."""
+    _, data = cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(data, np.uint8)
+
+
+def write_shard(path: Path, shard: Shard, provenance: dict[str, Any]) -> None:
+    """Write a shard whole or not at all.
+
+    Raises:
+        TrainingError: the disk is full or cannot be written.
+    """
+    arrays = {field.name: getattr(shard, field.name) for field in fields(Shard)}
+    text = np.frombuffer(json.dumps(provenance, sort_keys=True).encode(), np.uint8)
+    write_whole(path, lambda file: np.savez(file, provenance=text, **arrays))
+
+
+def read_shard(path: Path) -> Shard:
+    """Read a shard.
+
+    Raises:
+        TrainingError: it is damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return Shard(**{field.name: archive[field.name] for field in fields(Shard)})
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise TrainingError(f"shard {path} is damaged ({error}): remove it and run the same command again") from error
+
+
+def read_provenance(path: Path) -> dict[str, Any]:
+    """Return the note that travels in a shard."""
+    with np.load(path, allow_pickle=False) as archive:
+        noted: dict[str, Any] = json.loads(archive["provenance"].tobytes())
+    return noted
+
+
+def inflection_weight(shards: Iterable[Shard]) -> float:
+    """Return how many steps there are to one at which the oracle changes its action."""
+    counted = [
+        (int((s.expert != UNLABELLED).sum()), int((s.inflections & (s.expert != UNLABELLED)).sum())) for s in shards
+    ]
+    return sum(steps for steps, _ in counted) / max(1, sum(changes for _, changes in counted))

@@ -1,0 +1,94 @@
+"""A twin to drive in without physics: exact moves on the lattice, and pictures of the size that the network takes."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from training.expert import Expert, Lattice
+from training.recipe import Recipe
+from training.shards import BANDS
+from vsnbench.models.pirlnav.policy import GOALS
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+from vsnbench.robots.profiles import load_profile
+from vsnbench.simulator.renderer import Renderer, eye_of
+from vsnbench.simulator.scene import build_scene
+from vsnbench.simulator.twins.generate import generate_site
+from vsnbench.simulator.twins.variation import Lighting
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """One picture and what is in it."""
+
+    rgb: npt.NDArray[np.uint8]
+    labels: npt.NDArray[np.float16]
+    """(LABELS,), see `Shard.views`."""
+
+
+class TwinWorld:
+    """One twin, one camera, one light."""
+
+    def __init__(self, recipe: Recipe, seed: int) -> None:
+        plan, profile = recipe.demonstrations, load_profile(recipe.profile)
+        self.site: Site = generate_site(seed)
+        self.size_px = recipe.network.image_size_px
+        self.camera: Camera = plan.camera_variation.draw(profile.camera, seed)
+        self._light = Lighting.draw(seed)
+        self._renderer = Renderer(build_scene(self.site))
+        self._space = free_space(self.site, profile.base.radius_m)
+        rng = np.random.default_rng([recipe.seed, seed, 0])
+        self.lattice = Lattice(self._space, float(rng.uniform(-math.pi, math.pi)))
+        self._experts: dict[str, Expert] = {}
+        # The picture is the centre of the camera's, as the network's own preprocessing cuts it.
+        self._focal_px = self.camera.focal_px * self.size_px / min(self.camera.width, self.camera.height)
+
+    def expert(self, goal: str) -> Expert:
+        """Return the oracle for a goal."""
+        if goal not in self._experts:
+            self._experts[goal] = Expert(self.lattice, goal, self.camera.mount_height_m)
+        return self._experts[goal]
+
+    def draw_start(self, goal: str, rng: np.random.Generator) -> Pose:
+        """Return a free pose from which the goal can be reached and is not yet."""
+        reached = np.argwhere((self.expert(goal).ticks > 0) & (self.expert(goal).ticks < 2**30))
+        k, row, column = (int(part) for part in reached[rng.integers(len(reached))])
+        space = self._space
+        return Pose(float(space.x_m[row, column]), float(space.y_m[row, column]), self.lattice.planner.heading_rad(k))
+
+    def look(self, pose: Pose) -> View:
+        """Return the picture from a pose."""
+        frame = self._renderer.render_from(eye_of(self.camera, pose), self.size_px, self.size_px, self._focal_px)
+        return View(self._light.apply(frame.rgb), self._labels(frame.instance, frame.depth_m))
+
+    def goal_distance_m(self, goal: str, pose: Pose) -> float:
+        """Return the distance to the nearest instance's footprint."""
+        from shapely.geometry import Point
+
+        here = Point(pose.position)
+        return min(float(thing.shape.distance(here)) for thing in self.site.instances(goal))
+
+    @cached_property
+    def _goal_of(self) -> npt.NDArray[np.int64]:
+        """By instance id: 1 + the goal's number, 0 for everything else."""
+        numbers = [1 + GOALS[thing.category] if thing.category in GOALS else 0 for thing in self.site.objects]
+        return np.array([0, *numbers])
+
+    def _labels(self, instance: npt.NDArray[np.int32], depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
+        goal = self._goal_of[instance]
+        share = np.bincount(goal.ravel(), minlength=len(GOALS) + 1)[1:] / goal.size
+        near = np.zeros(len(GOALS))
+        for number in np.flatnonzero(share > 0.002):
+            near[number] = 1 / (1 + np.percentile(depth_m[goal == number + 1], 10))
+        middle = depth_m[depth_m.shape[0] // 3 :]
+        ahead = [1 / (1 + np.percentile(band, 5)) for band in np.array_split(middle, BANDS, axis=1)]
+        return np.concatenate([np.sqrt(share), near, ahead]).astype(np.float16)
+
+
+SUCCESS_DISTANCE_M = ProtocolParameters().success_distance_m
