@@ -4,7 +4,7 @@ SHELL := /bin/bash
 BIN := .venv/bin
 DEMO_RESULTS ?= demo-results
 
-.PHONY: help demo test check fmt bench docs setup setup-test clean
+.PHONY: help demo test check fmt bench docs weights setup setup-test clean
 
 help: ## Show this help.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -40,6 +40,9 @@ bench: setup-test ## Run the measured comparisons.
 
 docs: setup-test ## Remake the figures and the generated pages.
 	$(BIN)/python scripts/make_docs.py
+
+weights: setup-test ## Train the small PIRLNav from nothing, for hours; the same command goes on with a stopped run.
+	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2
 
 clean: ## Remove the environment and everything that was made.
 	rm -rf .venv $(DEMO_RESULTS) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
