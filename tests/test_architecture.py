@@ -16,8 +16,20 @@ MAY_IMPORT: dict[str, set[str]] = {
     "models": {"protocol"},
     "robots": {"protocol", "motion", "simulator", "ros4vsn"},
     "report": {"protocol", "database"},
+    "exchange": {"protocol", "database"},
     "runner": {"protocol", "motion", "simulator", "ros4vsn", "database", "models", "robots"},
-    "cli": {"protocol", "motion", "simulator", "ros4vsn", "database", "models", "robots", "report", "runner"},
+    "cli": {
+        "protocol",
+        "motion",
+        "simulator",
+        "ros4vsn",
+        "database",
+        "models",
+        "robots",
+        "report",
+        "exchange",
+        "runner",
+    },
 }
 GROUND = {"errors", "resources"}
 """Modules beside the rooms that every room may import."""

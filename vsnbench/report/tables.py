@@ -67,6 +67,7 @@ def start_sheet(one: ConditionSummary) -> Sheet:
         rows=tuple(
             Row((count(start.start), *_rates(start.summary), *_measures(start.summary), *_coverage(start.summary)))
             for start in one.starts
+            if start.start > 0  # 0 is what an import knows no number for
         ),
         notes=(f"Positions that never succeed: {listed(never)}.",) if one.total.episodes else (),
     )
@@ -250,7 +251,7 @@ def described(condition: Condition) -> str:
 
 
 def _caveats(total: Summary) -> list[str]:
-    notes = [f"n = {total.episodes} episodes of {total.planned} planned trials ({total.coverage:.1%})."]
+    notes = [f"n = {total.episodes} episodes of {total.planned} planned trials ({100 * total.coverage:.1f} %)."]
     if not total.episodes:
         notes.append("No trial of this condition is done yet.")
     elif total.episodes < total.planned:

@@ -80,6 +80,7 @@ def _table(sheet: Sheet) -> str:
         r"\centering",
         rf"\caption{{{_caption(sheet)}}}",
         rf"\label{{tab:{_label(sheet.name)}}}",
+        r"\medskip",
         r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%",
         rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"\toprule",

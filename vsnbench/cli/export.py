@@ -1,0 +1,111 @@
+"""`vsnbench export`: episodes in the formats of other tools."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+Numbers = Annotated[list[int] | None, typer.Argument(help="Numbers of episodes; all that have ended when absent.")]
+Models = Annotated[list[str] | None, typer.Option("--model", "-m", help="Only these models.")]
+Results = Annotated[
+    Path | None,
+    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
+]
+Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
+
+
+@app.command()
+def tum(
+    directory: Annotated[Path, typer.Argument(help="Where to write; one file an episode.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Trajectories in the TUM format: timestamp tx ty tz qx qy qz qw.
+
+    Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
+    """
+    from vsnbench.database.migrate import open_record
+    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.exchange.tum import write_tum
+    from vsnbench.runner.results import ResultsDirectory
+
+    engine = open_record(ResultsDirectory.locate(results, db).database_url)
+    for episode in read_episodes(engine, numbers or (), model or ()):
+        path = directory / f"{episode.id:06d}.tum"
+        write_tum(episode, read_steps(engine, episode), path)
+        typer.echo(str(path))
+    engine.dispose()
+
+
+@app.command()
+def habitat(
+    directory: Annotated[Path, typer.Argument(help="Where to write the two files.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Habitat-style episode_results.json and aggregated_results.json, of the episodes that count.
+
+    Example: [bold]vsnbench export habitat results-habitat/ --model vlv[/bold]
+    """
+    from vsnbench.database.migrate import open_record
+    from vsnbench.exchange.episodes import read_episodes
+    from vsnbench.exchange.habitat import write_habitat
+    from vsnbench.runner.results import ResultsDirectory
+
+    engine = open_record(ResultsDirectory.locate(results, db).database_url)
+    written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
+    engine.dispose()
+    typer.echo(f"{written} episodes in {directory / 'episode_results.json'}")
+
+
+@app.command("csv")
+def csv_(
+    file: Annotated[Path, typer.Argument(help="The file to write.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Every step of every episode as one CSV file.
+
+    Example: [bold]vsnbench export csv steps.csv 17 18[/bold]
+    """
+    from vsnbench.database.migrate import open_record
+    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.exchange.step_csv import write_steps
+    from vsnbench.runner.results import ResultsDirectory
+
+    engine = open_record(ResultsDirectory.locate(results, db).database_url)
+    written = write_steps(read_episodes(engine, numbers or (), model or ()), lambda one: read_steps(engine, one), file)
+    engine.dispose()
+    typer.echo(f"{written} steps in {file}")
+
+
+@app.command()
+def bag(
+    number: Annotated[int, typer.Argument(help="The episode's number.", min=1)],
+    file: Annotated[Path, typer.Argument(help="The bag to write.")],
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """One episode as a ROS 1 bag: images, odometry, actions.
+
+    Example: [bold]vsnbench export bag 17 episode.bag && rosbag info episode.bag[/bold]
+    """
+    from vsnbench.database.migrate import open_record
+    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.exchange.rosbag import write_bag
+    from vsnbench.runner.results import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    engine = open_record(place.database_url)
+    (episode,) = read_episodes(engine, [number])
+    messages = write_bag(episode, read_steps(engine, episode), place.path, file)
+    engine.dispose()
+    typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))

@@ -1,0 +1,87 @@
+"""`vsnbench import`: take in results of other tools."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+Results = Annotated[
+    Path | None,
+    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
+]
+Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
+
+
+@app.command()
+def ros4vsn(
+    directory: Annotated[Path, typer.Argument(help="Upstream's log folder, with datos.csv and rgb/.")],
+    model: Annotated[str, typer.Option("--model", "-m", help="Which model drove.")],
+    site: Annotated[
+        str, typer.Option("--site", help="A site's name or file; or any name for a place that is not surveyed.")
+    ] = "unsurveyed",
+    robot: Annotated[str, typer.Option("--robot", help="The robot's profile.")] = "turtlebot2",
+    start: Annotated[int, typer.Option("--start", min=0, help="The starting position, if it is known.")] = 0,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Episodes of upstream ROS4VSN, marked as imported and not judged: say what became of them afterwards.
+
+    Example: [bold]vsnbench import ros4vsn ~/ros4vsn/log --model vlv --site lab.yaml[/bold]
+    """
+    from vsnbench.database.journal import Journal
+    from vsnbench.exchange.importing import import_upstream_log, unsurveyed_site
+    from vsnbench.exchange.upstream_log import read_upstream_log
+    from vsnbench.protocol.site import embedded_sites, load_site
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.runner.results import ResultsDirectory
+
+    episodes = read_upstream_log(directory)
+    surveyed = site in embedded_sites() or Path(site).suffix in (".yaml", ".yml")
+    place = load_site(site) if surveyed else unsurveyed_site(site)
+    profile = load_profile(robot)
+    target = ResultsDirectory.locate(results, db)
+    target.prepare()
+    with Journal.open(target.database_url) as journal:
+        numbers = import_upstream_log(
+            journal,
+            target.path,
+            episodes,
+            model=model,
+            site=place,
+            robot=profile,
+            source=directory / "datos.csv",
+            start=start,
+        )
+    pictures = sum(len(episode.pictures) for episode in episodes)
+    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]}, {pictures} pictures; they await a verdict")
+
+
+@app.command()
+def habitat(
+    file: Annotated[Path, typer.Argument(help="JSON with a list of episodes: goal, success, number of steps.")],
+    model: Annotated[str, typer.Option("--model", "-m", help="Which model it was; as in the real results.")],
+    site: Annotated[str, typer.Option("--site", help="A name for the scenes.")] = "habitat",
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """A simulator's results, for the table of real against virtual (paper, Table 3).
+
+    Each episode needs object_category (or goal), success (0 or 1) and num_steps; distance_to_goal, path_length and
+    geodesic_distance are taken where they are given.
+
+    Example: [bold]vsnbench import habitat episode_results.json --model pirlnav --site hm3d[/bold]
+    """
+    from vsnbench.database.journal import Journal
+    from vsnbench.exchange.habitat import read_habitat
+    from vsnbench.exchange.importing import import_habitat, unsurveyed_site
+    from vsnbench.runner.results import ResultsDirectory
+
+    episodes = read_habitat(file)
+    place = unsurveyed_site(site)
+    target = ResultsDirectory.locate(results, db)
+    target.prepare()
+    with Journal.open(target.database_url) as journal:
+        numbers = import_habitat(journal, episodes, model=model, site=place, source=file)
+    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]}")

@@ -1,0 +1,161 @@
+"""Reads episodes of the record step by step, for what is written in other formats."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import Engine, select
+from sqlalchemy.orm import Session
+
+from vsnbench.database.engine import record_errors
+from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Step, Trial, Verdict
+from vsnbench.database.validity import counts, standing_verdict_id
+from vsnbench.errors import UsageError
+from vsnbench.protocol.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedStep:
+    """One action with where the robot was after it."""
+
+    number: int
+    raw_action: str
+    action: str
+    blocked: bool
+    recorded_at: datetime
+    stamp_s: float | None
+    odometry: Pose | None
+    """After the motion, relative to the start of the episode."""
+    world: Pose | None
+    """After the motion, in the site's frame."""
+
+    @property
+    def time_s(self) -> float:
+        """When it was recorded, seconds since 1970."""
+        return self.recorded_at.timestamp()
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedEpisode:
+    """An episode as other tools know one."""
+
+    id: int
+    model: str
+    robot: str
+    simulated: bool
+    site: str
+    goal: str
+    start: int
+    repetition: int
+    end_reason: str
+    success: bool | None
+    """None where it is void or awaits its verdict."""
+    counts: bool
+    """It is its trial's one valid result."""
+    actions: int
+    started_at: datetime
+    distance_to_goal_m: float | None
+    path_length_m: float | None
+    geodesic_start_m: float | None
+    geodesic_end_m: float | None
+    start_pose: Pose | None
+    images_directory: str
+
+
+def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[str] = ()) -> list[ExportedEpisode]:
+    """Read ended episodes, all of them or those asked for, in the order of their numbers.
+
+    Raises:
+        UsageError: one that was asked for is not there, or still runs.
+        RecordError: the database cannot be used.
+    """
+    query = (
+        select(Episode, Trial, Verdict, Model.name, Robot.name, Robot.simulated, Site.name, counts(Episode, Verdict))
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .where(Episode.end_reason.is_not(None))
+        .order_by(Episode.id)
+    )
+    if numbers:
+        query = query.where(Episode.id.in_(numbers))
+    if models:
+        query = query.where(Model.name.in_(models))
+    with record_errors(engine), Session(engine) as session:
+        found = [_exported(*row) for row in session.execute(query).tuples()]
+    there = {episode.id for episode in found}
+    if missing := [str(number) for number in numbers if number not in there]:
+        raise UsageError(f"no ended episode {', '.join(missing)}: `vsnbench episodes list` shows them")
+    if not found:
+        raise UsageError("there is no ended episode to export: `vsnbench episodes list` shows what there is")
+    return found
+
+
+def _exported(
+    episode: Episode,
+    trial: Trial,
+    verdict: Verdict | None,
+    model: str,
+    robot: str,
+    simulated: bool,
+    site: str,
+    counts_for_trial: bool,
+) -> ExportedEpisode:
+    distance_m = verdict.distance_m if verdict else None
+    return ExportedEpisode(
+        id=episode.id,
+        model=model,
+        robot=robot,
+        simulated=simulated,
+        site=site,
+        goal=trial.goal,
+        start=trial.start,
+        repetition=trial.repetition,
+        end_reason=(verdict.end_reason if verdict else episode.end_reason) or "",
+        success=verdict.success if verdict else None,
+        counts=bool(counts_for_trial) and verdict is not None,
+        actions=episode.actions,
+        started_at=episode.started_at,
+        distance_to_goal_m=episode.distance_to_goal_m if distance_m is None else distance_m,
+        path_length_m=episode.path_length_m,
+        geodesic_start_m=episode.geodesic_start_m,
+        geodesic_end_m=episode.geodesic_end_m,
+        start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
+        images_directory=episode.images_directory,
+    )
+
+
+def read_steps(engine: Engine, episode: ExportedEpisode) -> Iterator[ExportedStep]:
+    """Read the steps of an episode in order.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        rows = connection.execute(
+            select(
+                *(Step.number, Step.raw_action, Step.action, Step.blocked, Step.recorded_at, Step.stamp_s),
+                *(Step.after_x_m, Step.after_y_m, Step.after_heading_rad),
+                *(Step.world_x_m, Step.world_y_m, Step.world_heading_rad),
+            )
+            .where(Step.episode_id == episode.id)
+            .order_by(Step.number)
+        )
+        for row in rows:
+            yield ExportedStep(
+                number=row.number,
+                raw_action=row.raw_action,
+                action=row.action,
+                blocked=row.blocked,
+                recorded_at=row.recorded_at,
+                stamp_s=row.stamp_s,
+                odometry=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
+                world=_pose(row.world_x_m, row.world_y_m, row.world_heading_rad),
+            )
+
+
+def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
+    return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)

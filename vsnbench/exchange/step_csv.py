@@ -1,0 +1,46 @@
+"""Every step of many episodes as one CSV file."""
+
+import csv
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
+from vsnbench.exchange.files import whole_file
+
+COLUMNS = (
+    *("episode", "model", "robot", "environment", "site", "goal", "start", "repetition", "end_reason", "success"),
+    *("counts", "step", "raw_action", "action", "blocked", "recorded_at", "stamp_s"),
+    *("odometry_x_m", "odometry_y_m", "odometry_heading_rad", "world_x_m", "world_y_m", "world_heading_rad"),
+)
+
+
+def write_steps(
+    episodes: Sequence[ExportedEpisode],
+    steps_of: Callable[[ExportedEpisode], Iterable[ExportedStep]],
+    path: Path,
+) -> int:
+    """Write the steps of the episodes and return how many they are; unknown numbers are empty.
+
+    Raises:
+        RecordError: the file cannot be written.
+    """
+    written = 0
+    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for episode in episodes:
+            about = (
+                *(episode.id, episode.model, episode.robot, "simulated" if episode.simulated else "real"),
+                *(episode.site, episode.goal, episode.start, episode.repetition, episode.end_reason),
+                *("" if episode.success is None else episode.success, episode.counts),
+            )
+            for step in steps_of(episode):
+                poses = [
+                    value
+                    for pose in (step.odometry, step.world)
+                    for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
+                ]
+                when = (step.recorded_at.isoformat(), "" if step.stamp_s is None else step.stamp_s)
+                writer.writerow((*about, step.number, step.raw_action, step.action, step.blocked, *when, *poses))
+                written += 1
+    return written
