@@ -85,7 +85,7 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
     if models:
         query = query.where(Model.name.in_(models))
     with record_errors(engine), Session(engine) as session:
-        found = [_exported(*row) for row in session.execute(query).tuples()]
+        found = [_exported(*row) for row in session.execute(query)]
     there = {episode.id for episode in found}
     if missing := [str(number) for number in numbers if number not in there]:
         raise UsageError(f"no ended episode {', '.join(missing)}: `vsnbench episodes list` shows them")

@@ -33,9 +33,11 @@ def read_tracks(engine: Engine, record: Record, condition: Condition, most_a_goa
         RecordError: the database cannot be used.
     """
     rows = record.counted(condition)
+    if rows.empty:
+        return ()
     strides = {goal: max(1, math.ceil(len(mine) / most_a_goal)) for goal, mine in rows.groupby("goal", observed=True)}
     rank = rows.groupby("goal", observed=True).cumcount()
-    chosen = rows[(rank % rows["goal"].astype(str).map(strides)) == 0]
+    chosen = rows[(rank % rows["goal"].astype(str).map(strides).astype(int)) == 0]
     numbers = [int(number) for number in chosen["episode"]]
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(

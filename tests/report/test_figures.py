@@ -1,0 +1,119 @@
+"""The figures: drawn from what counts, the same twice, with names as they are and rare actions readable."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.report.records import Attempt, Lab, step, void
+from vsnbench.database.migrate import open_record
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.judge import EndReason
+from vsnbench.report.build import Report, build
+from vsnbench.report.drawings import drawings
+from vsnbench.report.figures.plans import outcome
+from vsnbench.report.figures.style import Drawing
+from vsnbench.report.record import Selection
+from vsnbench.report.trajectories import read_tracks
+
+COMMENT = re.compile(r"<!-- (.*?) -->")
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    return Lab(tmp_path)
+
+
+def drawn(lab: Lab) -> tuple[Report, dict[str, Drawing]]:
+    report = build(lab.url, Selection(), reference=True)
+    return report, {drawing.name: drawing for drawing in drawings(report, open_record(lab.url))}
+
+
+def texts(drawing: Drawing) -> list[str]:
+    """The texts of a figure: matplotlib leaves each as a comment beside its outlines."""
+    return COMMENT.findall(drawing.svg().decode())
+
+
+def test_a_rare_stop_is_counted_and_given_its_share(lab: Lab) -> None:
+    steps = [step(number, Action.MOVE_FORWARD) for number in range(1, 500)]
+    steps += [step(500, Action.MOVE_FORWARD, "LOOK_DOWN", blocked=True), step(501, Action.STOP)]
+    lab.write([Attempt(steps=steps), void(start=2)])
+    report, figures = drawn(lab)
+    assert report.activity is not None
+    assert sum(each.steps for each in report.activity.actions) == 501
+    words = texts(figures["actions"])
+    assert "1 (0.2 %)" in words
+    assert {"STOP", "MOVE_FORWARD", "LOOK_DOWN", "blocked"} <= set(words)
+    assert "STOP 1 (0.2 %)" in figures["actions"].alt
+
+
+def test_void_attempts_are_in_no_histogram_but_on_the_odometer(lab: Lab) -> None:
+    lab.write([void(), Attempt(steps=[step(1, Action.STOP)], path_m=500.0, duration_s=1800.0)])
+    report, figures = drawn(lab)
+    assert report.activity is not None
+    (robot,) = report.activity.robots
+    assert (robot.episodes, robot.failures) == (2, 1)
+    assert robot.path_m == pytest.approx(502)
+    assert robot.failures_per_km == pytest.approx(1 / 0.502)
+    assert "0.50 km in 0.51 h" in figures["mileage"].alt
+
+
+def test_tracks_begin_at_the_start_and_follow_the_site_or_else_the_odometry(lab: Lab) -> None:
+    from dataclasses import replace
+
+    lost = [replace(step(number, Action.MOVE_FORWARD, x_m=0.25 * number), world=None) for number in (1, 2)]
+    lab.write([Attempt(start=1, steps=[step(1, Action.MOVE_FORWARD, x_m=0.25)]), Attempt(start=2, steps=lost)])
+    report, _ = drawn(lab)
+    first, second = read_tracks(open_record(lab.url), report.record, report.record.conditions[0])
+    assert first.points == ((1.0, 1.0), (1.25, 1.0))
+    assert second.points == ((1.0, 1.0), (1.25, 1.0), (1.5, 1.0))
+
+
+def test_many_tracks_are_thinned_evenly(lab: Lab) -> None:
+    lab.write([Attempt(start=s, repetition=r, steps=[step(1, Action.STOP)]) for r in (1, 2) for s in range(1, 16)])
+    report, _ = drawn(lab)
+    tracks = read_tracks(open_record(lab.url), report.record, report.record.conditions[0], most_a_goal=10)
+    assert [track.start for track in tracks] == [1, 4, 7, 10, 13, 1, 4, 7, 10, 13]
+
+
+def test_outcomes_are_told_apart(lab: Lab) -> None:
+    ends = [
+        (True, EndReason.STOP, "success"),
+        (False, EndReason.STOP, "STOP, too far"),
+        (False, EndReason.COLLISION, "collision"),
+        (False, EndReason.STEP_LIMIT, "step limit"),
+    ]
+    lab.write(
+        [
+            Attempt(start=start, success=success, end_reason=reason, steps=[step(1, Action.STOP)])
+            for start, (success, reason, _) in enumerate(ends, start=1)
+        ]
+    )
+    report, figures = drawn(lab)
+    tracks = read_tracks(open_record(lab.url), report.record, report.record.conditions[0])
+    assert [outcome(track) for track in tracks] == [name for _, _, name in ends]
+    assert {"chair 1/4", "success", "collision"} <= set(texts(figures["trajectories-1"]))
+    assert "never a success: 2, 3, 4; filled part = success rate" in texts(figures["success-map-1"])
+
+
+def test_a_name_is_drawn_as_it_is_written(lab: Lab) -> None:
+    lab.write([Attempt()], model="$\\frac{1}$ & <b>")
+    _, figures = drawn(lab)
+    words = " ".join(texts(figures["survival"]))
+    assert r"$\frac{1}$" in words, words
+
+
+def test_the_same_record_gives_the_same_bytes(lab: Lab) -> None:
+    lab.write([Attempt(steps=[step(1, Action.STOP)])])
+    _, first = drawn(lab)
+    _, second = drawn(lab)
+    assert {name: one.svg() for name, one in first.items()} == {name: one.svg() for name, one in second.items()}
+    assert all(one.png().startswith(b"\x89PNG") and one.pdf().startswith(b"%PDF") for one in first.values())
+
+
+def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
+    lab.write([void()])
+    report, figures = drawn(lab)
+    assert set(figures) == {"success-by-goal", "mileage"}
+    assert "no trial is done" in figures["success-by-goal"].alt
+    assert report.sheets(long=True)

@@ -1,0 +1,129 @@
+"""The page in a real browser: no network, no complaint on the console, sorted by a click, readable on a phone."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.cli.chromium import Chromium
+from tests.report.records import Attempt, Lab, step, void
+from tests.report.test_forms import HOSTILE
+from vsnbench.database.migrate import open_record
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.judge import EndReason
+from vsnbench.report.build import build
+from vsnbench.report.drawings import drawings
+from vsnbench.report.output import write_report
+from vsnbench.report.record import Selection
+from vsnbench.report.strips import strip_of
+
+LOUD = "<img src=x onerror='document.title=1'>"
+WATCH = "window.complaints=[]; addEventListener('error', e => complaints.push(String(e.message)), true); \
+addEventListener('securitypolicyviolation', e => complaints.push(e.violatedDirective));"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    lab = Lab(tmp_path_factory.mktemp("lab"))
+    steps = [step(number, Action.MOVE_FORWARD, x_m=0.25 * number) for number in range(1, 8)]
+    lab.write(
+        [
+            void(),
+            *(
+                Attempt(goal, start, success=start != 2, actions=7 * start, steps=steps, end_reason=EndReason.STOP)
+                for goal in ("chair", "sofa", "bed")
+                for start in (1, 2, 3)
+            ),
+        ],
+        model=LOUD,
+        weights_label=HOSTILE,
+    )
+    for number in range(2, 5):
+        directory = lab.directory / "episodes" / f"{number:06d}" / "rgb"
+        directory.mkdir(parents=True)
+        for index in range(1, 8):
+            assert cv2.imwrite(str(directory / f"{index:04d}.jpg"), np.full((480, 640, 3), index * 30, np.uint8))
+    report = build(lab.url, Selection(), lab.directory, reference=True)
+    files = write_report(report, list(drawings(report, open_record(lab.url))), lab.directory / "report")
+    assert {"report.html", "report.json", "tables.tex", "actions.svg"} <= {path.name for path in files}
+    return lab.directory / "report" / "report.html"
+
+
+def ask(browser: Chromium, expression: str) -> object:
+    answer = browser.call("Runtime.evaluate", {"expression": f"JSON.stringify({expression})"})
+    assert "exceptionDetails" not in answer, answer
+    return json.loads(answer["result"].get("value", "null"))
+
+
+@pytest.mark.browser
+def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path, tmp_path: Path) -> None:
+    with Chromium(tmp_path / "profile", 1280, 900) as browser:
+        browser.call("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
+        offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+        browser.call("Network.emulateNetworkConditions", offline)
+        browser.open(page.as_uri())
+        assert ask(browser, "window.complaints") == []
+        assert [url for url in browser.requests if not url.startswith(("file:", "data:"))] == []
+        # A name is text: no element came of it, and the title is ours.
+        assert ask(browser, "document.querySelectorAll('img[src=x]').length") == 0
+        assert ask(browser, "document.title") == "vsnbench report"
+        assert ask(browser, "[...document.images].every(i => i.alt && (i.complete ? i.naturalWidth > 0 : true))")
+
+        column = "[...document.querySelectorAll('#episode-table tbody tr')].map(r => r.cells[6].textContent)"
+        press = "document.querySelectorAll('#episode-table thead button')[6].click()"
+        ask(browser, f"({press}, 0)")
+        rising = ask(browser, column)
+        assert rising == sorted(rising, key=int)  # type: ignore[call-overload, type-var]
+        ask(browser, f"({press}, 0)")
+        assert ask(browser, column) == rising[::-1]  # type: ignore[index]
+        assert (
+            ask(browser, "document.querySelectorAll('#episode-table th')[6].getAttribute('aria-sort')") == "descending"
+        )
+
+        type_sofa = "(filter.value = 'sofa', filter.dispatchEvent(new Event('input')), 0)"
+        ask(browser, type_sofa)
+        assert ask(browser, "document.querySelectorAll('#episode-table tbody tr:not([hidden])').length") == 3
+        assert ask(browser, "document.getElementById('matches').textContent") == "3 match"
+        assert ask(browser, "document.querySelectorAll('img.strip').length") == 3
+        assert "vsnbench view 2" in str(ask(browser, "document.querySelector('#episode-2 code').textContent"))
+
+        background = "getComputedStyle(document.body).backgroundColor"
+        light = ask(browser, background)
+        ask(browser, "(document.getElementById('theme').click(), 0)")
+        assert ask(browser, background) != light
+
+
+@pytest.mark.browser
+def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path, tmp_path: Path) -> None:
+    with Chromium(tmp_path / "profile", 390, 844) as browser:
+        metrics = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+        browser.call("Emulation.setDeviceMetricsOverride", metrics)
+        browser.open(page.as_uri())
+        wide = "[...document.body.querySelectorAll('*')].filter(e => !e.closest('.scroll') && \
+            e.getBoundingClientRect().right > 391).map(e => e.tagName + '.' + e.className)"
+        assert ask(browser, wide) == []
+        assert ask(browser, "document.documentElement.scrollWidth") == 390
+        # Every table can be scrolled with the keyboard and has a name for a screen reader.
+        regions = "[...document.querySelectorAll('table')].every(t => t.caption && t.parentElement.tabIndex === 0)"
+        assert ask(browser, regions) is True
+        broken = "[...document.querySelectorAll('#goals-1 tbody th')].filter(c => c.offsetWidth < 40).length"
+        assert ask(browser, broken) == 0  # no name is set one letter a line
+
+
+def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) -> None:
+    directory = tmp_path / "results" / "episodes" / "000001" / "rgb"
+    directory.mkdir(parents=True)
+    for index in range(1, 12):
+        assert cv2.imwrite(str(directory / f"{index:04d}.jpg"), np.full((480, 640, 3), index * 20, np.uint8))
+    (directory / "0006.jpg").write_bytes(b"cut off")
+    strip = strip_of(tmp_path / "results", "episodes/000001")
+    assert strip is not None
+    assert strip.frames == 4  # the middle one cannot be read
+    picture = cv2.imdecode(np.frombuffer(strip.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape[:2] == (132, 4 * 176 + 3 * 4)
+    assert strip_of(tmp_path / "results" / "episodes", "../episodes/000001") is not None
+    assert strip_of(tmp_path / "results" / "other", "../episodes/000001") is None
+    assert strip_of(tmp_path / "results", "") is None
+    assert strip_of(tmp_path / "results", "episodes/000002") is None
