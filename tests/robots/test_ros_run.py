@@ -106,7 +106,7 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
     with live_network(tmp_path) as network:
 
         def run(who: str) -> Process:
-            command = ["run", "--robot", who, "--model", "oracle", "--goal", "sofa", "--starts", "7,8"]
+            command = ["run", "--robot", who, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
             return network.start("-m", "vsnbench.cli.main", *command, "--results", str(tmp_path / who))
 
         def rows(who: str, query: str) -> list[tuple]:
@@ -121,7 +121,7 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         assert over_ros.wait(240) == 0, over_ros.output
         assert rows(robot, ACTIONS) == rows(f"simulated:{robot}", ACTIONS)
         judged = rows(robot, "select success, end_reason, distance_source from verdict")
-        assert judged == [(1, "stop", "simulated")] * 2
+        assert judged == [(1, "stop", "simulated")]
         for ours, theirs in zip(
             *(rows(who, "select distance_m from verdict") for who in (robot, f"simulated:{robot}")), strict=False
         ):

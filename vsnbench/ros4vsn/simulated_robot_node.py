@@ -24,7 +24,7 @@ from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
-from vsnbench.ros4vsn.messages import BumperEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
+from vsnbench.ros4vsn.messages import BumperEvent, CliffEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
 from vsnbench.ros4vsn.simulated_base import Contact, SimulatedBase
 from vsnbench.ros4vsn.simulated_topics import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
 from vsnbench.simulator.noise import NoiseSettings, noisy_depth
@@ -63,8 +63,9 @@ class SimulatedRobotNode:
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._felt: Contact | None = None
-        # Stamps follow the base's clock, which starts at the present and then only counts periods.
-        self._epoch_s = time.time()
+        # Stamps follow the base's clock, which starts at the present and then only counts periods, the first of which
+        # has still to pass.
+        self._epoch_s = time.time() - CONTROL_PERIOD_S
         self._advertise(site)
         self._base_thread = threading.Thread(target=self._run_base, name="base", daemon=True)
         self._camera_thread = threading.Thread(target=self._run_camera, name="camera", daemon=True)
@@ -87,6 +88,8 @@ class SimulatedRobotNode:
 
         self._odometry = publisher(names.odometry, Odometry)
         self._bumper = publisher(names.bumper, BumperEvent if names.bumper_type.startswith("kobuki") else Bool)
+        # Advertised as a base does; an apartment has no cliffs.
+        self._cliff = publisher(names.cliff, CliffEvent if names.cliff_type.startswith("kobuki") else Bool)
         self._wheel_drop = publisher(
             names.wheel_drop, WheelDropEvent if names.wheel_drop_type.startswith("kobuki") else Bool
         )

@@ -1,0 +1,75 @@
+"""`vsnbench doctor`: check a robot and this machine before a session, on one screen."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
+
+
+def command(
+    robot: Annotated[
+        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, the path of a profile, or simulated.")
+    ] = "turtlebot2",
+    move: Annotated[
+        bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")
+    ] = False,
+    results: Annotated[
+        Path | None,
+        typer.Option("--results", envvar="VSNBENCH_RESULTS", help="Results directory; ./results when absent."),
+    ] = None,
+    db: Annotated[str | None, typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False,
+) -> None:
+    """Look at every part that a session needs; each line is ok, a warning or failed, with what to do about it.
+
+    The exit code is 0 when nothing failed, else 1.
+
+    [bold]Examples[/bold]
+
+        vsnbench doctor --robot turtlebot2
+
+        vsnbench doctor --robot lola2 --move
+
+        vsnbench doctor --robot simulated
+    """
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from vsnbench.robots.finding import Finding, Health
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.robots.ros_checkup import check_ros_robot
+    from vsnbench.runner.machine_checkup import check_machine
+    from vsnbench.runner.results import ResultsDirectory
+
+    simulated = robot.partition(":")[0] == "simulated"
+    profile = None if simulated else load_profile(robot)
+    findings: list[Finding] = list(check_machine(ResultsDirectory.locate(results, db)))
+    if profile is not None:
+        findings += check_ros_robot(profile, move=move)
+    failed = sum(finding.health is Health.FAILED for finding in findings)
+    if as_json:
+        typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
+        raise typer.Exit(1 if failed else 0)
+    console = Console(highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for finding in findings:
+        advice = f"\n[bold]→[/bold] {escape(finding.advice)}" if finding.advice else ""
+        style = _STYLE[finding.health]
+        table.add_row(f"[{style}]{finding.health}[/]", finding.what, escape(finding.seen) + advice)
+    console.print(table)
+    warnings = sum(finding.health is Health.WARNING for finding in findings)
+    who = "this machine" if profile is None else f"{profile.title} and this machine"
+    if failed:
+        console.print(f"[red]{failed} failed[/red]: {who} cannot run a session yet")
+    else:
+        console.print(f"[green]ready[/green]: {who}" + (f", with {warnings} warnings" if warnings else ""))
+    raise typer.Exit(1 if failed else 0)

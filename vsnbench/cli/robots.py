@@ -1,0 +1,71 @@
+"""`vsnbench robots`: list, show and check robot profiles."""
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""List, show and check robots and their profiles.
+
+    vsnbench robots list
+    vsnbench robots show lola2 > my-robot.yaml
+    vsnbench robots check my-robot.yaml
+    """,
+)
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+@app.command("list")
+def list_robots(as_json: JsonOption = False) -> None:
+    """List what --robot knows."""
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from vsnbench.robots.profiles import embedded_profiles, load_profile
+    from vsnbench.robots.registry import known_robots
+
+    titles = {name: load_profile(name).title for name in embedded_profiles()}
+
+    def what(name: str) -> str:
+        kind, _, profile = name.partition(":")
+        if kind == "simulated":
+            return f"{titles.get(profile or 'turtlebot2', profile)} in the site's simulated twin, in this process"
+        return f"{titles[name]} over ROS 1" if name in titles else "a plug-in"
+
+    rows = [(name, what(name)) for name in known_robots()]
+    if as_json:
+        typer.echo(json.dumps([{"name": name, "what": text} for name, text in rows], indent=2))
+        return
+    table = Table("--robot", "what it is", box=None, pad_edge=False)
+    for name, text in rows:
+        table.add_row(name, text)
+    Console().print(table)
+
+
+@app.command()
+def show(robot: Annotated[str, typer.Argument(help="A profile's name, or the path of its file.")]) -> None:
+    """Print a profile as it is read, every default filled in: YAML to start your own from."""
+    import yaml
+
+    from vsnbench.robots.profiles import load_profile
+
+    profile = load_profile(robot)
+    typer.echo(yaml.safe_dump(profile.model_dump(mode="json"), sort_keys=False, allow_unicode=True).rstrip())
+
+
+@app.command()
+def check(robot: Annotated[str, typer.Argument(help="A profile's name, or the path of its file.")]) -> None:
+    """Check a profile: unknown keys, types, ranges, and whether its parts fit together. Exit code 1 when not."""
+    from vsnbench.robots.profile_check import doubts_about
+    from vsnbench.robots.profiles import load_profile
+
+    profile = load_profile(robot)
+    for doubt in doubts_about(profile):
+        typer.echo(f"warning: {doubt}")
+    typer.echo(f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor looks at the robot itself")
