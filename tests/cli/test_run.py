@@ -1,8 +1,12 @@
 """`vsnbench run` as it is typed: real robot in the embedded apartment, real database, real files."""
 
+import os
+import pty
+import select
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -98,6 +102,45 @@ def test_trials_run_in_another_order_are_the_same_trials(run: Run, tmp_path: Pat
     assert sorted(ordered, key=str) == sorted(shuffled, key=str)
 
 
+def test_the_live_viewer_stays_until_ctrl_c_where_a_person_sits_at_a_terminal(tmp_path: Path) -> None:
+    leader, follower = pty.openpty()
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    words = ("run", "--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1", "--max-steps", "2")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vsnbench.cli.main", *words, "--live", "--results", str(tmp_path)],
+        stdout=subprocess.DEVNULL,
+        stderr=follower,
+        env=environment,
+    )
+    os.close(follower)
+    try:
+        seen = read_until(leader, "Rerun stays open: press Ctrl-C to end")
+        assert "watch live at http://127.0.0.1:" in seen
+        assert rows(tmp_path, "SELECT end_reason FROM episode") == [("step_limit",)]
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert "the one trial is done" in read_until(leader, "vsnbench report")
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(leader)
+
+
+def read_until(terminal: int, words: str) -> str:
+    """Return what a terminal shows up to those words."""
+    seen, deadline = "", time.monotonic() + 120
+    while words not in seen:
+        assert time.monotonic() < deadline, seen
+        ready, _, _ = select.select([terminal], [], [], 1.0)
+        if ready:
+            try:
+                seen += os.read(terminal, 4096).decode(errors="replace")
+            except OSError:  # the other end is closed
+                pytest.fail(seen)
+    return seen
+
+
 LONG = ("run", "--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-2", "--max-steps", "25")
 
 
@@ -185,7 +228,7 @@ def test_a_model_that_fails_voids_its_episodes_and_ends_the_session(run: Run, tm
     answer = run("--model", "tests.cli.turning:Broken", "--goal", "chair", "--starts", "1-5", "--results", tmp_path)
     assert answer.code == 1
     assert "3 void episodes one after another" in answer.err
-    assert "5 of 5 trials are left" in answer.err
+    assert "5 of 5 trials left" in answer.err
     assert rows(tmp_path, "SELECT DISTINCT end_reason FROM episode") == [("model_error",)]
 
 

@@ -65,6 +65,17 @@ def test_check_says_what_is_wrong_and_exits_with_1(flawed_site: Path) -> None:
     assert "error: starting position 3 at (3.45, 1.9) lies inside sofa-1" in out
 
 
+def test_check_knows_which_looks_there_are(tmp_path: Path) -> None:
+    content = load_site("apartment").content()
+    chair = next(thing for thing in content["objects"] if thing["category"] == "chair")
+    chair["model"] = "throne"
+    path = tmp_path / "palace.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    code, out = call("check", str(path))
+    assert code == 1
+    assert "a chair has no model 'throne'" in out
+
+
 def test_check_as_json_gives_findings(flawed_site: Path) -> None:
     code, out = call("check", str(flawed_site), "--json")
     findings = json.loads(out)["findings"]

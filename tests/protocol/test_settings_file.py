@@ -35,7 +35,23 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
     ("text", "expected"),
     [
         ("name: a\nwheels:\n- radius_m: 0.2\n- radius_m: round\n", r"^cart.yaml:4: wheels.1.radius_m: "),
-        ("# a remark\n\nname: a\ncolour: red\n", r"^cart.yaml:4: colour: Extra inputs"),
+        ("# a remark\n\nname: a\ncolour: red\n", r"^cart.yaml:4: colour: there is no such field$"),
+        ("nam: a\nwheels: []\n", r"^cart.yaml:1: nam: there is no such field \(and 1 more\)$"),
+        ("name: a\nwheels: []\nname: b\n", r"^cart.yaml:3: name is given twice in the same place$"),
+        (
+            "name: a\nwheels:\n- {radius_m: 1, radius_m: 2}\n",
+            r"^cart.yaml:3: radius_m is given twice in the same place$",
+        ),
+        ("name: a\nwheels: \x01\n", r"^cart.yaml:2: not valid YAML: a control character$"),
+        (
+            "name: a\nwheels:\n\t- {}\n",
+            r"^cart.yaml:3: not valid YAML: found character '\\t' that cannot start any token$",
+        ),
+        ("name: a\n---\nname: b\n", r"^cart.yaml:2: not valid YAML: but found another document$"),
+        ("name: 2026-99-99\n", r"^cart.yaml: not valid YAML: month must be in 1..12$"),
+        ("name: 1" + "0" * 5000, r"^cart.yaml: not valid YAML: Exceeds the limit"),
+        ("name: " + "[" * 5000 + "]" * 5000, r"^cart.yaml: not valid YAML: too many levels$"),
+        ("name: &a [*a]\n", r"^cart.yaml:1: name: Input should be a valid string$"),
         ("wheels: []\n", r"^cart.yaml:1: name: Field required$"),
         ("name: a\nwheels:\n- {}\n- {}\n", r"^cart.yaml:3: wheels.0.radius_m: Field required \(and 1 more\)$"),
         ("name: a\n  wheels: [\n", r"^cart.yaml:2: not valid YAML: "),
@@ -46,6 +62,13 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
 def test_a_broken_file_is_told_where_and_what(text: str, expected: str) -> None:
     with pytest.raises(SiteError, match=expected):
         parse(text)
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(SiteError, match=r"cannot read cart file .*: it is no text in UTF-8$"):
+        read_settings(path, Cart, SiteError, "cart")
 
 
 def test_a_missing_file_is_an_error_of_the_asked_class(tmp_path: Path) -> None:

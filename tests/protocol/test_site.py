@@ -4,7 +4,6 @@ import re
 from collections import Counter
 
 import pytest
-import yaml
 from shapely.geometry import Point
 
 from vsnbench.errors import SiteError, UsageError
@@ -69,7 +68,24 @@ def test_the_hash_follows_the_content_and_not_the_formatting(apartment: Site) ->
         ("sill_m: 0.5", "sill_m: -0.5", "windows.0.sill_m"),
         ("size_m: [0.95, 2.1, 0.8]", "size_m: [0.95, 2.1]", "objects.12.size_m"),
         ("id: sofa-1", "id: The Sofa", "objects.12.id"),
-        ("heading_deg: 195", "heading: 195", "starts.0"),
+        ("heading_deg: 195", "heading: 195", "starts.0.heading: there is no such field"),
+        ("start: [-0.1, -0.1], end: [10.1, -0.1]", "start: [1, 1], end: [1, 1]", "walls.0: start and end are the same"),
+        ("start: [6.7, 3.9], end: [7.5, 3.9]", "start: [6.7, 3.9], end: [6.7, 3.9]", "doors.1: start and end are the"),
+        ("sill_m: 1.0", "sill_m: 2.1", "windows.1: its head at 2.1 m is not above its sill"),
+        ("thickness_m: 0.2", "thickness_m: -0.2", "walls.0.thickness_m"),
+        ("position: [3.45, 1.9]", "position: [.nan, 1.9]", "objects.12.position.0: Input should be a finite number"),
+        ("position: [3.45, 1.9]", "position: [345, 190]", "objects.12.position.0: Input should be less than or equal"),
+        ("position: [3.45, 1.9]", "position: [3,45, 1.9]", "objects.12.position: Tuple should have at most 2 items"),
+        (
+            "polygon: [[7.6, 0], [10, 0], [10, 2.5]",
+            "polygon: [[7.6, 0], [10, 2.5], [10, 0]",
+            "rooms.2.polygon: the outline crosses",
+        ),
+        (
+            "position: [3.45, 1.9]",
+            "position: [3, 2], footprint: [[1, 1], [2, 2], [1, 2], [2, 1]]",
+            "objects.12.footprint: the outline crosses",
+        ),
     ],
 )
 def test_a_broken_file_names_line_and_field(broken: str, instead: str, field: str) -> None:
@@ -87,11 +103,20 @@ def test_text_that_is_no_yaml_names_the_line() -> None:
         parse_site("name: flat\nrooms: [[\nwalls: }", "flat.yaml")
 
 
-def test_an_id_given_twice_is_named(apartment: Site) -> None:
-    content = apartment.content()
-    content["objects"].append(content["objects"][0])
-    with pytest.raises(SiteError, match="refrigerator-1"):
-        parse_site(yaml.safe_dump(content), "flat.yaml")
+@pytest.mark.parametrize(
+    ("name", "twin", "message"),
+    [
+        ("name: bedroom door", "name: bathroom door", "doors: bathroom door is given more than once"),
+        ("id: chair-2", "id: chair-1", "objects: chair-1 is given more than once"),
+        ("number: 2, ", "number: 1, ", "starts: 1 is given more than once"),
+        ("name: bedroom\n", "name: bathroom\n", "rooms: bathroom is given more than once"),
+    ],
+)
+def test_a_name_given_twice_is_told_with_its_list(name: str, twin: str, message: str) -> None:
+    text = embedded_sites()["apartment"].read_text(encoding="utf-8")
+    line = text[: text.index(f"\n{message.partition(':')[0]}:")].count("\n") + 2
+    with pytest.raises(SiteError, match=re.escape(f"flat.yaml:{line}: {message}")):
+        parse_site(text.replace(name, twin, 1), "flat.yaml")
 
 
 def test_an_unknown_site_names_the_known_ones() -> None:

@@ -139,10 +139,6 @@ def test_an_unknown_category_is_named_with_the_known_ones() -> None:
         (thing("lamp-1", "lamp", (10, 6.5), (0.3, 0.3, 1)), "lamp-1 sticks through a wall"),
         (thing("lamp-1", "lamp", (9, 3), (0.3, 0.3, 1)), "sofa-1 and lamp-1 overlap"),
         (thing("lamp-1", "lamp", (5, 5), (0.3, 0.3, 2.6)), "lamp-1 reaches above the ceiling"),
-        (
-            thing("rug-1", "rug", (5, 5), (1, 1, 0.01), footprint=[(4, 4), (5, 5), (5, 4), (4, 5)]),
-            "footprint of rug-1: its outline crosses itself",
-        ),
     ],
 )
 def test_an_object_in_an_impossible_place_is_an_error(extra: SiteObject, words: str) -> None:
@@ -153,11 +149,6 @@ def test_an_object_in_an_impossible_place_is_an_error(extra: SiteObject, words: 
 def test_things_stacked_on_each_other_do_not_overlap() -> None:
     lamp = thing("lamp-1", "lamp", PLACES["sofa"], (0.3, 0.3, 0.5), elevation_m=0.8)
     assert check_site(with_objects(lamp), RADIUS_M) == []
-
-
-def test_a_room_that_crosses_itself_is_an_error() -> None:
-    site = sound_site(rooms=[Room(name="bow", polygon=[(0, 0), (10, 8), (10, 0), (0, 8)])])
-    assert any("room 'bow': its outline crosses itself" in message for message in errors_of(site))
 
 
 def test_rooms_that_overlap_are_an_error() -> None:

@@ -36,12 +36,26 @@ def command(
         typer.Option("--starts", help="starting positions, like 1-15,20; all when absent", rich_help_panel=_WHAT),
     ] = None,
     repetitions: Annotated[
-        int, typer.Option("--repetitions", min=1, help="times each goal meets each start", rich_help_panel=_WHAT)
+        int,
+        typer.Option("--repetitions", min=1, max=1000, help="times each goal meets each start", rich_help_panel=_WHAT),
     ] = 1,
     max_steps: Annotated[
-        int, typer.Option("--max-steps", min=1, help="cap on actions; the paper's is 150", rich_help_panel=_HOW)
+        int,
+        typer.Option(
+            "--max-steps", min=1, max=100_000, help="cap on actions; the paper's is 150", rich_help_panel=_HOW
+        ),
     ] = 150,
-    seed: Annotated[int, typer.Option("--seed", help="every random choice follows from it", rich_help_panel=_HOW)] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            "--seed",
+            min=0,
+            max=2**63 - 1,
+            metavar="N",
+            help="every random choice follows from it",
+            rich_help_panel=_HOW,
+        ),
+    ] = 0,
     shuffle: Annotated[
         bool, typer.Option("--shuffle", help="run the trials in random order", rich_help_panel=_HOW)
     ] = False,
@@ -82,12 +96,12 @@ def command(
 
     [bold]Examples[/bold]
 
-        vsnbench run --model oracle --goal chair                     the whole protocol for one goal
-        vsnbench run --model random --goal all --starts 1-5          every goal from five positions
-        vsnbench run --model pirlnav --weights il.ckpt --goal all    PIRLNav from the authors' checkpoint
-        vsnbench run --model mylab.policy:Policy --goal bed,sofa     your own policy
-        vsnbench run --model forward --goal chair --live             watch it in Rerun
-        vsnbench run --model oracle --goal all --site lab.yaml       a site you surveyed
+        vsnbench run --model oracle --goal chair
+        vsnbench run --model random --goal all --starts 1-5
+        vsnbench run --model pirlnav --weights il.ckpt --goal all
+        vsnbench run --model mylab.policy:Policy --goal bed,sofa
+        vsnbench run --model forward --goal chair --live
+        vsnbench run --model oracle --goal all --site lab.yaml
 
     Ctrl-C halts the robot and ends the current episode as aborted.
     The same command goes on with the trials that are left.

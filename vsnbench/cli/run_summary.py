@@ -30,15 +30,18 @@ def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
     if result.left:
         console.print(
-            f"[yellow]{result.left} of {trials} trials are left[/yellow]"
-            f"{f' ({result.void} void episodes)' if result.void else ''}: the same command runs them."
+            f"[yellow]{result.left} of {trials} trial{'' if trials == 1 else 's'} left[/yellow]"
+            f"{f' ({result.void} void)' if result.void else ''}: the same command goes on."
         )
     elif result.episodes:
-        console.print(f"[green]all {trials} trials are done[/green]; results in {escape(str(request.results.path))}")
+        console.print(f"[green]{_all(trials)} done[/green]; results in {escape(str(request.results.path))}")
     else:
         console.print(
-            f"nothing to do: all {trials} trials of this campaign are done. Another --seed or more --repetitions "
+            f"nothing to do: {_all(trials)} done in this campaign. Another --seed or more --repetitions "
             "makes another campaign."
         )
-    where = f" --results {request.results.path}" if str(request.results.path) != "results" else ""
-    console.print(f"[dim]next:[/dim] vsnbench report{escape(where)}")
+    console.print(f"[dim]next:[/dim] vsnbench report{escape(request.results.options)}")
+
+
+def _all(trials: int) -> str:
+    return "the one trial is" if trials == 1 else f"all {trials} trials are"

@@ -109,13 +109,21 @@ def check(
     """
     import json
 
+    from vsnbench.errors import SiteError
     from vsnbench.protocol.site import load_site
-    from vsnbench.protocol.site_check import Severity, check_site
+    from vsnbench.protocol.site_check import Finding, Severity, check_site
     from vsnbench.robots.profiles import load_profile
+    from vsnbench.simulator.scene import build_scene
 
     site, profile = load_site(site_name), load_profile(robot)
     findings = check_site(site, profile.base.radius_m)
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    if not errors:  # only the simulator knows which looks there are
+        try:
+            build_scene(site)
+        except SiteError as error:
+            findings.append(Finding(Severity.ERROR, str(error)))
+            errors = 1
     if as_json:
         rows = [{"severity": finding.severity.value, "message": finding.message} for finding in findings]
         typer.echo(json.dumps({"site": site.name, "robot": profile.name, "findings": rows}, indent=2))

@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
-from vsnbench.models.contract import Policy
+from vsnbench.models.contract import ModelCard, Policy
 
 ENTRY_POINT_GROUP = "vsnbench.models"
 
@@ -39,16 +39,17 @@ def create_policy(name: str, **options: Any) -> Policy:
     try:
         inspect.signature(factory).bind(**options)
     except (TypeError, ValueError) as error:
-        raise UsageError(f"model {name}: {error}; its options are {_options_of(factory)}") from error
+        raise UsageError(f"model {name}: {error}; it takes {_options_of(factory)}") from error
     try:
         policy = factory(**options)
     except VsnbenchError:
         raise
     except Exception as error:
         raise ModelError(f"model {name}: {where} could not be made: {type(error).__name__}: {error}") from error
-    if not isinstance(policy, Policy):
+    if not isinstance(policy, Policy) or not isinstance(policy.card, ModelCard):
         raise ModelError(
-            f"model {name}: {where} is no policy: it needs `card`, `reset(goal, seed)`, `act(observation)`"
+            f"model {name}: {where} is no policy: it needs `card` (a ModelCard), `reset(goal, seed)` and "
+            "`act(observation)`"
         )
     return policy
 
@@ -93,4 +94,4 @@ def _options_of(factory: Any) -> str:
         names = [name for name in inspect.signature(factory).parameters if name != "self"]
     except (TypeError, ValueError):
         return "not known"
-    return ", ".join(names) or "none"
+    return ", ".join(names) or "no options"

@@ -13,16 +13,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
+from shapely.validation import explain_validity
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.settings_file import parse_settings, read_settings
 from vsnbench.resources import resource_directory
 
-Point = tuple[float, float]
+LARGEST_M = 200.0
+"""No coordinate lies farther from the origin: a survey in centimetres is noticed before it is built."""
+
+Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
+Point = tuple[Coordinate, Coordinate]
 Color = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
@@ -37,6 +42,44 @@ class _Strict(BaseModel):
         return copy
 
 
+class _Segment(_Strict):
+    """Something straight between two different points on the floor plan."""
+
+    start: Point
+    end: Point
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Self:
+        if self.length_m < _SHORTEST_M:
+            raise ValueError(f"start and end are the same place, {list(self.start)}")
+        return self
+
+    @property
+    def length_m(self) -> float:
+        """Distance between the two points, metres."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def centre_line(self) -> LineString:
+        """The line between the two points."""
+        return LineString([self.start, self.end])
+
+
+_SHORTEST_M = 0.02
+_SMALLEST_M2 = 1e-6
+
+
+def _enclosing(outline: list[Point] | None) -> list[Point] | None:
+    """Return the outline if it encloses an area."""
+    if outline is not None:
+        shape = Polygon(outline)
+        if not shape.is_valid:
+            raise ValueError(f"the outline crosses itself ({explain_validity(shape)})")
+        if shape.area < _SMALLEST_M2:
+            raise ValueError("the outline encloses nothing")
+    return outline
+
+
 class Room(_Strict):
     """A room's outline on the floor plan, and what its floor and walls are made of."""
 
@@ -45,30 +88,20 @@ class Room(_Strict):
     floor: Literal["wood", "tiles", "carpet", "concrete"] = "wood"
     floor_color: Color | None = None
 
+    _polygon_encloses = field_validator("polygon")(_enclosing)
+
     @cached_property
     def shape(self) -> Polygon:
         """The outline as a polygon, metres."""
         return Polygon(self.polygon)
 
 
-class Wall(_Strict):
+class Wall(_Segment):
     """A straight wall between two points on its centre line; doors and windows on it are cut out of it."""
 
-    start: Point
-    end: Point
     thickness_m: float = Field(default=0.10, gt=0.01, lt=1)
     height_m: float | None = Field(default=None, gt=0.1, description="the site's ceiling height when absent")
     color: Color | None = None
-
-    @property
-    def centre_line(self) -> LineString:
-        """The wall's centre line."""
-        return LineString([self.start, self.end])
-
-    @property
-    def length_m(self) -> float:
-        """Length of the centre line, metres."""
-        return math.dist(self.start, self.end)
 
     @cached_property
     def shape(self) -> Polygon:
@@ -76,7 +109,7 @@ class Wall(_Strict):
         return self.centre_line.buffer(self.thickness_m / 2, cap_style="square")
 
 
-class Door(_Strict):
+class Door(_Segment):
     """A doorway: the clear opening between two points on a wall's centre line.
 
     The leaf is hinged at `start` and swings to the left of start -> end; during trials it is folded back out of the
@@ -84,29 +117,26 @@ class Door(_Strict):
     """
 
     name: str
-    start: Point
-    end: Point
     height_m: float = Field(default=2.0, gt=1.0, lt=4)
     closed: bool = False
 
     @property
     def clear_width_m(self) -> float:
         """Width of the opening, metres."""
-        return math.dist(self.start, self.end)
-
-    @property
-    def centre_line(self) -> LineString:
-        """The opening along its wall."""
-        return LineString([self.start, self.end])
+        return self.length_m
 
 
-class Window(_Strict):
+class Window(_Segment):
     """A window between two points on a wall's centre line; robots cannot pass it."""
 
-    start: Point
-    end: Point
     sill_m: float = Field(default=0.9, ge=0, lt=3)
     head_m: float = Field(default=2.1, gt=0, lt=4)
+
+    @model_validator(mode="after")
+    def _has_a_height(self) -> Self:
+        if self.head_m <= self.sill_m:
+            raise ValueError(f"its head at {self.head_m:g} m is not above its sill at {self.sill_m:g} m")
+        return self
 
 
 class SiteObject(_Strict):
@@ -121,7 +151,9 @@ class SiteObject(_Strict):
     position: Point
     heading_deg: float = 0.0
     size_m: tuple[
-        Annotated[float, Field(gt=0, lt=20)], Annotated[float, Field(gt=0, lt=20)], Annotated[float, Field(gt=0, lt=5)]
+        Annotated[float, Field(ge=0.001, lt=20)],
+        Annotated[float, Field(ge=0.001, lt=20)],
+        Annotated[float, Field(ge=0.001, lt=5)],
     ]
     """Depth along the heading, width across it, height; metres."""
     elevation_m: float = Field(default=0.0, ge=0, lt=4, description="underside above the floor, metres")
@@ -129,6 +161,8 @@ class SiteObject(_Strict):
     model: str | None = Field(default=None, description="which look the simulator gives it; by category when absent")
     color: Color | None = None
     solid: bool = Field(default=True, description="whether a robot can collide with it (a rug is not)")
+
+    _footprint_encloses = field_validator("footprint")(_enclosing)
 
     @property
     def pose(self) -> Pose:
@@ -149,7 +183,7 @@ class SiteObject(_Strict):
 class StartingPosition(_Strict):
     """A numbered place and heading from which episodes start (paper, Figure 3: the floor plan)."""
 
-    number: int = Field(ge=1)
+    number: int = Field(ge=1, le=9999)
     position: Point
     heading_deg: float
     note: str = ""
@@ -173,18 +207,15 @@ class Site(_Strict):
     objects: list[SiteObject] = []
     starts: list[StartingPosition] = Field(min_length=1)
 
-    @model_validator(mode="after")
-    def _names_are_unique(self) -> "Site":
-        given: list[tuple[str, list[str]]] = [
-            ("object id", [thing.id for thing in self.objects]),
-            ("starting position", [str(start.number) for start in self.starts]),
-            ("room", [room.name for room in self.rooms]),
-        ]
-        for what, names in given:
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise ValueError(f"{what} {', '.join(twice)} is given more than once")
-        return self
+    @field_validator("rooms", "doors", "objects", "starts")
+    @classmethod
+    def _names_are_unique(cls, things: list[Any], info: ValidationInfo) -> list[Any]:
+        key = {"objects": "id", "starts": "number"}.get(info.field_name or "", "name")
+        names = [str(getattr(thing, key)) for thing in things]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"{', '.join(twice)} is given more than once")
+        return things
 
     @property
     def area_m2(self) -> float:

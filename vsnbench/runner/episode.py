@@ -163,17 +163,22 @@ def _reset(robot: Robot, policy: Policy, plan: EpisodePlan, start: Fix) -> None:
         if isinstance(policy, SurveyedPolicy):
             policy.survey(plan.site, start.pose, robot.profile.base, plan.parameters)
         policy.reset(plan.goal, plan.seed)
-    except Exception as error:
-        logger.exception("model %s failed in reset", policy.card.name)
-        raise _PolicyError(f"reset: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise _policy_error(policy, "reset", error) from error
+
+
+def _policy_error(policy: Policy, where: str, error: BaseException) -> _PolicyError:
+    """Log the traceback, which is for the policy's author, and return the line that goes into the record."""
+    logger.error("model %s failed in %s", policy.card.name, where, exc_info=error)
+    words = " ".join(str(error).split())
+    return _PolicyError(f"{where}: {type(error).__name__}{f': {words}' if words else ''}")
 
 
 def _act(policy: Policy, observation: Observation) -> Decision:
     try:
         decision = policy.act(observation)
-    except Exception as error:
-        logger.exception("model %s failed in act", policy.card.name)
-        raise _PolicyError(f"act: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise _policy_error(policy, "act", error) from error
     if not isinstance(decision, Decision) or not isinstance(decision.action, Action):
         raise _PolicyError(f"act answered {decision!r:.80}, which is not a Decision with an Action")
     return decision

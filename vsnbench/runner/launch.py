@@ -19,10 +19,10 @@ from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 from vsnbench.runner.emergency_stop import EmergencyStop
+from vsnbench.runner.live_view import LiveView
 from vsnbench.runner.operator import Absent, Operator, require_operator
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.rerun_viewer import Viewer, WebViewer, has_display, open_window
 from vsnbench.runner.results import ResultsDirectory
 from vsnbench.runner.session import SessionResult, SessionWatcher, run_session
 from vsnbench.runner.stopping import StopSignals
@@ -67,6 +67,13 @@ def launch(request: RunRequest) -> Launched:
         VsnbenchError: the site, model, robot or record cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
+    with LiveView() as view:
+        launched = _launch(request, view)
+        view.linger()
+    return launched
+
+
+def _launch(request: RunRequest, view: LiveView) -> Launched:
     site = load_site(request.site)
     starts = choose_starts(request.starts, site)
     parameters = ProtocolParameters(max_actions=request.max_steps)
@@ -91,7 +98,7 @@ def launch(request: RunRequest) -> Launched:
         request.results.prepare()
         journal = stack.enter_context(Journal.open(request.results.database_url))
         campaign = journal.find_or_create_campaign(plan)
-        viewer_url = stack.enter_context(_live_viewer()).grpc_url if request.live else None
+        viewer_url = view.open() if request.live else None
         target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
@@ -154,12 +161,3 @@ def _progress(
     return CampaignProgress(
         f"{_title(policy)} in {site.name}", len(campaign.trials), len(done), sum(done), parameters.max_actions
     )
-
-
-def _live_viewer() -> Viewer:
-    """Open Rerun's window, or serve it to a browser where there is no display."""
-    if has_display():
-        return open_window()
-    viewer = WebViewer()
-    logger.warning("no display here: watch live at %s", viewer.address)
-    return viewer

@@ -75,9 +75,10 @@ class CampaignProgress:
             self._bar.advance(self._task)
         self._bar.update(self._task, rate=self._rate(), now="")
         reason = escape(outcome.error or outcome.verdict.text.split(": ", 1)[-1])
+        actions = f"{outcome.actions} action{'' if outcome.actions == 1 else 's'}"
         self.console.print(
             f"[dim]#{number}[/dim] {goal} from {start}: [{_STYLE[success]}]{_WORD[success]}[/] "
-            f"({outcome.verdict.end_reason}, {outcome.actions} actions) [dim]{reason}[/dim]",
+            f"({outcome.verdict.end_reason}, {actions}) [dim]{reason}[/dim]",
             soft_wrap=True,
         )
 

@@ -1,6 +1,7 @@
 """The results directory: where the database and the episodes' files lie, and whether they can be written."""
 
 import os
+import shlex
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -38,6 +39,13 @@ class ResultsDirectory:
         """
         where = Path(path or environment.get(ENVIRONMENT_VARIABLE) or DEFAULT_DIRECTORY).expanduser()
         return cls(where, database_url or sqlite_url(where / DATABASE_NAME))
+
+    @property
+    def options(self) -> str:
+        """What another command needs to be told to find the same record, each option after a blank."""
+        words = "" if self.path == Path(DEFAULT_DIRECTORY) else f" --results {shlex.quote(str(self.path))}"
+        elsewhere = self.database_url != sqlite_url(self.path / DATABASE_NAME)
+        return words + (f" --db {shlex.quote(self.shown_database)}" if elsewhere else "")
 
     @property
     def shown_database(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from shapely.geometry import LineString, Polygon
 
+from vsnbench.protocol.free_space import walls_of
 from vsnbench.protocol.site import Door, Room, Site, Wall, Window
 from vsnbench.simulator.furniture.canvas import rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
@@ -179,16 +180,12 @@ class _Run:
         (x0, y0), (x1, y1) = self.wall.start, self.wall.end
         return ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / self.wall.length_m
 
-    def place(self, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float] | None:
-        """Return where a segment lies along the wall, or None when it lies on another wall."""
-        line = self.wall.centre_line
-        near = self.wall.thickness_m / 2 + 0.02
-        if line.distance(LineString([start, end]).centroid) > near:
+    def place(self, site: Site, opening: Door | Window) -> tuple[float, float] | None:
+        """Return where a door or window lies along the wall, or None when it lies on another wall."""
+        if self.wall not in walls_of(site, opening.start, opening.end):
             return None
-        reach = [self.along(*start), self.along(*end)]
-        if abs(abs(reach[1] - reach[0]) - math.dist(start, end)) > 0.02:
-            return None
-        return (min(reach), max(reach))
+        reach = sorted((self.along(*opening.start), self.along(*opening.end)))
+        return (reach[0], reach[1])
 
 
 _JAMB = 0.04
@@ -203,14 +200,14 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
     material = _PLASTER if wall.color is None else replace(_PLASTER, color=rgb(wall.color))
     openings: list[_Opening] = []
     for door in site.doors:
-        at = run.place(door.start, door.end)
+        at = run.place(site, door)
         if at is not None:
             top = min(door.height_m, height)
             openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
             yield from _door_frame(run, at, half, top)
             yield from _leaf(run, door, at, half, top)
     for window in site.windows:
-        at = run.place(window.start, window.end)
+        at = run.place(site, window)
         if at is not None and window.sill_m < height:
             head = min(window.head_m, height)
             openings.append(_Opening(*at, window.sill_m, head))

@@ -1,0 +1,50 @@
+"""The viewer of `vsnbench run --live`: opened late, when nothing can be refused any more, and kept for a last look."""
+
+import contextlib
+import logging
+import sys
+from types import TracebackType
+from typing import Self
+
+from vsnbench.runner.rerun_viewer import Viewer, WebViewer, has_display, open_window
+
+logger = logging.getLogger(__name__)
+
+
+class LiveView:
+    """A viewer that may never be opened; a context manager that ends it."""
+
+    def __init__(self) -> None:
+        self._viewer: Viewer | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._viewer is not None:
+            self._viewer.close()
+
+    def open(self) -> str:
+        """Open Rerun's window, or serve it to a browser where there is no display; returns where episodes are sent.
+
+        Raises:
+            VsnbenchError: Rerun's program is missing or does not start.
+        """
+        if has_display():
+            self._viewer = open_window()
+        else:
+            self._viewer = served = WebViewer()
+            logger.warning("no display here: watch live at %s", served.address)
+        return self._viewer.grpc_url
+
+    def linger(self) -> None:
+        """Let a person look at the last episode for as long as they like; a script does not wait."""
+        if self._viewer is None or not sys.stderr.isatty():
+            return
+        how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
+        sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
+        with contextlib.suppress(KeyboardInterrupt):
+            self._viewer.wait()
+        sys.stderr.write("\n")
