@@ -44,7 +44,7 @@ class LiveView:
         if self._viewer is None or not sys.stderr.isatty():
             return
         how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
-        sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
         with contextlib.suppress(KeyboardInterrupt):
+            sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
             self._viewer.wait()
         sys.stderr.write("\n")
