@@ -1,0 +1,73 @@
+"""The page about the tables says what the tables are, and its queries run."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from scripts.schema_page import PAGE, QUERIES, schema_page
+from tests.report.records import Attempt, Lab, step, void
+from vsnbench.database.tables import Base
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.report.build import read
+from vsnbench.report.frames import episodes, steps
+from vsnbench.report.record import COLUMNS, Selection
+from vsnbench.report.summary import summarise
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    lab = Lab(tmp_path)
+    taken = [step(1, Action.MOVE_FORWARD, "LOOK_DOWN", x_m=0.25), step(2, Action.STOP, x_m=0.25)]
+    lab.write([void(), Attempt(steps=taken), Attempt("bed", success=False, distance_m=1.2), Attempt("bed", 2)])
+    with lab.journal() as journal:
+        journal.add_verdict(4, Verdict(EndReason.COLLISION, False, "it touched the bed"), author="Ana")
+    return lab
+
+
+def test_the_page_is_up_to_date() -> None:
+    assert PAGE.read_text(encoding="utf-8") == schema_page(), "run `make docs`"
+
+
+def test_every_column_is_on_the_page() -> None:
+    text = schema_page()
+    for table in Base.metadata.sorted_tables:
+        section = text.split(f"\n## {table.name}\n")[1].split("\n## ")[0]
+        assert [f"| {column.name} |" in section for column in table.columns] == [True] * len(table.columns)
+
+
+@pytest.mark.parametrize(("title", "query"), QUERIES)
+def test_each_query_runs(lab: Lab, title: str, query: str) -> None:
+    with closing(sqlite3.connect(lab.directory / "vsnbench.db")) as database:
+        database.execute(query).fetchall()
+
+
+def ask(lab: Lab, words: str) -> list[tuple[object, ...]]:
+    (query,) = [query for title, query in QUERIES if title.startswith(words)]
+    with closing(sqlite3.connect(lab.directory / "vsnbench.db")) as database:
+        return database.execute(query).fetchall()
+
+
+def test_the_queries_agree_with_the_report(lab: Lab) -> None:
+    (one,) = summarise(read(lab.url, Selection())).conditions
+    by_goal = {goal.goal: (goal.summary.successes, goal.summary.episodes) for goal in one.goals}
+    assert {goal: (k, n) for _, goal, k, n, _ in ask(lab, "Success rate")} == by_goal
+    assert tuple(start for _, start in ask(lab, "Starting positions")) == one.never_succeeding
+    assert {reason: count for _, reason, count in ask(lab, "How episodes ended")} == {
+        end.end_reason: end.attempts for end in one.ends
+    }
+    assert ask(lab, "Trials left") == []
+    assert len(ask(lab, "Verdicts that a person")) == 2
+    assert [row[0] for row in ask(lab, "Near misses")] == [3]
+
+
+def test_frames_are_what_they_say(lab: Lab) -> None:
+    frame = episodes(lab.directory)
+    assert set(COLUMNS) < set(frame.columns)
+    assert frame["state"].tolist() == ["void", "counted", "counted", "counted"]
+    assert set(frame["model"]) == {"vlv"}
+    taken = steps(lab.directory, [2])
+    assert taken["raw_action"].tolist() == ["LOOK_DOWN", "STOP"]
+    assert taken["world_x_m"].tolist() == [1.25, 1.25]
