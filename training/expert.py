@@ -22,7 +22,7 @@ from vsnbench.protocol.pose import Pose
 
 TICKS: Final = 4
 """Costs are counted in quarters of a move."""
-_FAR: Final = 2**30
+UNREACHED: Final = 2**30
 _SPARE_M = 0.03
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -70,18 +70,18 @@ class Expert:
         wanted = wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg))
         self._lattice = lattice
         self.ticks = _solve(wanted, lattice.may_move, lattice.move_ticks, lattice.offsets)
-        """(headings, rows, columns) quarters of a move to the nearest view of the goal; `_FAR` where there is none."""
+        """(headings, rows, columns) quarters of a move to the nearest view of the goal; `UNREACHED` where there is none."""
 
     def knows_way(self, pose: Pose) -> bool:
         """Whether the goal can be reached from there."""
-        return bool(self.ticks[self._lattice.cell_of(pose)] < _FAR)
+        return bool(self.ticks[self._lattice.cell_of(pose)] < UNREACHED)
 
     def action_at(self, pose: Pose) -> Action | None:
         """Return the best action; None where no way is known."""
         lattice = self._lattice
         k, row, column = lattice.cell_of(pose)
         here = int(self.ticks[k, row, column])
-        if here >= _FAR:
+        if here >= UNREACHED:
             return None
         if here == 0:
             return Action.STOP

@@ -40,8 +40,8 @@ class NetworkSizes(_Strict):
 class Demonstrations(_Strict):
     """How the data of one round is made; a shard is one twin seen with one camera."""
 
-    twins: Count = Field(default=200, description="shards of the first round")
-    dagger_twins: int = Field(default=70, ge=0, description="shards of every later round")
+    twins: Count = Field(default=400, description="shards of the first round")
+    dagger_twins: int = Field(default=120, ge=0, description="shards of every later round")
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=48, description="per shard")
     lanes: Count = Field(default=16, description="episodes of a shard that are driven side by side")
@@ -63,7 +63,7 @@ class Demonstrations(_Strict):
 class Seeing(_Strict):
     """Training of the image encoder on single frames: what is in view, how near, and how far the way is free."""
 
-    updates: Count = 6000
+    updates: Count = 10000
     batch: Count = 64
     learning_rate: float = Field(default=1e-3, gt=0)
 
@@ -71,7 +71,7 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: Count = 6000
+    updates: Count = 5000
     lanes: Count = 32
     steps: Count = Field(default=48, description="between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)

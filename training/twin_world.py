@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from training.expert import Expert, Lattice
+from training.expert import UNREACHED, Expert, Lattice
 from training.recipe import Recipe
 from training.shards import BANDS
 from vsnbench.models.pirlnav.policy import GOALS
@@ -46,6 +46,7 @@ class TwinWorld:
         rng = np.random.default_rng([recipe.seed, seed, 0])
         self.lattice = Lattice(self._space, float(rng.uniform(-math.pi, math.pi)))
         self._experts: dict[str, Expert] = {}
+        self._starts: dict[str, npt.NDArray[np.int32]] = {}
         # The picture is the centre of the camera's, as the network's own preprocessing cuts it.
         self._focal_px = self.camera.focal_px * self.size_px / min(self.camera.width, self.camera.height)
 
@@ -57,9 +58,11 @@ class TwinWorld:
 
     def draw_start(self, goal: str, rng: np.random.Generator) -> Pose:
         """Return a free pose from which the goal can be reached and is not yet."""
-        reached = np.argwhere((self.expert(goal).ticks > 0) & (self.expert(goal).ticks < 2**30))
-        k, row, column = (int(part) for part in reached[rng.integers(len(reached))])
-        space = self._space
+        expert, space = self.expert(goal), self._space
+        if goal not in self._starts:
+            self._starts[goal] = np.flatnonzero((expert.ticks > 0) & (expert.ticks < UNREACHED)).astype(np.int32)
+        drawn = int(rng.choice(self._starts[goal]))
+        k, row, column = (int(part) for part in np.unravel_index(drawn, expert.ticks.shape))
         return Pose(float(space.x_m[row, column]), float(space.y_m[row, column]), self.lattice.planner.heading_rad(k))
 
     def look(self, pose: Pose) -> View:
@@ -85,10 +88,16 @@ class TwinWorld:
         share = np.bincount(goal.ravel(), minlength=len(GOALS) + 1)[1:] / goal.size
         near = np.zeros(len(GOALS))
         for number in np.flatnonzero(share > 0.002):
-            near[number] = 1 / (1 + np.percentile(depth_m[goal == number + 1], 10))
+            near[number] = 1 / (1 + _low(depth_m[goal == number + 1], 0.1))
         middle = depth_m[depth_m.shape[0] // 3 :]
-        ahead = [1 / (1 + np.percentile(band, 5)) for band in np.array_split(middle, BANDS, axis=1)]
+        ahead = [1 / (1 + _low(band.ravel(), 0.05)) for band in np.array_split(middle, BANDS, axis=1)]
         return np.concatenate([np.sqrt(share), near, ahead]).astype(np.float16)
+
+
+def _low(depth_m: npt.NDArray[np.float32], share: float) -> float:
+    """Return the depth that `share` of the pixels are nearer than."""
+    k = int(share * (len(depth_m) - 1))
+    return float(np.partition(depth_m, k)[k])
 
 
 SUCCESS_DISTANCE_M = ProtocolParameters().success_distance_m
