@@ -70,7 +70,7 @@ class Expert:
         wanted = wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg))
         self._lattice = lattice
         self.ticks = _solve(wanted, lattice.may_move, lattice.move_ticks, lattice.offsets)
-        """(headings, rows, columns) quarters of a move to the nearest view of the goal; `UNREACHED` where there is none."""
+        """(headings, rows, columns) quarters of a move to the nearest view of the goal, or `UNREACHED`."""
 
     def knows_way(self, pose: Pose) -> bool:
         """Whether the goal can be reached from there."""

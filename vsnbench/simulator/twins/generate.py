@@ -31,7 +31,7 @@ _OFF_DOORWAY_M = 0.3
 _START_CLEARANCE_M = 0.26
 _SMALLEST_M2, _LARGEST_M2 = 50.0, 100.0
 _ATTEMPTS = 200
-_FLOORS = {
+_FLOORS = {  # rooms with tiles on the floor have them on the walls too
     RoomKind.BATHROOM: ("tiles",),
     RoomKind.KITCHEN: ("tiles", "tiles", "wood", "concrete"),
     RoomKind.BEDROOM: ("wood", "carpet", "wood"),
@@ -104,7 +104,7 @@ def _draw(seed: int, rng: Generator) -> Site | None:
 
 
 def _room(room: PlannedRoom, rng: Generator) -> Room:
-    floor = str(rng.choice(_FLOORS.get(room.kind, ("wood", "wood", "tiles"))))
+    floor = str(rng.choice(_FLOORS.get(room.kind, ("wood", "wood", "concrete", "carpet"))))
     outline = [(float(x), float(y)) for x, y in room.shape.exterior.coords[:-1]]
     return Room.model_validate(
         {"name": room.kind.value, "polygon": outline, "floor": floor, "floor_color": palette.floor(rng, floor)}
