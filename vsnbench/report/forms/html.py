@@ -45,6 +45,8 @@ class _Figure:
     alt: str
     data: str
     wide: bool
+    """It takes a line of its own."""
+    width_rem: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +168,7 @@ def _figure(drawing: Drawing) -> _Figure:
         alt=drawing.alt,
         data=base64.b64encode(drawing.svg()).decode(),
         wide=drawing.figure.get_figwidth() > COLUMN_IN * 1.2,
+        width_rem=f"{drawing.figure.get_figwidth() * 9:.1f}",
     )
 
 
