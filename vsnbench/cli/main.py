@@ -78,7 +78,7 @@ def build_app(verb: str | None) -> typer.Typer:
             continue
         module = importlib.import_module(module_name)
         if hasattr(module, "app"):
-            root.add_typer(module.app, name=name, help=summary)
+            root.add_typer(module.app, name=name, help=module.app.info.help or summary)
         else:
             root.command(name)(module.command)
     return root

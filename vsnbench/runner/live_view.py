@@ -1,11 +1,13 @@
 """The viewer of `vsnbench run --live`: opened late, when nothing can be refused any more, and kept for a last look."""
 
-import contextlib
 import logging
+import signal
 import sys
+import threading
 from types import TracebackType
 from typing import Self
 
+from vsnbench.errors import UsageError
 from vsnbench.runner.rerun_viewer import Viewer, WebViewer, has_display, open_window
 
 logger = logging.getLogger(__name__)
@@ -35,7 +37,11 @@ class LiveView:
         if has_display():
             self._viewer = open_window()
         else:
-            self._viewer = served = WebViewer()
+            try:
+                served = WebViewer()
+            except UsageError:  # the usual port is taken, perhaps by another robot's run
+                served = WebViewer(0)
+            self._viewer = served
             logger.warning("no display here: watch live at %s", served.address)
         return self._viewer.grpc_url
 
@@ -44,7 +50,14 @@ class LiveView:
         if self._viewer is None or not sys.stderr.isatty():
             return
         how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
-        with contextlib.suppress(KeyboardInterrupt):
+        asked = threading.Event()
+        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the viewer is ended with this process
+        before = {number: signal.signal(number, lambda *_: asked.set()) for number in signals}
+        try:
             sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
-            self._viewer.wait()
+            while self._viewer.is_open and not asked.wait(0.2):
+                pass
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
         sys.stderr.write("\n")

@@ -54,6 +54,11 @@ class Viewer:
     ) -> None:
         self.close()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether its user has not closed it yet."""
+        return self._process.poll() is None
+
     def wait(self) -> None:
         """Return when the viewer has been closed by its user."""
         self._process.wait()

@@ -1,0 +1,57 @@
+"""The documentation tells what the program does: its example passes, its command reference is today's."""
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from scripts.make_docs import command_reference
+from vsnbench.cli.sites import app
+from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, Window, parse_site
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+SITES = (DOCS / "sites.md").read_text(encoding="utf-8")
+
+
+def example() -> str:
+    (text,) = re.findall(r"```yaml\n(.*?)```", SITES, re.DOTALL)
+    assert isinstance(text, str)
+    return text
+
+
+def test_the_example_of_a_site_passes_the_check_with_the_warnings_it_names(tmp_path: Path) -> None:
+    path = tmp_path / "studio.yaml"
+    path.write_text(example(), encoding="utf-8")
+    answer = CliRunner().invoke(app, ["check", str(path)])
+    assert answer.exit_code == 0, answer.output
+    assert answer.output.splitlines() == [
+        "warning: 3 starting positions; the protocol asks for 15",
+        "warning: no toilet: the protocol's goal category has no instance here",
+        "warning: no plant: the protocol's goal category has no instance here",
+        "studio for turtlebot2: 0 errors, 3 warnings",
+    ]
+
+
+def test_the_example_shows_every_kind_of_entry() -> None:
+    site = parse_site(example(), "studio.yaml")
+    assert site.doors
+    assert site.windows
+    assert any(thing.footprint for thing in site.objects)
+    assert any(thing.elevation_m for thing in site.objects)
+
+
+@pytest.mark.parametrize("model", [Site, Room, Wall, Door, Window, SiteObject, StartingPosition])
+def test_every_field_of_a_site_is_described(model: type) -> None:
+    described = set(re.findall(r"`([a-z_]+)`", "".join(line for line in SITES.splitlines() if line.startswith("|"))))
+    assert set(model.model_fields) <= described
+
+
+def test_the_command_reference_is_that_of_the_program() -> None:
+    assert (DOCS / "cli.md").read_text(encoding="utf-8") == command_reference(), "docs/cli.md is old: make docs"
+
+
+@pytest.mark.parametrize("page", [*sorted(DOCS.glob("*.md")), DOCS.parent / "README.md"], ids=lambda page: page.name)
+def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
+    targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
+    assert [target for target in targets if not (page.parent / target).exists()] == []
