@@ -11,6 +11,7 @@ import json
 import math
 import os
 import random
+import shutil
 import socket
 import statistics
 import subprocess
@@ -79,7 +80,8 @@ def measure(rate_hz: float, lag_s: float, actions: int) -> dict:
             stack.callback(process.wait)
             stack.callback(process.terminate)
 
-        start(sys.executable, "/usr/bin/rosmaster", "--core", "-p", port)
+        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+        start(sys.executable, rosmaster, "--core", "-p", port)
         from vsnbench.ros4vsn.master import Master
 
         Master.from_environment().wait(20)

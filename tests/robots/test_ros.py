@@ -86,7 +86,9 @@ class Rig:
 
     def stands_still_within(self, limit_s: float, since_s: float) -> bool:
         wait_until(lambda: self.probe.stopped_at(since_s) is not None, "the base stands still")
-        return self.probe.stopped_at(since_s) - since_s < limit_s
+        took_s = self.probe.stopped_at(since_s) - since_s
+        sys.stdout.write(f"stood still {took_s:.2f} s after the fault\n")
+        return took_s < limit_s
 
 
 def start_server(network: RosNetwork) -> Process:

@@ -2,6 +2,7 @@
 
 import signal
 import sqlite3
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,7 +35,9 @@ class Stack:
 
     def stands_still_within(self, limit_s: float, since_s: float) -> bool:
         wait_until(lambda: self.probe.stopped_at(since_s) is not None, "the base stands still")
-        return self.probe.stopped_at(since_s) - since_s < limit_s
+        took_s = self.probe.stopped_at(since_s) - since_s
+        sys.stdout.write(f"stood still {took_s:.2f} s after the fault\n")
+        return took_s < limit_s
 
 
 @pytest.fixture(scope="module")

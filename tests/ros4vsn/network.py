@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -17,7 +18,7 @@ import pytest
 
 from vsnbench.ros4vsn.master import Master, MasterError
 
-ROSMASTER = "/usr/bin/rosmaster"
+ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
 HERE = Path(__file__).parent
 PATIENCE_S = 30.0
 

@@ -1,6 +1,7 @@
 """The discrete_move node, over a real master, on a base that moves and misbehaves: precise, or an honest False."""
 
 import math
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,7 +9,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
@@ -211,14 +211,14 @@ def test_a_plain_rospy_client_is_served(stand) -> None:
 
 
 def test_the_tools_of_ros_see_upstreams_service(stand) -> None:
-    tools = Path("/usr/bin/rosservice")
+    tools = shutil.which("rosservice", path=f"{sys.prefix}/bin:/usr/bin")
     shim = HERE.parent.parent / "vsnbench" / "ros4vsn" / "interfaces"
     environment = stand.network.environment
     environment["PYTHONPATH"] = f"{shim}:{environment['PYTHONPATH']}"
 
     def rosservice(*words: str) -> str:
         done = subprocess.run(
-            [sys.executable, str(tools), *words], env=environment, capture_output=True, text=True, timeout=60
+            [sys.executable, tools, *words], env=environment, capture_output=True, text=True, timeout=60
         )
         assert done.returncode == 0, done.stderr
         return done.stdout

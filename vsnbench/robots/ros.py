@@ -25,7 +25,7 @@ from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
 from vsnbench.ros4vsn.depth_filter import median_depth_m, share_invalid
-from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard
+from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard, Outcome
 from vsnbench.ros4vsn.images import ImageError, decode_color, decode_depth, decode_labels
 from vsnbench.ros4vsn.installation import require_ros
 from vsnbench.ros4vsn.pairing import Look, MotionEnd, Stamped, choose_look
@@ -96,6 +96,8 @@ class RosRobot:
         self._settings = MotionSettings.for_robot(profile, self._parameters)
         self._patience_s = patience_s
         self.last_look: LookReport | None = None
+        self.last_outcome: Outcome | None = None
+        """What our own discrete_move told about the last movement; None from a server that tells nothing."""
         self._start: Pose | None = None
         self._end = MotionEnd(0.0, 0.0)
         self._moving = False
@@ -212,7 +214,7 @@ class RosRobot:
         if failure:
             self._force_standstill()
         self._moving = False
-        outcome = self._link.outcome
+        outcome = self.last_outcome = self._link.outcome
         if not failure and not answered:
             failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
             sensor_lost = outcome is not None and outcome.sensor_lost
@@ -273,7 +275,7 @@ class RosRobot:
             _WORD_OF[action], angle_deg, limit_s, self._watch if action is not Action.STOP else None
         )
         # Our own server says on a topic what the answer's bool cannot; upstream's says nothing.
-        self._link.wait_for(lambda: self._link.outcome is not None, 0.1 if not answered else 0.0)
+        self._link.wait_for(lambda: self._link.outcome is not None, 0.1 if self._link.tells_outcomes else 0.0)
         return answered
 
     def _watch(self) -> None:

@@ -86,6 +86,11 @@ class RobotLink:
         """Whether the robot is a simulated one that labels what its camera sees."""
         return INSTANCES in self.master.state().publishers
 
+    @property
+    def tells_outcomes(self) -> bool:
+        """Whether the server of discrete_move is ours, which says more than its answer's bool."""
+        return bool(self._outcomes.get_num_connections())
+
     def join_simulation(self) -> None:
         """Listen to what only a simulated robot tells."""
         rospy.Subscriber(GROUND_TRUTH, Odometry, self._on_truth, queue_size=5, tcp_nodelay=True)
@@ -142,7 +147,9 @@ class RobotLink:
                 self._subscribe_image(topic, store)
         for hazard in Hazard:
             subscribe_hazard(names, hazard, self._on_hazard)
-        rospy.Subscriber(f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True)
+        self._outcomes = rospy.Subscriber(
+            f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
+        )
 
     def _subscribe_image(self, topic: str, store: "deque[Stamped[Any]]") -> None:
         def on_image(message: Any) -> None:

@@ -1,0 +1,101 @@
+"""What one step over ROS costs besides the motion, the model and the depth frames themselves.
+
+Starts a master, `vsnbench ros simulate` and `vsnbench ros discrete-move`, takes steps with the client, and splits each
+into its parts. Upstream's loop sleeps 1 to 1.5 s a step; ours waits for what it needs and no longer.
+
+    python benchmarks/ros_step_cost.py --steps 40
+"""
+
+import argparse
+import os
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--steps", type=int, default=40)
+    options.add_argument("--robot", default="turtlebot2")
+    chosen = options.parse_args()
+    with ExitStack() as stack:
+        directory = stack.enter_context(tempfile.TemporaryDirectory())
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        os.environ |= {
+            "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": directory,
+            "ROS_LOG_DIR": directory,
+        }
+
+        def start(*words: str) -> None:
+            process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+            stack.callback(process.wait)
+            stack.callback(process.terminate)
+
+        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+        start(sys.executable, rosmaster, "--core", "-p", str(port))
+        from vsnbench.ros4vsn.master import Master
+
+        Master.from_environment().wait(20)
+        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "ros"]
+        start(*vsnbench, "simulate", "--robot", chosen.robot)
+        start(*vsnbench, "discrete-move", "--robot", chosen.robot)
+        sys.stdout.write(measure(chosen.robot, chosen.steps))
+
+
+def measure(name: str, steps: int) -> str:
+    """Turn on the spot `steps` times, looking before each turn; return the table."""
+    from vsnbench.protocol.actions import Action
+    from vsnbench.protocol.site import load_site
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.robots.ros import RosRobot
+
+    parts: dict[str, list[float]] = {part: [] for part in PARTS}
+    with RosRobot(load_profile(name), patience_s=60) as robot:
+        robot.begin(load_site("apartment").start(1), seed=0)
+        robot.observe()
+        frames_s = robot.profile.ros.depth_frames / robot.profile.ros.camera_rate_hz
+        for step in range(steps):
+            began_s = time.perf_counter()
+            result = robot.execute(Action.TURN_LEFT if step % 2 else Action.TURN_RIGHT)
+            moved_s = time.perf_counter()
+            robot.observe()
+            ended_s = time.perf_counter()
+            outcome, look = robot.last_outcome, robot.last_look
+            if not result.completed or outcome is None or look is None:
+                sys.stderr.write(f"step {step}: {result.failure}\n")
+                continue
+            parts["step"].append(ended_s - began_s)
+            parts["motion"].append(outcome.duration_s)
+            parts["frames"].append(min(frames_s, look.waited_s))
+            parts["call"].append(moved_s - began_s - outcome.duration_s)
+            parts["wait"].append(max(look.waited_s - frames_s, 0.0))
+            parts["compute"].append(look.computed_s)
+            parts["ours"].append(ended_s - began_s - outcome.duration_s - min(frames_s, look.waited_s))
+    lines = [f"{name}, {len(parts['step'])} steps", "", "| part of a step | median | p90 |", "| --- | --- | --- |"]
+    for part, words in PARTS.items():
+        median, p90 = statistics.median(parts[part]), statistics.quantiles(parts[part], n=10)[-1]
+        lines.append(f"| {words} | {median * 1000:.1f} ms | {p90 * 1000:.1f} ms |")
+    return "\n".join(lines) + "\n"
+
+
+PARTS = {
+    "step": "the whole step, no model",
+    "motion": "motion, settling included (discrete_move's own clock)",
+    "frames": "the depth frames themselves",
+    "call": "service call, and seeing the robot at rest",
+    "wait": "waiting for images beyond the depth frames",
+    "compute": "decoding and the median",
+    "ours": "**all that our side adds**",
+}
+
+if __name__ == "__main__":
+    main()
