@@ -52,6 +52,8 @@ class Place:
     spots: list[Spot]
     looks: int = 1
     misses: int = 0
+    stared_at: int = 0
+    """Looks from near by, one after another, that did not show it."""
 
     @property
     def believed(self) -> bool:
@@ -146,6 +148,7 @@ class GoalMemory:
             place = min(near, key=lambda place: place.nearest_m(middle))
             place.spots = [*place.spots, *spots][-_KEPT_SPOTS:]
             place.looks += 1
+            place.stared_at = 0
             return place
         self.places.append(Place(spots))
         return self.places[-1]

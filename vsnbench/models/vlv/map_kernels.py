@@ -66,6 +66,8 @@ def project(
                     nearest = flat
                 elif flat < second:
                     second = flat
+            elif flat > (second if band[3] >= 2 else nearest):
+                continue  # floor seen under something: a robot would not fit there
             seen_to = max(seen_to, flat)
             if flat > farthest:
                 continue

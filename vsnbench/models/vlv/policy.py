@@ -83,7 +83,7 @@ class VLV:
             )
         self._class = CLASS_OF_GOAL[goal]
         self._detector.begin(seed)
-        self._search = Search(self.settings, self._planner, seed)
+        self._search = Search(self.settings, self._planner, seed, with_value=bool(self._value.sha256))
 
     def act(self, observation: Observation) -> Decision:
         """Return the next action.

@@ -13,7 +13,7 @@ from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sightin
 from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
-from vsnbench.models.vlv.sub_goals import sub_goal_of
+from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
 from vsnbench.models.vlv.topological_graph import Candidate, Ranked, TopologicalGraph, View
 from vsnbench.protocol.actions import Action
@@ -28,6 +28,8 @@ _SURELY_SEEN_M: Final = 4.0
 """A goal in the open within this should be detected; a look that does not is a miss."""
 _SURFACE_M: Final = 0.3
 """The line of sight to a surface may end so far before it."""
+_PATIENCE_LOOKS: Final = 6
+"""A goal that so many looks from near by did not show is not there."""
 _VIEW_BORDER_RAD: Final = math.radians(10.0)
 _SHOWN_CANDIDATES: Final = 30
 
@@ -56,8 +58,10 @@ class Move:
 class Search:
     """The state of an episode. It knows odometry, depth, and what detector and value network say; nothing else."""
 
-    def __init__(self, settings: VLVSettings, planner: Planner, seed: int) -> None:
+    def __init__(self, settings: VLVSettings, planner: Planner, seed: int, *, with_value: bool = False) -> None:
+        """Start an episode; without a value network, candidates beside the unknown are preferred."""
         self.settings = settings
+        self._novelty_weight = 0.0 if with_value else settings.novelty_weight
         self.map = OccupancyMap(settings)
         self.graph = TopologicalGraph(settings)
         self.memory = GoalMemory()
@@ -209,7 +213,13 @@ class Search:
             return []
         terrain = self._planner.terrain(self.map, pose, 0.0)
         lengths_m = self._planner.lengths_from(terrain, pose)
-        return self.graph.ranked([_at(lengths_m, self.map, each.point) for each in self.graph.open_candidates])
+        known, obstacles = self.map.known, terrain.obstacles
+        points = [each.point for each in self.graph.open_candidates]
+        novelty = [
+            self._novelty_weight * unknown_around(point, self.map, known, obstacles) if self._novelty_weight else 0.0
+            for point in points
+        ]
+        return self.graph.ranked([_at(lengths_m, self.map, point) for point in points], novelty)
 
     def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Go on to the target; to another one where that fails; look around where none is left."""
@@ -266,6 +276,10 @@ class Search:
         here = self.map.cell_at(pose.x_m, pose.y_m)
         nearest = min(places, key=lambda place: place.nearest_m(pose.position))
         if region[here.row, here.column]:
+            nearest.stared_at += 1
+            if nearest.stared_at > _PATIENCE_LOOKS:
+                self.memory.places.remove(nearest)
+                return None
             return self._face(nearest, observation, depth_m)
         move = self._towards(region, observation, depth_m, Mode.SEEK)
         if move is None:

@@ -85,6 +85,12 @@ class VLVSettings(BaseModel):
     )
     nearness_weight: float = Field(default=0.5, ge=0, le=100, description="weight of near candidates over far ones")
     nearness_reach_m: float = Field(default=10.0, gt=0, le=1000, description="way at which nearness counts nothing")
+    novelty_weight: float = Field(
+        default=1.0,
+        ge=0,
+        le=100,
+        description="without a value network: weight of how much unknown lies around a candidate; 0 as the original",
+    )
     visited_radius_m: float = Field(
         default=0.9, ge=0, le=10, description="candidates nearer than this to where the robot has been are dropped"
     )
@@ -104,7 +110,11 @@ class VLVSettings(BaseModel):
     map_range_m: float = Field(default=5.0, gt=0.5, le=30, description="farther depth is not drawn into the map")
     obstacle_bottom_m: float = Field(default=0.2, ge=0, le=1, description="lower points are floor")
     obstacle_top_m: float | None = Field(
-        default=None, gt=0, le=3, description="higher points pass above the robot; the camera's height when not given"
+        default=1.2,
+        gt=0,
+        le=3,
+        description="higher points pass above the robot; as high as the depth guard looks. null: the camera's height, "
+        "as the original, which sees no table tops",
     )
     obstacle_points: int = Field(default=2, ge=1, le=1000, description="points that make a cell an obstacle")
 

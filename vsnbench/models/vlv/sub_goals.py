@@ -4,11 +4,14 @@ import math
 
 import numpy as np
 
-from vsnbench.models.vlv.planner import FloatGrid, Point, Terrain
+from vsnbench.models.vlv.occupancy_map import OccupancyMap
+from vsnbench.models.vlv.planner import BoolGrid, FloatGrid, Point, Terrain
 from vsnbench.models.vlv.settings import SubGoalRule, VLVSettings
 
 _DRAWS = 100
 _STEP_M = 0.1
+_RAYS = 36
+_LOOK_M = 3.0
 
 
 def sub_goal_of(
@@ -50,3 +53,24 @@ def sub_goal_of(
         ):
             return point
     return None
+
+
+def unknown_around(point: Point, grid: OccupancyMap, known: BoolGrid, obstacles: BoolGrid) -> float:
+    """Return which share of what could be seen from a point, up to 3 m, is not known yet.
+
+    Args:
+        point: in the start's frame.
+        grid: the map.
+        known: (rows, columns) of it.
+        obstacles: (rows, columns) of it.
+    """
+    angles = np.arange(_RAYS) * (2 * math.pi / _RAYS)
+    far_m = np.arange(1, int(_LOOK_M / grid.resolution_m) + 1) * grid.resolution_m
+    columns = np.floor((point[0] + np.outer(np.cos(angles), far_m) - grid.origin_x_m) / grid.resolution_m).astype(int)
+    rows = np.floor((point[1] + np.outer(np.sin(angles), far_m) - grid.origin_y_m) / grid.resolution_m).astype(int)
+    height, width = known.shape
+    inside = (rows >= 0) & (columns >= 0) & (rows < height) & (columns < width)
+    rows, columns = rows.clip(0, height - 1), columns.clip(0, width - 1)
+    hidden = np.logical_or.accumulate(obstacles[rows, columns] & inside, axis=1)
+    unknown = ~(known[rows, columns] & inside)
+    return float(np.count_nonzero(unknown & ~hidden) / unknown.size)

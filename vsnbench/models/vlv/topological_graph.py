@@ -91,16 +91,17 @@ class TopologicalGraph:
         """Take a candidate off the open list."""
         self.open_candidates = [each for each in self.open_candidates if each is not candidate]
 
-    def ranked(self, ways_m: list[float]) -> list[Ranked]:
+    def ranked(self, ways_m: list[float], novelty: list[float]) -> list[Ranked]:
         """Return the open candidates, best first; those that cannot be reached are left out.
 
         Args:
             ways_m: the way from the robot to each open candidate, infinite where there is none.
+            novelty: how much unknown lies around each, already weighted.
         """
         reach_m = self.settings.nearness_reach_m
         ranked = [
-            Ranked(each, way_m, each.score + self.settings.nearness_weight * max(reach_m - way_m, 0.0) / reach_m)
-            for each, way_m in zip(self.open_candidates, ways_m, strict=True)
+            Ranked(each, way_m, each.score + new + self.settings.nearness_weight * max(reach_m - way_m, 0.0) / reach_m)
+            for each, way_m, new in zip(self.open_candidates, ways_m, novelty, strict=True)
             if math.isfinite(way_m)
         ]
         return sorted(ranked, key=lambda each: -each.total)

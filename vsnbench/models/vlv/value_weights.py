@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vsnbench.errors import ModelError
+from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES
 from vsnbench.models.safe_checkpoint import load_checkpoint
 from vsnbench.models.vlv.goals import VALUE_CLASSES
 from vsnbench.models.weights import file_sha256
@@ -37,7 +38,7 @@ def read_value_weights(path: Path) -> ValueWeights:
     """
     import torch
 
-    content = load_checkpoint(path)
+    content = load_checkpoint(path, CONFIG_CLASSES)  # so that PIRLNav's can be told by their name
     state = content.get("model_state_dict") if isinstance(content, Mapping) else None
     if not isinstance(state, Mapping):
         raise ModelError(f"{path}: {_what_else(content)}; VLV's value network is vlv_model.torch")

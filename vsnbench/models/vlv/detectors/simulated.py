@@ -70,7 +70,7 @@ class SimulatedDetector:
         self._owed += len(found) * (1 / self._settings.simulated_precision - 1)
         wrong = []
         if self._random.random() < min(self._owed, _LIKELIEST_WRONG):
-            self._owed = max(self._owed - 1, 0.0)
+            self._owed -= 1
             label = str(self._random.choice(_CLASSES))
             wrong.append(self._detection(self._wrong_place(others, image), label, _UNSURE))
         return tuple(sorted([*found, *wrong], key=lambda detection: -detection.score))
