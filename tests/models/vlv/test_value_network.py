@@ -95,3 +95,15 @@ def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, value_tensors: 
 def test_weights_that_do_not_exist_are_said_so(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no weights at"):
         VLV(weights=tmp_path / "none.torch")
+
+
+def test_a_check_says_what_is_in_the_file_and_what_stands_beside_it(value_file: Path) -> None:
+    report = VLV.check(weights=value_file, device="cpu")
+    assert report.facts["classes"] == "bed, chair, couch, dining table, toilet"
+    assert "simulated detector" in str(report.facts["detector"])
+    assert [timing.median_ms > 0 for timing in report.timings] == [True, True]
+
+
+def test_a_check_without_weights_says_where_they_belong() -> None:
+    with pytest.raises(ModelError, match=r"vlv_model\.torch"):
+        VLV.check()

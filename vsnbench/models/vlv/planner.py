@@ -26,7 +26,7 @@ _COMFORT_M: Final = 0.15
 """Beyond the grown obstacles, driving is slower for so far: the way keeps to the middle of a passage."""
 _EDGE_SLOWNESS: Final = 3.0
 _UNKNOWN_SLOWNESS: Final = 1.5
-_FIELD_MARGIN_M: Final = 3.0
+_FIELD_MARGIN_M: Final = 2.5
 """How much farther than the robot the field is needed for the search over actions."""
 _SHORT_SEARCH, _LONG_SEARCH = 2, 4
 """Forward moves looked ahead: the original's two, and more where those lead nowhere."""

@@ -10,6 +10,8 @@ from typing import Any, ClassVar
 
 from vsnbench.errors import ModelError, SensorLostError, UsageError
 from vsnbench.models.contract import ModelCard
+from vsnbench.models.description import ModelCheck
+from vsnbench.models.safe_checkpoint import require_torch
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
@@ -70,6 +72,24 @@ class VLV:
             weights_label=f"{self._value.label}; {self._detector.name}",
             settings=self._record(),
         )
+
+    @classmethod
+    def check(
+        cls,
+        weights: str | Path | None = None,
+        model_config: str | Path | VLVSettings | None = None,
+        device: str = "auto",
+    ) -> ModelCheck:
+        """Say what is in the weights and how fast both networks are; arguments as for the class.
+
+        Raises:
+            UsageError: a setting is unknown or does not fit.
+            ModelError: weights are missing or cannot be used.
+        """
+        require_torch()
+        from vsnbench.models.vlv.checking import check_weights
+
+        return check_weights(Path(weights) if weights is not None else None, _settings_from(model_config), device)
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
