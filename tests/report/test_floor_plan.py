@@ -55,6 +55,15 @@ def test_it_is_drawn_at_scale_and_holds_the_whole_site(apartment: Site) -> None:
         assert axes.get_ylim()[0] < y_min < y_max < axes.get_ylim()[1]
 
 
+def test_the_legend_of_a_narrow_site_goes_below_the_scale_bar(apartment: Site) -> None:
+    bedroom = apartment.model_copy(
+        update={"walls": [wall for wall in apartment.walls if min(wall.start[0], 6) == 6][:1]}
+    )
+    for site, same_row in ((apartment, True), (bedroom, False)):
+        heights = {text.get_text(): text.get_position()[1] for text in draw_floor_plan(site).texts}
+        assert (abs(heights["2 m"] - heights["bed (1)"]) < 0.1) is same_row
+
+
 def test_it_draws_into_axes_that_are_given(apartment: Site) -> None:
     from matplotlib.figure import Figure
 

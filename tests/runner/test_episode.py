@@ -245,6 +245,18 @@ def test_a_fault_voids_the_episode_with_its_reason_and_keeps_the_steps_before_it
     assert robot.halts
 
 
+@pytest.mark.parametrize("failure", [ValueError("bad\nnews"), SystemExit("bad  news")])
+def test_a_model_that_raises_or_exits_is_told_in_one_line(failure: BaseException) -> None:
+    class Failing(ScriptedPolicy):
+        def act(self, observation: Observation) -> Decision:
+            raise failure
+
+    with StopSignals() as stop:
+        outcome = run_episode(StandInRobot(), Failing([]), PLAN, MemoryRecorder(), stop)
+    assert outcome.verdict.end_reason is EndReason.MODEL_ERROR
+    assert outcome.error == f"act: {type(failure).__name__}: bad news"
+
+
 def test_an_answer_that_is_no_decision_is_the_models_error() -> None:
     class Mumbling(ScriptedPolicy):
         def act(self, observation: Observation) -> Decision:

@@ -21,6 +21,13 @@ def test_the_database_lies_in_the_directory_unless_a_url_says_otherwise(tmp_path
     assert "secret" not in elsewhere.shown_database
 
 
+def test_another_command_is_told_how_to_find_the_same_record(tmp_path: Path) -> None:
+    assert ResultsDirectory.locate(None, None, {}).options == ""
+    assert ResultsDirectory.locate(Path("my results"), None, {}).options == " --results 'my results'"
+    elsewhere = ResultsDirectory.locate(None, "postgresql+psycopg://lab@host/results", {})
+    assert elsewhere.options == " --db postgresql+psycopg://lab@host/results"
+
+
 def test_preparing_makes_the_directory_and_leaves_only_its_own_folder(tmp_path: Path) -> None:
     place = ResultsDirectory.locate(tmp_path / "new" / "results")
     place.prepare()

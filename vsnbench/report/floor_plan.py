@@ -76,8 +76,9 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
         _draw_scale_bar(axes, x_min, y_min - 0.35)
         below = 0.75
     if wanted.legend:
-        _draw_legend(axes, site, x_max, y_min - 0.28)
-        below = 0.75
+        beside_the_bar = x_max - _legend_width_m(site) > x_min + 2.5
+        below = 0.75 if beside_the_bar or not wanted.scale_bar else 1.1
+        _draw_legend(axes, site, x_max, y_min - 0.28 if below == 0.75 else y_min - 0.7)
     axes.set_xlim(x_min - 0.15, x_max + 0.15)
     axes.set_ylim(y_min - 0.15 - below, y_max + 0.15)
     axes.set_aspect("equal")
@@ -327,14 +328,21 @@ def _draw_scale_bar(axes: "Axes", x_m: float, y_m: float) -> None:
         axes.text(x_m + metre, y_m - 0.13, words, ha="center", va="top", fontsize=6, color=_INK)
 
 
+def _legend_entries(site: Site) -> list[tuple[str, str, float]]:
+    """Return goal category, words and width in metres of every entry of the legend."""
+    words = {goal: f"{goal} ({len(site.instances(goal))})" for goal in GOAL_CATEGORIES if site.instances(goal)}
+    return [(goal, text, 0.3 + 0.066 * len(text) + 0.18) for goal, text in words.items()]
+
+
+def _legend_width_m(site: Site) -> float:
+    return sum(width_m for _, _, width_m in _legend_entries(site))
+
+
 def _draw_legend(axes: "Axes", site: Site, x_right_m: float, y_m: float) -> None:
     """List the goal categories that stand here, with how many of each."""
-    present = [goal for goal in GOAL_CATEGORIES if site.instances(goal)]
-    widths = [0.3 + 0.066 * len(f"{goal} ({len(site.instances(goal))})") + 0.18 for goal in present]
-    left = x_right_m - sum(widths)
-    for goal, width in zip(present, widths, strict=True):
+    left = x_right_m - _legend_width_m(site)
+    for goal, words, width in _legend_entries(site):
         box = [(left, y_m - 0.08), (left + 0.2, y_m - 0.08), (left + 0.2, y_m - 0.24), (left, y_m - 0.24)]
         _fill(axes, box, facecolor=GOAL_COLORS[goal], edgecolor="#4a4a48", linewidth=0.5, zorder=6)
-        words = f"{goal} ({len(site.instances(goal))})"
         axes.text(left + 0.27, y_m - 0.16, words, ha="left", va="center", fontsize=6.5, color=_INK)
         left += width
