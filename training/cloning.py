@@ -33,7 +33,7 @@ class Episodes:
     """All episodes of some shards, with the features of their frames."""
 
     def __init__(self, shards: Sequence[Path], features: Sequence[Path]) -> None:
-        self.shards: list[Shard] = [read_shard(path) for path in shards]
+        self.shards: list[Shard] = [read_shard(path, with_images=False) for path in shards]
         self.features = [np.load(path, mmap_mode="r") for path in features]
         self.weight = inflection_weight(self.shards)
         self.episodes: list[Episode] = []

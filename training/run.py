@@ -68,7 +68,7 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
         )
         _write_log(rows, output)
     path = output / WEIGHTS
-    write_checkpoint(network, sum(len(read_shard(shard)) for shard in shards), path)
+    write_checkpoint(network, sum(len(read_shard(shard, with_images=False)) for shard in shards), path)
     _write_json(output / "result.json", _result(recipe, rows, path))
     return path
 

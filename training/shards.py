@@ -75,15 +75,17 @@ def write_shard(path: Path, shard: Shard, provenance: dict[str, Any]) -> None:
     write_whole(path, lambda file: np.savez(file, provenance=text, **arrays))
 
 
-def read_shard(path: Path) -> Shard:
-    """Read a shard.
+def read_shard(path: Path, *, with_images: bool = True) -> Shard:
+    """Read a shard; its images take most of the memory and are left out on request.
 
     Raises:
         TrainingError: it is damaged.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return Shard(**{field.name: archive[field.name] for field in fields(Shard)})
+            names = [field.name for field in fields(Shard) if with_images or field.name != "images"]
+            arrays = {name: archive[name] for name in names}
+            return Shard(**{"images": np.zeros(0, np.uint8)} | arrays)
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise TrainingError(f"shard {path} is damaged ({error}): remove it and run the same command again") from error
 

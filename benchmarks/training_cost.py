@@ -1,0 +1,87 @@
+"""What training costs, in seconds of one processor, so that a loaded machine does not distort it; and the full plan."""
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from training.cloning import Episodes, Lanes
+from training.networks import Describer, NetworkStudent, compressed, new_network, recall
+from training.recipe import load_recipe
+from training.rollout import demonstrate
+from training.shards import write_shard
+from training.twin_world import TwinWorld
+
+
+def main() -> None:
+    torch.set_num_threads(1)
+    recipe = load_recipe("full")
+    plan, sizes = recipe.demonstrations, recipe.network
+    network = new_network(sizes.architecture, 0)
+    seed = recipe.training_seeds(0).start
+    demonstrate(TwinWorld(recipe, seed), plan.model_copy(update={"episodes": 1}), np.random.default_rng(0))  # compiles
+
+    began = time.process_time()
+    world = TwinWorld(recipe, seed + 1)
+    world_s = time.process_time() - began
+    began = time.process_time()
+    shard = demonstrate(world, plan, np.random.default_rng(0))
+    demonstration_s = (time.process_time() - began) / len(shard)
+    began = time.process_time()
+    few = plan.model_copy(update={"episodes": plan.lanes})
+    driven = demonstrate(world, few, np.random.default_rng(0), NetworkStudent(network, 0))
+    dagger_s = (time.process_time() - began) / len(driven)
+
+    images = np.stack([shard.image(k) for k in range(recipe.seeing.batch)])
+    describer = Describer(sizes.visual_size)
+    began = time.process_time()
+    for _ in range(4):
+        describer(network.net.visual_fc(compressed(network, images))).square().mean().backward()
+    seeing_s = (time.process_time() - began) / 4
+    began = time.process_time()
+    with torch.no_grad():
+        features = compressed(network, images).numpy().astype(np.float16)
+    feature_s = (time.process_time() - began) / len(images)
+
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory)
+        write_shard(path / "s.npz", shard, {})
+        np.save(path / "s.npy", np.resize(features, (len(shard), features.shape[1])))
+        lanes = Lanes(Episodes([path / "s.npz"], [path / "s.npy"]), (0,), recipe.cloning.lanes)
+        hidden = torch.zeros(sizes.recurrent_layers, recipe.cloning.lanes, sizes.hidden_size)
+        began = time.process_time()
+        for _ in range(4):
+            b = lanes.take(recipe.cloning.steps, 1.0)
+            logits, _ = recall(network, b.features, b.gps_m, b.compass_rad, b.goals, b.previous, b.begins, hidden)
+            logits.square().mean().backward()
+        cloning_s = (time.process_time() - began) / 4
+
+    frames = plan.twins * len(shard)
+    dagger_twins = plan.dagger_rounds * plan.dagger_twins
+    dagger_frames = dagger_twins * plan.episodes * len(driven) / few.episodes
+    hours = {
+        "demonstrations": plan.twins * world_s + frames * demonstration_s,
+        "DAgger's episodes": dagger_twins * world_s + dagger_frames * dagger_s,
+        "seeing": recipe.seeing.updates * seeing_s,
+        "features": (frames + dagger_frames) * feature_s,
+        "cloning": (plan.dagger_rounds + 1) * recipe.cloning.updates * cloning_s,
+    }
+    print(f"a twin, its light and its experts' map  {world_s:8.2f} s")
+    print(f"a frame demonstrated                    {1e3 * demonstration_s:8.2f} ms   ({len(shard)} frames a twin)")
+    print(
+        f"a frame driven by an untrained student  {1e3 * dagger_s:8.2f} ms   "
+        f"({len(driven) / few.episodes:.0f} an episode)"
+    )
+    print(f"an update of seeing ({recipe.seeing.batch} frames)         {seeing_s:8.3f} s")
+    print(f"a frame's features                      {1e3 * feature_s:8.2f} ms")
+    print(f"an update of cloning ({recipe.cloning.lanes} x {recipe.cloning.steps} steps)   {cloning_s:8.3f} s")
+    print(f"\nthe full recipe: {frames:,} demonstrated frames, {dagger_frames:,.0f} of DAgger; hours of one processor:")
+    for name, seconds in hours.items():
+        print(f"  {name:20s} {seconds / 3600:6.2f}")
+    print(f"  {'together':20s} {sum(hours.values()) / 3600:6.2f}")
+
+
+if __name__ == "__main__":
+    main()
