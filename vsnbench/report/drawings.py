@@ -16,7 +16,7 @@ from vsnbench.report.published import published_results
 from vsnbench.report.record import Condition
 from vsnbench.report.trajectories import read_tracks
 
-MOST_PLANS = 4
+MOST_PLANS = 3
 """Conditions whose floor plans are drawn; a report on fewer models draws the others'."""
 
 

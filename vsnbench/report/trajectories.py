@@ -24,7 +24,7 @@ class Track:
     """(x, y) in the site's frame, metres, from the start on."""
 
 
-def read_tracks(engine: Engine, record: Record, condition: Condition, most_a_goal: int = 60) -> tuple[Track, ...]:
+def read_tracks(engine: Engine, record: Record, condition: Condition, most_a_goal: int = 30) -> tuple[Track, ...]:
     """Read the tracks of the episodes that count, evenly picked where there are more than `most_a_goal` of a goal.
 
     A pose in the site is taken as recorded; where there is none, odometry is laid at the episode's start.

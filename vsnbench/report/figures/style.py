@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.report.text import harmless
@@ -49,6 +49,8 @@ class Drawing:
     alt: str
     """What it shows, for who cannot see it; the numbers are in the tables."""
     figure: "Figure"
+    _files: dict[str, bytes] = field(default_factory=dict, repr=False)
+    """What has been saved already: the page and the directory want the same."""
 
     def svg(self) -> bytes:
         """Return the figure as SVG; the same figure gives the same bytes."""
@@ -65,11 +67,18 @@ class Drawing:
     def _saved(self, form: str) -> bytes:
         import matplotlib as mpl
 
+        if form in self._files:
+            return self._files[form]
         file = io.BytesIO()
         dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
         with mpl.rc_context({**_SETTINGS, "svg.hashsalt": self.name}):
+            if self.figure.get_layout_engine() is not None:
+                # Laid out once: it takes longer than the drawing, and every save would do it again.
+                self.figure.draw_without_rendering()
+                self.figure.set_layout_engine("none")
             self.figure.savefig(file, format=form, dpi=200, metadata=dates.get(form))
-        return file.getvalue()
+        self._files[form] = file.getvalue()
+        return self._files[form]
 
 
 _SETTINGS: dict[Any, Any] = {
