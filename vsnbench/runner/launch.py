@@ -13,6 +13,7 @@ from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentit
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.registry import create_policy
+from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, load_site
 from vsnbench.robots.contract import PlacedByHand, Robot
@@ -146,9 +147,11 @@ def _title(policy: Policy) -> str:
 def _check_sensors(policy: Policy, robot: Robot) -> None:
     missing = policy.card.sensors - robot.sensors
     if missing:
+        labels = Sensor.INSTANCES in missing
         raise UsageError(
             f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {robot.profile.name} does not "
             f"have; it has {', '.join(sorted(robot.sensors))}"
+            + ("; instances are the simulator's own labels: give the model a real detector's weights" if labels else "")
         )
 
 

@@ -81,7 +81,7 @@ def test_finds_on_a_camera_image_what_torchvision_finds(released_file: Path) -> 
     np.testing.assert_allclose(found.boxes.numpy(), expected["boxes"], atol=0.02)
     np.testing.assert_allclose(found.scores.numpy(), expected["scores"], atol=1e-5)
     over = int((expected["scores"] >= 0.06).sum())
-    detections = detector.detect(observation)
+    detections = detector.detections(found, (480, 640))
     assert [each.label for each in detections] == [CLASSES_91[k] for k in expected["labels"][:over]]
     theirs = np.unpackbits(expected["masks"]).astype(bool).reshape(5, 480, 640)
     for detection, mask in zip(detections[:5], theirs, strict=True):

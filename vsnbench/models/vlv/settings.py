@@ -70,7 +70,7 @@ class VLVSettings(BaseModel):
     scan_turns: int = Field(default=12, ge=1, le=72, description="turns of one look around")
     scan_direction: ScanDirection = Field(default=ScanDirection.LEFT, description="left or alternate")
     scan_ends_on_goal: bool = Field(
-        default=True, description="a view that shows the goal ends the look around; the original always finishes it"
+        default=True, description="two sightings of the goal at one place end the look around; the original finishes it"
     )
     sub_goal: SubGoalRule = Field(default=SubGoalRule.FIXED, description="fixed (paper) or sampled (source)")
     sub_goal_m: float = Field(default=1.5, gt=0.2, le=10, description="distance of a fixed sub-goal from its node")

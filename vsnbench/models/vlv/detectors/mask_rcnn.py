@@ -47,7 +47,10 @@ class MaskRCNNDetector:
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
         """Return the objects over the threshold, best first."""
         height, width = observation.rgb.shape[:2]
-        found = self.run(observation)
+        return self.detections(self.run(observation), (height, width))
+
+    def detections(self, found: Objects, image: tuple[int, int]) -> tuple[Detection, ...]:
+        """Return the found objects over the threshold, with masks over an image of (height, width)."""
         detections = []
         for box, label, score, mask in zip(
             found.boxes.tolist(), found.labels.tolist(), found.scores.tolist(), found.masks.cpu().numpy(), strict=True
@@ -55,9 +58,7 @@ class MaskRCNNDetector:
             if score < self._threshold:
                 continue
             edges = (box[0], box[1], box[2], box[3])
-            detections.append(
-                Detection(CLASSES_91[label], score, edges, paste_mask(np.asarray(mask), edges, (height, width)))
-            )
+            detections.append(Detection(CLASSES_91[label], score, edges, paste_mask(np.asarray(mask), edges, image)))
         return tuple(detections)
 
     @torch.inference_mode()
