@@ -49,6 +49,13 @@ def test_every_twin_passes_sites_check_and_has_what_the_protocol_asks_for(seed: 
         assert any(room.shape.contains(Point(start.position)) for start in site.starts), room.name
 
 
+def test_nothing_hangs_over_a_doorway() -> None:
+    hanging = [(site, thing) for site in map(twin, SAMPLE) for thing in site.objects if thing.elevation_m > 1.2]
+    assert len(hanging) > 30
+    for site, thing in hanging:
+        assert all(thing.shape.distance(door.centre_line) > 0.15 for door in site.doors), (site.name, thing.id)
+
+
 def test_no_two_seeds_give_the_same_flat() -> None:
     assert len({twin(seed).sha256 for seed in SAMPLE}) == len(SAMPLE)
     assert len({plan_of(twin(seed)) for seed in SAMPLE}) == len(SAMPLE)

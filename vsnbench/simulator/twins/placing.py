@@ -19,6 +19,8 @@ _WALL_GAP_M = 0.02
 """Skirting boards stand out this far."""
 _DOOR_DEPTH_M = 1.0
 _APART_M = 0.03
+_BESIDE_DOOR_M = 0.2
+"""Nothing hangs on a doorway or its casing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,8 @@ class Placer:
             if top_m > window.sill_m + 0.1 and thing.elevation_m < window.head_m and thing.shape.distance(pane) < 0.3:
                 return False
         if thing.elevation_m > 1.2:  # what hangs this high is in nobody's way
+            if any(thing.shape.distance(door.centre_line) < _BESIDE_DOOR_M for door in self.shell.doors):
+                return False
             return not any(other.shape.intersects(thing.shape) for other in self.objects if _top_m(other) > 1.1)
         if not thing.solid:
             return not any(other.shape.intersects(thing.shape) for other in self.objects if not other.solid)
