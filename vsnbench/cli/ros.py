@@ -88,7 +88,7 @@ def simulate(
     run_node(
         NODE,
         ros_arguments or [],
-        lambda _: SimulatedRobotNode(place, profile, options),
+        lambda master: SimulatedRobotNode(place, profile, options, master),
         f"playing {profile.title} in {place.name}",
         simulated_time=rate_factor != 1,
     )

@@ -7,7 +7,7 @@ odometry: upstream's server answers True whatever happened.
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -24,6 +24,12 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
+from vsnbench.robots.ros_start import (
+    await_zeroed_odometry,
+    have_it_placed_by_a_person,
+    have_it_placed_by_the_simulator,
+    wait_until_ready,
+)
 from vsnbench.ros4vsn.depth_filter import median_depth_m, share_invalid
 from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard, Outcome
 from vsnbench.ros4vsn.images import ImageError, decode_color, decode_depth, decode_labels
@@ -104,7 +110,7 @@ class RosRobot:
         self._asked_s = 0.0
         self._link = RobotLink(profile)
         try:
-            self._wait_until_ready()
+            wait_until_ready(self._link, profile, patience_s)
             self.simulated = self._link.can_be_placed
             self.needs_a_person = not self.simulated
             if self.simulated:
@@ -131,15 +137,13 @@ class RosRobot:
         """
         self._start = None
         self._link.master.wait(self._patience_s)
-        self._wait_until_ready()
+        wait_until_ready(self._link, self.profile, self._patience_s)
         if self.simulated:
-            if problem := self._link.place(start.pose, seed, self._patience_s):
-                raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
-            self._wait(lambda: self._truth_is_near(start.pose), 5.0, "the simulator's ground truth")
+            have_it_placed_by_the_simulator(self._link, start, seed, self._patience_s)
         else:
-            self._have_it_placed(start)
+            have_it_placed_by_a_person(self._link, start, self.attendant, self.profile)
         self._link.begin_episode(2.0)
-        self._await_zeroed_odometry()
+        await_zeroed_odometry(self._link, self.profile)
         with self._link.news:
             self._link.clear_hazards()
             self._link.tracker.rebase()
@@ -201,7 +205,7 @@ class RosRobot:
         with self._link.news:
             self._require_fresh_odometry()
             before = self._link.tracker.relative
-        began_s = self._asked_s = time.monotonic()
+        began_s, self._asked_s = self._link.now_s, time.monotonic()
         failure, sensor_lost, answered = "", False, False
         self._moving = True
         try:
@@ -228,7 +232,7 @@ class RosRobot:
             completed=not (failure := failure or self._lie(action, before, after)) and collision is None,
             displacement_m=_along(before, after),
             turn_rad=after.heading_rad - before.heading_rad,
-            duration_s=time.monotonic() - began_s,
+            duration_s=self._link.now_s - began_s,
             collision=collision,
             failure=failure,
             corrections=outcome.corrections if outcome else 0,
@@ -392,73 +396,6 @@ class RosRobot:
                 if frame.stamp_s == color.stamp_s:
                     return InstanceImage(ids=decode_labels(frame.payload), categories=self._link.categories)
         return None
-
-    def _have_it_placed(self, start: StartingPosition) -> None:
-        """Have a person put the robot at `start`; not before its wheels carry it and nothing is pressed."""
-        if self.attendant is None:
-            raise RobotError(
-                f"nothing can put {self.profile.name} at starting position {start.number} but a person, and nobody "
-                "was named: run in a terminal, or with --unattended"
-            )
-        problem = ""
-        while True:
-            self.attendant.put_at(start, problem)
-            with self._link.news:
-                pressed = [hazard.value for hazard, sensors in self._link.hazards.items() if sensors]
-            if not pressed:
-                return
-            problem = f"the base still reports: {', '.join(pressed)}"
-
-    def _wait_until_ready(self) -> None:
-        """Wait until every part of the robot answers; say what is waited for."""
-        give_up_s = time.monotonic() + self._patience_s
-        told = ""
-        while missing := self._missing_parts():
-            if time.monotonic() >= give_up_s:
-                raise RobotError(f"{missing} (waited {self._patience_s:.0f} s)")
-            if missing != told:
-                logger.warning("waiting: %s", missing)
-                told = missing
-            time.sleep(0.25)
-
-    def _missing_parts(self) -> str:
-        """Return the first part that does not answer and what to do about it; empty when all do."""
-        names, now_s = self.profile.ros, time.monotonic()
-        with self._link.news:
-            if self._odometry_age_s() > 1.0:
-                return f"no odometry on {names.odometry}: start the base's driver"
-            for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
-                if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):
-                    return f"no image on {topic}: start the camera's driver"
-        try:
-            self._link.discrete_move.probe()
-        except RobotError as error:
-            return f"{error} (vsnbench ros discrete-move --robot {self.profile.name})"
-        return ""
-
-    def _await_zeroed_odometry(self) -> None:
-        """Wait until a base that can reset its position has done so, and for a reading from after that."""
-        if self.profile.ros.reset_odometry:
-
-            def zeroed() -> bool:
-                latest = self._link.tracker.latest
-                return latest is not None and math.hypot(*latest.pose.position) < 0.001
-
-            self._link.wait_for(zeroed, 0.5)
-        asked_s = time.monotonic()
-
-        def fresh() -> bool:
-            latest = self._link.tracker.latest
-            return latest is not None and latest.arrival_s > asked_s
-
-        self._wait(fresh, 2.0, f"odometry on {self.profile.ros.odometry}")
-
-    def _wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
-        if not self._link.wait_for(condition, timeout_s):
-            raise SensorLostError(f"waited {timeout_s:g} s in vain for {what}")
-
-    def _truth_is_near(self, pose: Pose) -> bool:
-        return self._link.truth is not None and self._link.truth.payload.distance_to(pose) < 0.02
 
     def _odometry_age_s(self) -> float:
         latest = self._link.tracker.latest

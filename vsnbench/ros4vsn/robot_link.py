@@ -23,7 +23,7 @@ from vsnbench.ros4vsn.discrete_move import Hazard, Outcome
 from vsnbench.ros4vsn.hazard_events import subscribe_hazard
 from vsnbench.ros4vsn.master import Master
 from vsnbench.ros4vsn.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
-from vsnbench.ros4vsn.node import start_node
+from vsnbench.ros4vsn.node import now_s, start_node
 from vsnbench.ros4vsn.odometry import OdometryReading, OdometryTracker, heading_of_quaternion
 from vsnbench.ros4vsn.pairing import Stamped
 from vsnbench.ros4vsn.service_call import ServiceClient
@@ -85,6 +85,11 @@ class RobotLink:
     def has_labels(self) -> bool:
         """Whether the robot is a simulated one that labels what its camera sees."""
         return INSTANCES in self.master.state().publishers
+
+    @property
+    def now_s(self) -> float:
+        """The time that motions are measured in: monotonic, or simulated where the network's time is."""
+        return now_s()
 
     @property
     def tells_outcomes(self) -> bool:

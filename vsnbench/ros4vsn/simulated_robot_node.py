@@ -24,6 +24,7 @@ from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.ros4vsn.master import Master, MasterError
 from vsnbench.ros4vsn.messages import BumperEvent, CliffEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
 from vsnbench.ros4vsn.simulated_base import Contact, SimulatedBase
 from vsnbench.ros4vsn.simulated_topics import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
@@ -52,7 +53,8 @@ class SimulationOptions:
 class SimulatedRobotNode:
     """Plays one robot until it is closed; the node must have been started."""
 
-    def __init__(self, site: Site, profile: RobotProfile, options: SimulationOptions) -> None:
+    def __init__(self, site: Site, profile: RobotProfile, options: SimulationOptions, master: Master) -> None:
+        self._master = master
         scene = build_scene(site)
         self._profile = profile
         self._options = options
@@ -77,8 +79,11 @@ class SimulatedRobotNode:
         self._closed.set()
         self._base_thread.join(2.0)
         self._camera_thread.join(2.0)
-        if self._options.rate_factor != 1 and rospy.has_param("/use_sim_time"):
-            rospy.delete_param("/use_sim_time")
+        if self._options.rate_factor != 1:
+            try:
+                self._master.ask("deleteParam", "/use_sim_time")
+            except (MasterError, LookupError) as error:
+                logger.warning("/use_sim_time stays set: %s", error)
 
     def _advertise(self, site: Site) -> None:
         names = self._profile.ros
