@@ -33,7 +33,7 @@ def depth_at(robot: Robot, observation: Observation, looks: int) -> npt.NDArray[
 def agreement(grid: OccupancyMap, start: Pose, site: Site, top_m: float) -> float:
     """Return the share of the observed cells that say of a solid or free place what the site says.
 
-    A cell that an edge of the site runs through, or lies within one cell of it, may say either.
+    A cell that an edge of the site runs through may say either.
     """
     cells = grid.cells()
     rows, columns = np.nonzero(cells)
@@ -45,7 +45,7 @@ def agreement(grid: OccupancyMap, start: Pose, site: Site, top_m: float) -> floa
     solid = shapely.union_all([*wall_shapes(site), *objects])
     shapely.prepare(solid)
     inside = shapely.intersects(solid, points)
-    on_edge = shapely.distance(solid.boundary, points) <= grid.resolution_m * 1.5
+    on_edge = shapely.distance(solid.boundary, points) <= grid.resolution_m / math.sqrt(2)
     rooms = shapely.union_all([room.shape for room in site.rooms]).buffer(0.3)
     within = shapely.contains(rooms, points)
     said = cells[rows, columns]
