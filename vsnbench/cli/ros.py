@@ -10,7 +10,7 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 RobotOption = Annotated[str, typer.Option("--robot", help="Profile: turtlebot2, lola2, or the path of your own.")]
 RosArguments = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[REMAP]...", help="In ROS's own form: /odom:=/base/odom, _timeout_s:=5."),
+    typer.Argument(metavar="REMAP", help="In ROS's own form: /odom:=/base/odom, _timeout_s:=5."),
 ]
 
 

@@ -3,9 +3,9 @@
 Imported only where ROS is installed.
 """
 
-import logging
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -18,8 +18,6 @@ import rospy.rostime
 
 from vsnbench.errors import RobotError
 from vsnbench.ros4vsn.master import Master, call_xmlrpc
-
-logger = logging.getLogger(__name__)
 
 
 def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
@@ -97,7 +95,7 @@ def run_node(
         name: the node's name.
         ros_arguments: see `start_node`.
         make: what starts the node's work.
-        what: what the node does, in words, for the log.
+        what: what the node does, in words, for the terminal.
         simulated_time: whether this node is the clock of the whole network, and nodes started after it follow it.
 
     Raises:
@@ -112,7 +110,7 @@ def run_node(
     rospy.on_shutdown(ended.set)
     node = make(master)
     try:
-        logger.info("%s", what)
+        sys.stderr.write(f"{what}; Ctrl-C ends it\n")
         while not ended.wait(1.0):
             pass
     finally:

@@ -76,8 +76,10 @@ class EmergencyStop:
                 continue
             key = os.read(self._descriptor, 1)
             if key and key in KEYS:
-                self._halt()
+                # The signal first, or the movement that the halt cuts short would be taken for the base's failure; it
+                # only asks, though, and whatever the main thread is busy with, the robot is halted from here.
                 os.kill(os.getpid(), signal.SIGINT)
+                self._halt()
 
 
 def _terminal() -> int | None:
