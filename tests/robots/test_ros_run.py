@@ -1,5 +1,6 @@
 """`vsnbench run` on a ROS robot, all in processes of their own: to the end, refused, and killed on the way."""
 
+import json
 import signal
 import sqlite3
 import sys
@@ -118,6 +119,16 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
 
         network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--site", "apartment", "--robot", robot)
         network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", robot)
+        compare = network.start(HERE / "nodes" / "compare_with_simulation.py", robot, "7")
+        assert compare.wait(120) == 0, compare.output
+        difference = json.loads(compare.output.splitlines()[-1])
+        assert difference["place_m"] < 0.001
+        assert difference["rgb"] < 0.02
+        assert difference["instances"] < 0.002
+        assert difference["categories"] is True
+        assert difference["depth_m"] < 0.02
+        assert difference["invalid"] < 0.01
+        assert difference["pose"] == pytest.approx([0, 0, 0], abs=1e-6)
         in_process = run(f"simulated:{robot}")
         assert in_process.wait(120) == 0, in_process.output
         over_ros = run(robot)

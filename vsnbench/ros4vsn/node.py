@@ -6,6 +6,7 @@ Imported only where ROS is installed.
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -42,6 +43,8 @@ def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
             f"{full_name} is already running on this robot ({_who(other)}): end it first, or choose another robot"
         )
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
+    # With our logging configuration rospy writes no log file, but it would still make ~/.ros/log.
+    os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
     rospy.init_node(name, argv=[name, *ros_arguments], disable_signals=True)
     return Master(master.uri, caller=full_name)
 
