@@ -31,7 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "runner",
     },
 }
-GROUND = {"errors", "resources"}
+GROUND = {"errors", "plugins", "resources"}
 """Modules beside the rooms that every room may import."""
 
 

@@ -244,3 +244,17 @@ def test_a_site_of_ones_own_is_run_by_its_path(run: Run, tmp_path: Path) -> None
     results = tmp_path / "results"
     assert run("--model", "oracle", "--goal", "bed", "--starts", "3", "--site", path, "--results", results).code == 0
     assert rows(results, "SELECT name FROM site") == [("mine",)]
+
+
+def test_what_is_wrong_with_a_site_of_ones_own_is_said_before_it_is_run(
+    run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    import yaml
+
+    site = load_site("apartment")
+    few = site.model_copy(update={"name": "few", "starts": site.starts[:3]})
+    path = tmp_path / "few.yaml"
+    path.write_text(yaml.safe_dump(few.content()))
+    words = ("--model", "random", "--goal", "bed", "--starts", "1", "--max-steps", "1", "--site", path)
+    assert run(*words, "--results", tmp_path / "results").code == 0
+    assert "site few: warning: 3 starting positions" in caplog.text

@@ -6,6 +6,7 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from vsnbench import plugins
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models import registry
 from vsnbench.models.contract import ModelCard, Policy, SurveyedPolicy
@@ -70,14 +71,14 @@ def test_a_policy_can_be_named_by_its_path(plug_in_module: str) -> None:
 
 def test_a_plug_in_is_known_by_its_entry_point(plug_in_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("statue", f"{plug_in_module}:Statue", registry.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     assert "statue" in registry.known_models()
     assert registry.create_policy("statue").card.name == "statue"
 
 
 def test_a_plug_in_cannot_take_a_built_in_name(plug_in_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("random", f"{plug_in_module}:Statue", registry.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     assert registry.create_policy("random").card.name == "random"
     assert registry.known_models().count("random") == 1
 

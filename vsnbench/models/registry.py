@@ -1,12 +1,11 @@
 """Finds policies by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`."""
 
-import importlib
 import inspect
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.plugins import import_factory, plug_ins
 
 ENTRY_POINT_GROUP = "vsnbench.models"
 
@@ -21,7 +20,7 @@ _BUILT_IN: dict[str, str] = {
 
 def known_models() -> list[str]:
     """Return the names that `create_policy` knows: built-in ones first, then those of plug-ins, sorted."""
-    return [*_BUILT_IN, *sorted(set(_plug_ins()) - set(_BUILT_IN))]
+    return [*_BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(_BUILT_IN))]
 
 
 def create_policy(name: str, **options: Any) -> Policy:
@@ -61,32 +60,14 @@ def locate(name: str) -> tuple[str, Any]:
         UsageError: there is no such model.
         ModelError: it cannot be imported, or is nothing that could make a policy.
     """
-    plug_ins = _plug_ins()
-    if name in _BUILT_IN:
-        where = _BUILT_IN[name]
-    elif name in plug_ins:
-        where = plug_ins[name].value
-    elif ":" in name:
-        where = name
-    else:
+    installed = plug_ins(ENTRY_POINT_GROUP)
+    where = _BUILT_IN.get(name) or installed.get(name) or (name if ":" in name else "")
+    if not where:
         raise UsageError(
             f"no model {name!r}: the known ones are {', '.join(known_models())}; "
             "your own is named as package.module:Class"
         )
-    module_name, _, attribute = where.partition(":")
-    try:
-        found: Any = importlib.import_module(module_name)
-        for part in attribute.split("."):
-            found = getattr(found, part)
-    except Exception as error:  # importing a plug-in runs its code: anything can happen, and it is not our bug
-        raise ModelError(f"model {name}: cannot import {where}: {type(error).__name__}: {error}") from error
-    if not callable(found):
-        raise ModelError(f"model {name}: {where} is neither a class nor a function that makes a policy")
-    return where, found
-
-
-def _plug_ins() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+    return where, import_factory(where, f"model {name}", "a policy", ModelError)
 
 
 def _options_of(factory: Any) -> str:

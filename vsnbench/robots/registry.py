@@ -9,12 +9,11 @@ Names on the command line (`--robot`):
 - `turtlebot2`, `lola2`, `path/to/profile.yaml`: the real robot of that profile over ROS 1, or whoever plays it.
 """
 
-import importlib
 import inspect
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
+from vsnbench.plugins import import_factory, plug_ins
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
@@ -31,7 +30,7 @@ def known_robots() -> list[str]:
     """Return the names that `open_robot` knows: built-in ones first, then those of plug-ins, sorted."""
     profiles = list(embedded_profiles())
     built_in = [_SIMULATED, *(f"{_SIMULATED}:{name}" for name in profiles), *profiles]
-    return [*built_in, *sorted(set(_plug_ins()) - set(built_in))]
+    return [*built_in, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(built_in))]
 
 
 def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: bool = False) -> Robot:
@@ -66,22 +65,14 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
 
 
 def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Robot:
-    plug_ins = _plug_ins()
-    if name not in plug_ins and ":" not in name:
+    installed = plug_ins(ENTRY_POINT_GROUP)
+    where = installed.get(name) or (name if ":" in name else "")
+    if not where:
         raise UsageError(
             f"no robot {name!r}: the known ones are {', '.join(known_robots())}; "
             "your own is named as package.module:Class"
         )
-    where = plug_ins[name].value if name in plug_ins else name
-    module_name, _, attribute = where.partition(":")
-    try:
-        factory: Any = importlib.import_module(module_name)
-        for part in attribute.split("."):
-            factory = getattr(factory, part)
-    except Exception as error:  # importing a plug-in runs its code: anything can happen, and it is not our bug
-        raise RobotError(f"robot {name}: cannot import {where}: {type(error).__name__}: {error}") from error
-    if not callable(factory):
-        raise RobotError(f"robot {name}: {where} is neither a class nor a function that makes a robot")
+    factory = import_factory(where, f"robot {name}", "a robot", RobotError)
     try:
         robot = factory(**_taken(factory, {"site": site, "parameters": parameters}))
     except VsnbenchError:
@@ -103,7 +94,3 @@ def _taken(factory: Any, offered: dict[str, Any]) -> dict[str, Any]:
         return offered
     names = {one.name for one in takes}
     return {name: value for name, value in offered.items() if name in names}
-
-
-def _plug_ins() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}

@@ -15,7 +15,8 @@ from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.registry import create_policy
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.site import Site, embedded_sites, load_site
+from vsnbench.protocol.site_check import check_site
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
@@ -83,6 +84,8 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
+        if request.site not in embedded_sites():
+            _warn_of_site_faults(site, robot, parameters)
         by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
         if by_hand:
             require_operator(robot.profile, unattended=request.unattended)
@@ -153,6 +156,12 @@ def _check_sensors(policy: Policy, robot: Robot) -> None:
             f"have; it has {', '.join(sorted(robot.sensors))}"
             + ("; instances are the simulator's own labels: give the model a real detector's weights" if labels else "")
         )
+
+
+def _warn_of_site_faults(site: Site, robot: Robot, parameters: ProtocolParameters) -> None:
+    """Say what `vsnbench sites check` would say, before an afternoon is spent on it."""
+    for finding in check_site(site, robot.profile.base.radius_m, parameters):
+        logger.warning("site %s: %s: %s", site.name, finding.severity, finding.message)
 
 
 def _progress(
