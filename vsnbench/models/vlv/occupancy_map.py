@@ -105,6 +105,8 @@ class OccupancyMap:
         from vsnbench.models.vlv.map_kernels import carve, project, weigh
 
         settings = self._settings
+        if not np.isfinite(depth_m).any():
+            return
         self._make_room(pose, settings.map_range_m * math.sqrt(2) + abs(camera.mount_forward_m))
         height, width = depth_m.shape
         top_m = settings.obstacle_top_m if settings.obstacle_top_m is not None else camera.mount_height_m
@@ -123,8 +125,7 @@ class OccupancyMap:
         near_m = drop_m / math.tan(half_view_rad) if half_view_rad > 0 else math.inf
         carve(reach_m, lens, mount, where, grid, near_m, crossed)
         weigh(hits, floor, crossed, settings.obstacle_points, self._evidence, self._observed)
-        if np.isfinite(depth_m).any():
-            self._clear_robot(pose)
+        self._clear_robot(pose)
 
     def mark_obstacle(self, x_m: float, y_m: float, robot: Pose) -> None:
         """Mark a point that the robot ran into, for good; never a cell under the robot itself."""
