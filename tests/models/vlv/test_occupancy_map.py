@@ -42,7 +42,7 @@ def wall_ahead(distance_m: float) -> npt.NDArray[np.float32]:
 
 def said_at(grid: OccupancyMap, x_m: float, y_m: float) -> int:
     cell = grid.cell_at(x_m, y_m)
-    return int(grid.cells()[cell.row, cell.column])
+    return int(grid.cells()[cell.row, cell.column]) if grid.holds(cell) else UNKNOWN
 
 
 def test_a_wall_is_occupied_what_lies_before_it_is_free_and_what_lies_behind_it_unknown() -> None:
