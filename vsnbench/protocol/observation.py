@@ -1,7 +1,7 @@
 """What a robot senses before each action, and nothing that a real one could not know."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -51,6 +51,8 @@ class Observation:
     instances: InstanceImage | None = None
     depth_stamp_s: float | None = None
     """When the depth image was taken, where the two are not synchronised."""
+    sensing: Mapping[str, float] = field(default_factory=dict)
+    """How the look came about (frames filtered, seconds waited and computed, skew), for the record."""
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or self.rgb.dtype != np.uint8:

@@ -8,7 +8,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import TracebackType
 from typing import Any, Self
 
@@ -70,6 +70,11 @@ class LookReport:
     """Share of pixels without a measurement in the newest depth image."""
     invalid_after: float
     """The same after the median."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The report by name, for the record; what is not known is left out."""
+        return {name: number for name, number in asdict(self).items() if math.isfinite(number)}
 
 
 class _AlarmError(Exception):
@@ -197,6 +202,7 @@ class RosRobot:
             camera=camera,
             instances=instances,
             depth_stamp_s=look.depths[-1].stamp_s if look.depths else None,
+            sensing=self.last_look.numbers,
         )
 
     def execute(self, action: Action) -> MotionResult:

@@ -8,12 +8,14 @@ its images, and a record that cannot be written stops the robot within one actio
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from vsnbench.database.journal import Journal
 from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.metrics import path_length_m
+from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.runner.diagnostics_record import diagnostics_to_details
@@ -155,7 +157,7 @@ class EpisodeRecorderFanOut:
                 depth_sha256=images.depth_sha256,
                 timings=StepTimings(step.timings.sense_s, step.timings.infer_s, step.timings.move_s),
                 probabilities=decision.diagnostics.probabilities,
-                details=diagnostics_to_details(decision.diagnostics),
+                details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
             ),
         )
         if self._recording:
@@ -179,3 +181,11 @@ class EpisodeRecorderFanOut:
         base, parameters = self._target.robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)
         return space.geodesic_to_goal_m(pose, self._plan.goal, parameters.success_distance_m)
+
+
+def sensing_details(observation: Observation) -> dict[str, Any]:
+    """Return how the look came about as part of a step's `details`; nothing where there is nothing to say."""
+    sensing = dict(observation.sensing)
+    if observation.depth_stamp_s is not None:
+        sensing["depth_stamp_s"] = observation.depth_stamp_s
+    return {"sensing": sensing} if sensing else {}
