@@ -231,8 +231,9 @@ def lose_the_camera(look: int) -> None:
             1,
             "ZeroDivisionError: oh",
         ),
+        (StandInRobot(), [Action.TURN_LEFT, SensorLostError("no labels")], EndReason.SENSOR_LOST, 1, "no labels"),
     ],
-    ids=["sensor", "base gone", "motion refused", "model"],
+    ids=["sensor", "base gone", "motion refused", "model", "policy misses a sensor"],
 )
 def test_a_fault_voids_the_episode_with_its_reason_and_keeps_the_steps_before_it(
     robot: StandInRobot, script: list[Action | Exception], reason: EndReason, steps: int, word: str

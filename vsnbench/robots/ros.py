@@ -164,6 +164,7 @@ class RosRobot:
         self._require_begun()
         began_s = time.monotonic()
         look = self._look()
+        instances = self._labels_of(look.color)  # now: while depth is filtered, newer labels push these out
         got_s = time.monotonic()
         camera = self.profile.camera
         try:
@@ -182,7 +183,6 @@ class RosRobot:
             depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
         except ValueError as error:
             raise SensorLostError(f"{self.profile.ros.depth}: {error}") from error
-        instances = self._labels_of(look.color)
         with self._link.news:
             self._require_fresh_odometry()
             pose = self._link.tracker.relative
