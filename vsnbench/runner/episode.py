@@ -177,6 +177,8 @@ def _policy_error(policy: Policy, where: str, error: BaseException) -> _PolicyEr
 def _act(policy: Policy, observation: Observation) -> Decision:
     try:
         decision = policy.act(observation)
+    except RobotError:  # what a policy finds missing in the robot's sensors is not the policy's own fault
+        raise
     except (Exception, SystemExit) as error:
         raise _policy_error(policy, "act", error) from error
     if not isinstance(decision, Decision) or not isinstance(decision.action, Action):
