@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 FILE_NAME = "vlv_model.torch"
-WITHOUT = "no value network (detector mode: every view's value is 0)"
+WITHOUT = "no value network"
 
 
 class Value(Protocol):

@@ -97,7 +97,7 @@ def success_map(site: Site, one: ConditionSummary) -> Drawing | None:
                 zorder=13,
                 path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
             )
-        axes.set_title(f"{shown(one.condition.title, 60)}: success by starting position", pad=3)
+        axes.set_title(f"{shown(one.condition.title, 48)}\nsuccess by starting position", pad=3)
         never = ", ".join(map(str, one.never_succeeding))
         figure.supxlabel(f"never a success: {never or 'none of them'}; filled part = success rate", fontsize=6)
     return Drawing(

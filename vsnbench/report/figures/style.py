@@ -122,7 +122,7 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     return figure
 
 
-def shown(text: str, most: int = 40) -> str:
+def shown(text: str, most: int = 48) -> str:
     """Return a name as a label: one harmless line of bounded length."""
     words = harmless(text)
     return words if len(words) <= most else f"{words[: most - 1]}…"

@@ -29,8 +29,8 @@ class SimulatedDetector:
     def __init__(self, settings: VLVSettings) -> None:
         """Take recall, precision, range, least area and box error from the settings `simulated_*`."""
         self.name = (
-            f"simulated detector (the simulator's own labels; recall {settings.simulated_recall:g}, "
-            f"precision {settings.simulated_precision:g}, range {settings.simulated_range_m:g} m)"
+            f"simulated detector: recall {settings.simulated_recall:g}, "
+            f"precision {settings.simulated_precision:g}, range {settings.simulated_range_m:g} m"
         )
         self.classes = frozenset(_CLASSES)
         self.sensors = frozenset({Sensor.INSTANCES, Sensor.DEPTH})
