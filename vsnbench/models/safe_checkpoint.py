@@ -87,6 +87,7 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
                         f"{has}; damaged or forged, nothing was loaded"
                     )
     except (zipfile.BadZipFile, struct.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+        # zipfile raises NotImplementedError for a compression it lacks and RuntimeError for an encrypted entry.
         raise ModelError(f"{origin}: truncated or damaged ({error}); download it again") from error
 
 
