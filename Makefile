@@ -16,8 +16,7 @@ setup-test:
 	@scripts/setup.sh test
 
 demo: setup ## Set up and run the main job in the embedded apartment, then report it.
-	$(BIN)/vsnbench run --model oracle --goal all --starts 1-3 --results $(DEMO_RESULTS)
-	$(BIN)/vsnbench run --model random --goal all --starts 1-3 --results $(DEMO_RESULTS)
+	$(BIN)/vsnbench run --model pirlnav --goal chair --results $(DEMO_RESULTS)
 	$(BIN)/vsnbench report --results $(DEMO_RESULTS)
 	@echo
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"

@@ -27,11 +27,11 @@ def main() -> None:
     world = TwinWorld(recipe, seed + 1)
     world_s = time.process_time() - began
     began = time.process_time()
-    shard = demonstrate(world, plan, np.random.default_rng(0))
+    shard = demonstrate(world, plan, np.random.default_rng(0)).shard
     demonstration_s = (time.process_time() - began) / len(shard)
     began = time.process_time()
     few = plan.model_copy(update={"episodes": plan.lanes})
-    driven = demonstrate(world, few, np.random.default_rng(0), NetworkStudent(network, 0))
+    driven = demonstrate(world, few, np.random.default_rng(0), NetworkStudent(network, 0)).shard
     dagger_s = (time.process_time() - began) / len(driven)
 
     images = np.stack([shard.image(k) for k in range(recipe.seeing.batch)])
@@ -60,13 +60,14 @@ def main() -> None:
 
     frames = plan.twins * len(shard)
     dagger_twins = plan.dagger_rounds * plan.dagger_twins
-    dagger_frames = dagger_twins * plan.episodes * len(driven) / few.episodes
+    dagger_frames = dagger_twins * plan.dagger_episodes * len(driven) / few.episodes
+    cloning_updates = sum(recipe.cloning_updates(number) for number in range(plan.dagger_rounds + 1))
     hours = {
         "demonstrations": plan.twins * world_s + frames * demonstration_s,
         "DAgger's episodes": dagger_twins * world_s + dagger_frames * dagger_s,
         "seeing": recipe.seeing.updates * seeing_s,
-        "features": (frames + dagger_frames) * feature_s,
-        "cloning": (plan.dagger_rounds + 1) * recipe.cloning.updates * cloning_s,
+        "features": frames * feature_s,
+        "cloning": cloning_updates * cloning_s,
     }
     print(f"a twin, its light and its experts' map  {world_s:8.2f} s")
     print(f"a frame demonstrated                    {1e3 * demonstration_s:8.2f} ms   ({len(shard)} frames a twin)")

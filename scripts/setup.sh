@@ -4,7 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="" system="" ;;
+    run) extras="[neural]" system="" ;;
     test) extras="[neural,postgresql,bags,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
@@ -30,10 +30,8 @@ if [ ! -x .venv/bin/python ]; then
     "$python" -m venv .venv
 fi
 pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
-if [ "$kind" = test ]; then
-    # First and by itself, so that nothing installed later chooses another build of it.
-    pip torch==2.13.0
-fi
+# First and by itself, so that nothing installed later chooses another build of it.
+pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system
 echo "$fingerprint" > "$stamp"

@@ -139,7 +139,7 @@ def train_cloning(
         network,
         trained,
         plan.learning_rate,
-        plan.updates,
+        recipe.cloning_updates(round_number),
         recipe.save_every_updates,
     )
 

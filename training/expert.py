@@ -1,4 +1,4 @@
-"""The oracle's plan for all poses of a twin at once: the cost to go, solved backwards over the oracle's own lattice.
+"""The way from every pose of a twin at once: the cost to go, solved backwards over the oracle's own lattice.
 
 A demonstration that is knocked off its way, and DAgger, need the expert's answer at every pose; planning anew each time
 would cost more than everything else together. Allowed moves, prices and wanted views are the oracle's.
@@ -12,13 +12,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.goal_views import ViewWish, view_points, wanted_poses
+from vsnbench.models.goal_views import ViewWish, instance_view_points, wanted_poses
 from vsnbench.models.lattice_planner import Clearance, LatticePlanner
 from vsnbench.models.oracle import OracleSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import SiteObject
 
 TICKS: Final = 4
 """Costs are counted in quarters of a move."""
@@ -61,23 +62,21 @@ class Lattice:
         return pose
 
 
-class Expert:
-    """Answers for one goal in one twin what the oracle would do at any pose."""
+class Guide:
+    """Answers at any pose of a twin how to get to the nearest of some wanted poses."""
 
-    def __init__(self, lattice: Lattice, goal: str, eye_height_m: float) -> None:
-        settings = OracleSettings()
-        points = view_points(lattice.space, goal, ViewWish(settings.stop_within_m, eye_height_m))
-        wanted = wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg))
+    def __init__(self, lattice: Lattice, wanted: npt.NDArray[np.bool_]) -> None:
+        """Take the wanted poses, (headings, rows, columns)."""
         self._lattice = lattice
         self.ticks = _solve(wanted, lattice.may_move, lattice.move_ticks, lattice.offsets)
-        """(headings, rows, columns) quarters of a move to the nearest view of the goal, or `UNREACHED`."""
+        """(headings, rows, columns) quarters of a move to a wanted pose, or `UNREACHED`."""
 
-    def knows_way(self, pose: Pose) -> bool:
-        """Whether the goal can be reached from there."""
-        return bool(self.ticks[self._lattice.cell_of(pose)] < UNREACHED)
+    def ticks_from(self, pose: Pose) -> int:
+        """Return the cost from there, or `UNREACHED`."""
+        return int(self.ticks[self._lattice.cell_of(pose)])
 
     def action_at(self, pose: Pose) -> Action | None:
-        """Return the best action; None where no way is known."""
+        """Return the best action, STOP at a wanted pose; None where no way is known."""
         lattice = self._lattice
         k, row, column = lattice.cell_of(pose)
         here = int(self.ticks[k, row, column])
@@ -91,9 +90,25 @@ class Expert:
             Action.TURN_RIGHT: TICKS + int(self.ticks[(k - 1) % headings, row, column]),
         }
         if lattice.may_move[k, row, column]:
-            ahead = lattice.cell_of(lattice.after(pose, Action.MOVE_FORWARD))
-            costs[Action.MOVE_FORWARD] = int(lattice.move_ticks[ahead[1:]]) + int(self.ticks[ahead])
+            # The cell that the solution took it to lead to: where it really leads may be another by rounding, and
+            # with that one's cost a pose could turn left and right for ever.
+            ahead = (row + int(lattice.offsets[k, 0]), column + int(lattice.offsets[k, 1]))
+            costs[Action.MOVE_FORWARD] = int(lattice.move_ticks[ahead]) + int(self.ticks[k, *ahead])
         return min(costs, key=lambda action: costs[action])
+
+
+def guide_to_instance(lattice: Lattice, instance: SiteObject, eye_height_m: float) -> Guide:
+    """Return the way to where the oracle would stop for one instance of a goal."""
+    settings = OracleSettings()
+    points = instance_view_points(lattice.space, instance, ViewWish(settings.stop_within_m, eye_height_m))
+    return Guide(lattice, wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg)))
+
+
+def guide_to_place(lattice: Lattice, row: int, column: int, within_m: float) -> Guide:
+    """Return the way to about a cell of the free space, facing anywhere."""
+    space = lattice.space
+    here = np.hypot(space.x_m - space.x_m[row, column], space.y_m - space.y_m[row, column]) <= within_m
+    return Guide(lattice, np.repeat((space.cells & here)[None], lattice.planner.headings, axis=0))
 
 
 def _compiled(function: F) -> F:

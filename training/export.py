@@ -6,9 +6,8 @@ from pathlib import Path
 import torch
 
 from training.whole_files import write_whole
+from vsnbench.models.pirlnav.checkpoint import DEMONSTRATION_TRAINER
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
-
-TRAINER = "vsnbench-demonstrations"
 
 
 def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
@@ -19,7 +18,7 @@ def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
     """
     sizes = network.architecture
     config = {
-        "TRAINER_NAME": TRAINER,
+        "TRAINER_NAME": DEMONSTRATION_TRAINER,
         "POLICY": {
             "RGB_ENCODER": {
                 "backbone": sizes.backbone,
@@ -37,7 +36,7 @@ def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
         },
     }
     weights = OrderedDict(
-        (f"actor_critic.{name}", weight.to(torch.float16)) for name, weight in network.state_dict().items()
+        (f"actor_critic.{name}", weight.to(torch.float16).contiguous()) for name, weight in network.state_dict().items()
     )
     content = {"state_dict": weights, "config": config, "extra_state": {"step": frames}}
     write_whole(path, lambda file: torch.save(content, file))

@@ -35,6 +35,9 @@ def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
     with torch.no_grad():
         head = network.action_distribution.get_parameter("linear.bias")
         head[len(INDEX) :] = -4.0
+    for weight in network.net.visual_encoder.parameters():  # faster on processors in this layout
+        if weight.ndim == 4:
+            weight.data = weight.data.contiguous(memory_format=torch.channels_last)
     return network
 
 
@@ -114,14 +117,15 @@ class NetworkStudent:
         self._memory: dict[int, Tensor] = {}
 
     @torch.no_grad()
-    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> list[Action]:
-        """Return an action for each lane."""
+    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> tuple[list[Action], npt.NDArray[np.float16]]:
+        """Return an action for each lane, and the features of each view."""
         sizes = self._network.architecture
         empty = torch.zeros(sizes.recurrent_layers, sizes.hidden_size)
         hidden = torch.stack([self._memory.get(id(lane), empty) if lane.steps else empty for lane in lanes], dim=1)
+        features = compressed(self._network, np.stack([view.rgb for view in views]))
         logits, hidden = recall(
             self._network,
-            compressed(self._network, np.stack([view.rgb for view in views]))[None],
+            features[None],
             torch.tensor([[lane.gps_m for lane in lanes]], dtype=torch.float32),
             torch.tensor([[lane.compass_rad for lane in lanes]], dtype=torch.float32),
             torch.tensor([[GOALS[lane.goal] for lane in lanes]]),
@@ -134,7 +138,7 @@ class NetworkStudent:
         shares = torch.softmax(logits[0, :, : len(INDEX)], dim=-1)
         drawn = torch.multinomial(shares, 1, generator=self._random)[:, 0].tolist()
         actions = list(INDEX)
-        return [actions[number] for number in drawn]
+        return [actions[number] for number in drawn], features.numpy().astype(np.float16)
 
 
 def learning_rate(peak: float, update: int, updates: int) -> float:

@@ -40,11 +40,12 @@ class NetworkSizes(_Strict):
 class Demonstrations(_Strict):
     """How the data of one round is made; a shard is one twin seen with one camera."""
 
-    twins: Count = Field(default=400, description="shards of the first round")
-    dagger_twins: int = Field(default=120, ge=0, description="shards of every later round")
+    twins: Count = Field(default=220, description="shards of the first round")
+    dagger_twins: int = Field(default=110, ge=0, description="shards of every later round")
     dagger_rounds: int = Field(default=2, ge=0)
-    episodes: Count = Field(default=48, description="per shard")
-    lanes: Count = Field(default=16, description="episodes of a shard that are driven side by side")
+    episodes: Count = Field(default=24, description="per shard of the first round")
+    dagger_episodes: Count = Field(default=24, description="per shard of a later round")
+    lanes: Count = Field(default=24, description="episodes of a shard that are driven side by side")
     max_actions: Count = 150
     perturbed_share: float = Field(default=0.06, ge=0, le=1, description="chance per step to begin random actions")
     perturbed_actions: Count = Field(default=4, description="at most this many random actions in a row")
@@ -63,7 +64,7 @@ class Demonstrations(_Strict):
 class Seeing(_Strict):
     """Training of the image encoder on single frames: what is in view, how near, and how far the way is free."""
 
-    updates: Count = 10000
+    updates: Count = 5000
     batch: Count = 64
     learning_rate: float = Field(default=1e-3, gt=0)
 
@@ -71,7 +72,8 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: Count = 5000
+    updates: Count = Field(default=2000, description="of every round but the last")
+    last_updates: Count = Field(default=3500, description="of the last round")
     lanes: Count = 32
     steps: Count = Field(default=48, description="between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)
@@ -82,7 +84,7 @@ class Cloning(_Strict):
 class Validation(_Strict):
     """Episodes on twins that are never trained on, driven without physics."""
 
-    twins: Count = 4
+    twins: Count = 3
     episodes: Count = 24
     every_updates: Count = 1000
 
@@ -104,6 +106,16 @@ class Recipe(_Strict):
     def sha256(self) -> str:
         """Hash of the content."""
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+    def demonstrations_of(self, round_number: int) -> Demonstrations:
+        """Return how a shard of that round is made."""
+        plan = self.demonstrations
+        return plan if round_number == 0 else plan.model_copy(update={"episodes": plan.dagger_episodes})
+
+    def cloning_updates(self, round_number: int) -> int:
+        """Return how long that round's cloning goes on."""
+        plan = self.cloning
+        return plan.last_updates if round_number == self.demonstrations.dagger_rounds else plan.updates
 
     def training_seeds(self, round_number: int) -> range:
         """Return the twins of a round; no two rounds share one, and none is validated or tested on."""

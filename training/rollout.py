@@ -1,4 +1,4 @@
-"""Drives episodes side by side in a twin and keeps every step: the perturbed oracle, or a student (DAgger)."""
+"""Drives episodes side by side in a twin and keeps every step: the perturbed demonstrator, or a student (DAgger)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -47,47 +47,67 @@ class Lane:
 class Student(Protocol):
     """A policy that acts for several lanes at once and remembers each."""
 
-    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> list[Action]:
-        """Return an action for each lane; a lane whose `steps` is 0 begins an episode."""
+    def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> tuple[list[Action], npt.NDArray[np.float16]]:
+        """Return an action for each lane, and (lanes, F) features of what it saw.
+
+        A lane whose `steps` is 0 begins an episode.
+        """
         ...
+
+
+_Row = tuple[npt.NDArray[np.uint8], npt.NDArray[np.float16], tuple[float, float], float, int, int, int, bool]
 
 
 @dataclass(slots=True)
 class _Steps:
-    """The columns of a shard, for one lane."""
+    """The columns of a shard, for one lane, and what the student saw in its images."""
 
-    rows: list[
-        tuple[npt.NDArray[np.uint8], npt.NDArray[np.float16], tuple[float, float], float, int, int, int, bool]
-    ] = field(default_factory=list)
+    rows: list[_Row] = field(default_factory=list)
+    features: list[npt.NDArray[np.float16]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Demonstration:
+    """What one twin gave."""
+
+    shard: Shard
+    features: npt.NDArray[np.float16] | None
+    """(N, F) when a student drove; its shard then holds no images."""
 
 
 def demonstrate(
     world: TwinWorld, plan: Demonstrations, rng: np.random.Generator, student: Student | None = None
-) -> Shard:
-    """Drive `plan.episodes` episodes and label every step with the oracle's action."""
+) -> Demonstration:
+    """Drive `plan.episodes` episodes and label every step with the demonstrator's action."""
     kept: list[_Steps] = []
     goals = list(GOALS)
     for first in range(0, plan.episodes, plan.lanes):
         wave = [goals[(first + k) % len(goals)] for k in range(min(plan.lanes, plan.episodes - first))]
         starts = [world.draw_start(goal, rng) for goal in wave]
         lanes = [Lane(goal, start, start) for goal, start in zip(wave, starts, strict=True)]
+        searches = [world.search(goal) for goal in wave]
         steps = [_Steps() for _ in lanes]
         while not all(lane.stopped for lane in lanes):
             active = [k for k, lane in enumerate(lanes) if not lane.stopped]
             views = {k: world.look(lanes[k].pose) for k in active}
-            expert = {k: world.expert(lanes[k].goal).action_at(lanes[k].pose) for k in active}
             chosen: dict[int, Action] = {}
             if student is not None:
-                answers = student.choose([lanes[k] for k in active], [views[k] for k in active])
+                answers, features = student.choose([lanes[k] for k in active], [views[k] for k in active])
                 chosen = dict(zip(active, answers, strict=True))
+                for k, row in zip(active, features, strict=True):
+                    steps[k].features.append(row)
             for k in active:
-                _keep(steps[k], lanes[k], views[k], expert[k], plan.jpeg_quality)
-                wish = expert[k]
-                if student is not None and (wish is None or rng.random() >= plan.expert_share):
+                searches[k].look(lanes[k].pose, views[k].in_view)
+                expert = searches[k].action_at(lanes[k].pose)
+                image = encode(views[k].rgb, plan.jpeg_quality) if student is None else np.zeros(0, np.uint8)
+                _keep(steps[k], lanes[k], image, views[k], expert)
+                wish = expert
+                if student is not None and (expert is None or rng.random() >= plan.expert_share):
                     wish = chosen[k]
-                _advance(world, plan, lanes[k], expert[k], wish, rng)
+                _advance(world, plan, lanes[k], expert, wish, rng)
         kept += steps
-    return _shard(kept)
+    rows = [row for steps in kept for row in steps.features]
+    return Demonstration(_shard(kept), np.stack(rows) if rows else None)
 
 
 def _advance(
@@ -99,10 +119,10 @@ def _advance(
     rng: np.random.Generator,
 ) -> None:
     """Carry out the wish, now and then a random move instead; a wrong STOP is not carried out."""
-    if expert is Action.STOP:
+    if expert is Action.STOP and wish is Action.STOP:
         lane.stopped = True
         return
-    action = expert if wish is None or wish is Action.STOP else wish
+    action = expert if wish is Action.STOP else wish
     if lane.perturbed_left == 0 and rng.random() < plan.perturbed_share:
         lane.perturbed_left = int(rng.integers(1, plan.perturbed_actions + 1))
     at_random = lane.perturbed_left > 0 or action is None
@@ -118,11 +138,11 @@ def move(world: TwinWorld, lane: Lane, action: Action) -> None:
     lane.steps += 1
 
 
-def _keep(steps: _Steps, lane: Lane, view: View, expert: Action | None, quality: int) -> None:
+def _keep(steps: _Steps, lane: Lane, image: npt.NDArray[np.uint8], view: View, expert: Action | None) -> None:
     label = UNLABELLED if expert is None else INDEX[expert]
     steps.rows.append(
         (
-            encode(view.rgb, quality),
+            image,
             view.labels,
             lane.gps_m,
             lane.compass_rad,
@@ -174,7 +194,7 @@ def evaluate(world: TwinWorld, episodes: int, student: Student, rng: np.random.G
     lanes = [Lane(goal, start, start) for goal, start in zip(wave, starts, strict=True)]
     successes = stops = 0
     while active := [lane for lane in lanes if not lane.stopped]:
-        answers = student.choose(active, [world.look(lane.pose) for lane in active])
+        answers, _ = student.choose(active, [world.look(lane.pose) for lane in active])
         for lane, action in zip(active, answers, strict=True):
             if action is Action.STOP:
                 lane.stopped, lane.steps = True, lane.steps + 1

@@ -2,9 +2,11 @@
 
 import json
 import logging
+import os
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from training.export import write_checkpoint
 from training.networks import NetworkStudent, new_network
 from training.recipe import Recipe
 from training.rollout import Student, demonstrate, evaluate
-from training.seeing import store_features, train_seeing
+from training.seeing import store_features, train_seeing, write_features
 from training.shards import read_shard, write_shard
 from training.stage import Row
 from training.twin_world import TwinWorld
@@ -55,7 +57,7 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
         if number == 0:
             rows += train_seeing(recipe, network, made, output)
         for path in made:
-            features.append(output / "features" / f"round-{number}" / f"{path.stem}.npy")
+            features.append(_features_of(path))
             store_features(network, path, features[-1])
         shards += made
         rows += train_cloning(
@@ -85,7 +87,7 @@ def _claim(recipe: Recipe, output: Path) -> None:
 
 
 def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path | None) -> int:
-    """Drive one twin's episodes and write its shard; return its steps."""
+    """Drive one twin's episodes and write its shard, after the features that a student saw; return its steps."""
     torch.set_num_threads(1)
     world = TwinWorld(recipe, seed)
     driver: Student | None = None
@@ -93,7 +95,8 @@ def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path
         network = new_network(recipe.network.architecture, recipe.seed)
         network.load_state_dict(torch.load(student, map_location="cpu", weights_only=True)["model"])
         driver = NetworkStudent(network, seed)
-    shard = demonstrate(world, recipe.demonstrations, np.random.default_rng([recipe.seed, seed, 1]), driver)
+    plan = recipe.demonstrations_of(number)
+    given = demonstrate(world, plan, np.random.default_rng([recipe.seed, seed, 1]), driver)
     provenance = {
         "recipe": recipe.sha256,
         "round": number,
@@ -101,8 +104,15 @@ def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path
         "site": world.site.sha256,
         "camera": world.camera.model_dump(mode="json"),
     }
-    write_shard(path, shard, provenance)
-    return len(shard)
+    if given.features is not None:
+        write_features(_features_of(path), given.features)
+    write_shard(path, given.shard, provenance)
+    return len(given.shard)
+
+
+def _features_of(shard: Path) -> Path:
+    """Return where the features of a shard's frames lie."""
+    return shard.parents[2] / "features" / shard.parent.name / f"{shard.stem}.npy"
 
 
 def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, student: Path | None) -> list[Path]:
@@ -117,13 +127,25 @@ def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, stu
             steps += make_shard(recipe, number, seed, path, student)
             _report(number, done, len(missing), steps, began)
     elif missing:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(workers, get_context("spawn"), _end_with_parent) as pool:
             jobs = [pool.submit(make_shard, recipe, number, seed, path, student) for seed, path in missing]
             for done, job in enumerate(jobs, start=1):
                 steps += job.result()
                 _report(number, done, len(missing), steps, began)
     torch.set_num_threads(threads)
     return paths
+
+
+def _end_with_parent() -> None:
+    """Let a worker end when the run is killed, in place of waiting for work for ever."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _report(number: int, done: int, of: int, steps: int, began: float) -> None:

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
 from training.networks import Describer, compressed
 from training.recipe import Recipe
-from training.shards import Shard, read_shard
+from training.shards import Shard, mirrored, read_shard
 from training.stage import Row, Stage
 from training.whole_files import write_whole
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
@@ -60,7 +61,7 @@ def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path]
 
     def step(stage: Stage) -> Tensor:
         rng = np.random.default_rng([recipe.seed, 1, stage.update])
-        images, labels = _frames(training, plan.batch, rng)
+        images, labels = _frames(training, plan.batch, rng, mirrored_share=0.5)
         return _error(eye.describe(images), labels)
 
     def examine(_stage: Stage) -> Row:
@@ -82,17 +83,31 @@ def store_features(network: PIRLNavNetwork, shard: Path, features: Path) -> None
         for first in range(0, len(frames), _BATCH):
             batch = np.stack([frames.image(k) for k in range(first, min(first + _BATCH, len(frames)))])
             rows.append(compressed(network, batch).numpy().astype(np.float16))
-    write_whole(features, lambda file: np.save(file, np.concatenate(rows)))
+    write_features(features, np.concatenate(rows))
 
 
-def _frames(shards: Sequence[Shard], count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """Return `count` random frames and their labels."""
+def write_features(path: Path, features: npt.NDArray[np.float16]) -> None:
+    """Write (N, F) features whole or not at all.
+
+    Raises:
+        TrainingError: the disk is full or cannot be written.
+    """
+    write_whole(path, lambda file: np.save(file, features))
+
+
+def _frames(
+    shards: Sequence[Shard], count: int, rng: np.random.Generator, mirrored_share: float = 0.0
+) -> tuple[Tensor, Tensor]:
+    """Return `count` random frames and their labels, some of them mirrored."""
     images, labels = [], []
     for _ in range(count):
         shard = shards[int(rng.integers(len(shards)))]
         k = int(rng.integers(len(shard)))
-        images.append(shard.image(k))
-        labels.append(shard.views[k].astype(np.float32))
+        image, label = shard.image(k), shard.views[k].astype(np.float32)
+        if rng.random() < mirrored_share:
+            image, label = mirrored(image, label)
+        images.append(image)
+        labels.append(label)
     return torch.from_numpy(np.stack(images)), torch.from_numpy(np.stack(labels))
 
 

@@ -15,7 +15,9 @@ from vsnbench.models.pirlnav.policy import GOALS
 
 BANDS: Final = 6
 """Vertical strips of the depth image in which the free way is measured."""
-LABELS: Final = 2 * len(GOALS) + BANDS
+STRIPS: Final = 5
+"""Vertical strips of the picture in which the goals are looked for."""
+LABELS: Final = (STRIPS + 1) * len(GOALS) + BANDS
 UNLABELLED: Final = -1
 
 
@@ -28,8 +30,8 @@ class Shard:
     ends: npt.NDArray[np.int64]
     """(N,) where each of them ends."""
     views: npt.NDArray[np.float16]
-    """(N, LABELS): share of the image of each goal (square root), nearness of each (1 / (1 + metres), 0 unseen), and
-    nearness of what is ahead in each band."""
+    """(N, LABELS): for each goal the share (square root) that it takes of each strip, left to right; nearness of each
+    goal (1 / (1 + metres), 0 unseen); and nearness of what is ahead in each band."""
     gps_m: npt.NDArray[np.float32]
     """(N, 2) forward and right of the episode's start."""
     compass_rad: npt.NDArray[np.float32]
@@ -56,6 +58,16 @@ class Shard:
     def inflections(self) -> npt.NDArray[np.bool_]:
         """(N,) whether the oracle's action differs from the action before; a first step counts."""
         return np.asarray(self.previous != self.expert.astype(np.int64) + 1, np.bool_)
+
+
+def mirrored(
+    image: npt.NDArray[np.uint8], labels: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Return a picture (S, S, 3) and its labels as a mirror shows them."""
+    goals = len(GOALS)
+    shares, near, ahead = np.split(labels, [STRIPS * goals, (STRIPS + 1) * goals])
+    turned = shares.reshape(goals, STRIPS)[:, ::-1].ravel()
+    return image[:, ::-1], np.concatenate([turned, near, ahead[::-1]])
 
 
 def encode(rgb: npt.NDArray[np.uint8], quality: int) -> npt.NDArray[np.uint8]:

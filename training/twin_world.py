@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from training.expert import UNREACHED, Expert, Lattice
+from training.expert import UNREACHED, Lattice
+from training.explorer import Search, Survey
 from training.recipe import Recipe
-from training.shards import BANDS
+from training.shards import BANDS, STRIPS
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.free_space import free_space
@@ -30,6 +31,8 @@ class View:
     rgb: npt.NDArray[np.uint8]
     labels: npt.NDArray[np.float16]
     """(LABELS,), see `Shard.views`."""
+    in_view: frozenset[int]
+    """Places in the site's list of the things that take enough of the picture to be recognised."""
 
 
 class TwinWorld:
@@ -45,30 +48,39 @@ class TwinWorld:
         self._space = free_space(self.site, profile.base.radius_m)
         rng = np.random.default_rng([recipe.seed, seed, 0])
         self.lattice = Lattice(self._space, float(rng.uniform(-math.pi, math.pi)))
-        self._experts: dict[str, Expert] = {}
+        self._survey = Survey(self.lattice, self.camera.mount_height_m)
         self._starts: dict[str, npt.NDArray[np.int32]] = {}
         # The picture is the centre of the camera's, as the network's own preprocessing cuts it.
         self._focal_px = self.camera.focal_px * self.size_px / min(self.camera.width, self.camera.height)
 
-    def expert(self, goal: str) -> Expert:
-        """Return the oracle for a goal."""
-        if goal not in self._experts:
-            self._experts[goal] = Expert(self.lattice, goal, self.camera.mount_height_m)
-        return self._experts[goal]
+        self._half_view_rad = _SURELY_IN_VIEW * math.atan(self.size_px / 2 / self._focal_px)
+        strip = np.arange(self.size_px) * STRIPS // self.size_px
+        self._strip_of_pixel = np.broadcast_to(strip, (self.size_px, self.size_px)).ravel()
+
+    def search(self, goal: str) -> Search:
+        """Return the demonstrator at the start of an episode."""
+        return Search(self._survey, self._instances(goal), self._half_view_rad)
+
+    def _instances(self, goal: str) -> frozenset[int]:
+        return frozenset(number for number, thing in enumerate(self.site.objects) if thing.category == goal)
 
     def draw_start(self, goal: str, rng: np.random.Generator) -> Pose:
         """Return a free pose from which the goal can be reached and is not yet."""
-        expert, space = self.expert(goal), self._space
+        space = self._space
         if goal not in self._starts:
-            self._starts[goal] = np.flatnonzero((expert.ticks > 0) & (expert.ticks < UNREACHED)).astype(np.int32)
+            guides = [self._survey.guide_to_thing(number) for number in sorted(self._instances(goal))]
+            ticks = np.minimum.reduce([guide.ticks for guide in guides])
+            self._starts[goal] = np.flatnonzero((ticks > 0) & (ticks < UNREACHED)).astype(np.int32)
         drawn = int(rng.choice(self._starts[goal]))
-        k, row, column = (int(part) for part in np.unravel_index(drawn, expert.ticks.shape))
+        k, row, column = (int(part) for part in np.unravel_index(drawn, self.lattice.may_move.shape))
         return Pose(float(space.x_m[row, column]), float(space.y_m[row, column]), self.lattice.planner.heading_rad(k))
 
     def look(self, pose: Pose) -> View:
         """Return the picture from a pose."""
         frame = self._renderer.render_from(eye_of(self.camera, pose), self.size_px, self.size_px, self._focal_px)
-        return View(self._light.apply(frame.rgb), self._labels(frame.instance, frame.depth_m))
+        pixels = np.bincount(frame.instance.ravel(), minlength=len(self.site.objects) + 1)[1:]
+        in_view = frozenset(np.flatnonzero(pixels >= _SHOWN_SHARE * frame.instance.size).tolist())
+        return View(self._light.apply(frame.rgb), self._labels(frame.instance, frame.depth_m), in_view)
 
     def goal_distance_m(self, goal: str, pose: Pose) -> float:
         """Return the distance to the nearest instance's footprint."""
@@ -85,13 +97,22 @@ class TwinWorld:
 
     def _labels(self, instance: npt.NDArray[np.int32], depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
         goal = self._goal_of[instance]
-        share = np.bincount(goal.ravel(), minlength=len(GOALS) + 1)[1:] / goal.size
+        kinds = len(GOALS) + 1
+        counts = np.bincount(goal.ravel() + kinds * self._strip_of_pixel, minlength=kinds * STRIPS)
+        shares = counts.reshape(STRIPS, kinds).T[1:] * (STRIPS / goal.size)
+        share = shares.mean(axis=1)
         near = np.zeros(len(GOALS))
         for number in np.flatnonzero(share > 0.002):
             near[number] = 1 / (1 + _low(depth_m[goal == number + 1], 0.1))
         middle = depth_m[depth_m.shape[0] // 3 :]
         ahead = [1 / (1 + _low(band.ravel(), 0.05)) for band in np.array_split(middle, BANDS, axis=1)]
-        return np.concatenate([np.sqrt(share), near, ahead]).astype(np.float16)
+        return np.concatenate([np.sqrt(shares).ravel(), near, ahead]).astype(np.float16)
+
+
+_SHOWN_SHARE = 0.005
+"""Of the picture: a thing that takes this much of it has been found."""
+_SURELY_IN_VIEW = 0.85
+"""Of half the field of view: what is no farther off the middle counts as looked at."""
 
 
 def _low(depth_m: npt.NDArray[np.float32], share: float) -> float:

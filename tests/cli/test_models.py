@@ -107,7 +107,7 @@ def test_fetched_weights_are_found_by_the_check(
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["models", "check", "pirlnav"], 1, "pirlnav needs weights"),
+        (["models", "check", "vlv", "--weights", "embedded"], 1, "vlv has no embedded weights"),
         (["models", "check", "pirlnav", "--weights", "/nowhere.ckpt"], 1, "no weights at /nowhere.ckpt"),
         (["models", "check", "random"], 2, "has no weights to check"),
         (["models", "show", "pirlnaf"], 2, "no model 'pirlnaf'"),

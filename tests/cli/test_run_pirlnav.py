@@ -10,6 +10,10 @@ import pytest
 import torch
 
 from tests.cli.console import Answer, vsnbench
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import Site
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.simulated import SimulatedRobot
 
 Run = Callable[..., Answer]
 
@@ -79,3 +83,42 @@ def test_what_it_cannot_do_is_said_before_anything_moves(
     assert answer.out == ""
     assert answer.err.count("\n") == 1
     assert not results.exists()
+
+
+class SimulatedAsReal(SimulatedRobot):
+    """Stands for a real robot: nothing else about it is needed here."""
+
+    simulated = False
+
+    def __init__(self, site: Site, parameters: ProtocolParameters) -> None:
+        super().__init__(site, load_profile("turtlebot2"), parameters)
+
+
+def test_a_real_robot_is_not_driven_by_weights_that_nobody_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path / "none"))
+    results = tmp_path / "results"
+    words = ("run", "--model", "pirlnav", "--device", "cpu", "--goal", "chair", "--starts", "1", "--max-steps", "2")
+    robot = ("--robot", f"{__name__}:SimulatedAsReal", "--results", str(results))
+    refused = run(*words, *robot)
+    assert refused.code == 2
+    assert "is real" in refused.err
+    assert "embedded demonstration weights" in refused.err
+    assert "--weights embedded" in refused.err
+    assert not results.exists()
+    by_name = run(*words, *robot, "--weights", "embedded")
+    assert by_name.code == 0, by_name.err
+
+
+def test_in_simulation_the_embedded_weights_run_and_are_called_that_everywhere(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path / "none"))
+    results = ("--results", str(tmp_path / "results"))
+    label = "embedded demonstration weights"
+    ran = run("run", "--model", "pirlnav", "--goal", "chair", "--starts", "1", "--max-steps", "2", *results)
+    assert ran.code == 0, ran.err
+    assert label in ran.err + ran.out
+    for words in (("report", "--format", "markdown"), ("episodes", "show", "1")):
+        assert label in " ".join(run(*words, *results).out.split())

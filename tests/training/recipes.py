@@ -17,11 +17,12 @@ TINY = Recipe.model_validate(
             "dagger_twins": 1,
             "dagger_rounds": 1,
             "episodes": 4,
+            "dagger_episodes": 4,
             "lanes": 4,
             "max_actions": 30,
         },
         "seeing": {"updates": 4, "batch": 4},
-        "cloning": {"updates": 12, "lanes": 2, "steps": 8},
+        "cloning": {"updates": 12, "last_updates": 12, "lanes": 2, "steps": 8},
         "validation": {"twins": 1, "episodes": 2, "every_updates": 1000},
         "save_every_updates": 2,
     }

@@ -11,7 +11,7 @@ from training.cloning import Episodes, Lanes
 from training.export import write_checkpoint
 from training.networks import compressed, learning_rate, new_network, recall
 from training.recipe import Recipe, load_recipe
-from training.shards import Shard, inflection_weight, write_shard
+from training.shards import LABELS, Shard, inflection_weight, write_shard
 from vsnbench.errors import UsageError
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.simulator.twins.splits import SEEDS, Split
@@ -64,7 +64,7 @@ def synthetic(rng: np.random.Generator, lengths: list[int]) -> Shard:
     return Shard(
         images=np.zeros(count, np.uint8),
         ends=np.arange(1, count + 1),
-        views=np.zeros((count, 18), np.float16),
+        views=np.zeros((count, LABELS), np.float16),
         gps_m=rng.normal(size=(count, 2)).astype(np.float32),
         compass_rad=np.arange(count, dtype=np.float32),
         goals=np.zeros(count, np.uint8),

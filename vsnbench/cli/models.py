@@ -92,7 +92,8 @@ def show(name: ModelName, as_json: Json = False) -> None:
 def check(
     name: ModelName,
     weights: Annotated[
-        Path | None, typer.Option("--weights", "-w", help="The checkpoint; else $VSNBENCH_WEIGHTS is searched.")
+        Path | None,
+        typer.Option("--weights", "-w", help="The checkpoint, or 'embedded'; else $VSNBENCH_WEIGHTS is searched."),
     ] = None,
     model_config: Annotated[Path | None, typer.Option("--model-config", help="YAML of the model's settings.")] = None,
     device: Annotated[str, typer.Option("--device", help="auto, cpu, cuda or mps.")] = "auto",
@@ -173,13 +174,15 @@ def _goals(model: "ModelDescription") -> str:
 
 
 def _weights_state(model: "ModelDescription") -> str:
-    from vsnbench.models.weights import weights_directory
+    from vsnbench.models.weights import embedded_weights, weights_directory
 
     if not model.weights_file:
         return "needs none"
-    return (
-        "[green]found[/green]" if (weights_directory() / model.weights_file).is_file() else "[yellow]not here[/yellow]"
-    )
+    if (weights_directory() / model.weights_file).is_file():
+        return "[green]found[/green]"
+    if embedded_weights(model.weights_file) is not None:
+        return "[green]embedded[/green], for demonstration"
+    return "[yellow]not here[/yellow]"
 
 
 def _settings_of(model: "ModelDescription") -> list[tuple[str, str, str]]:

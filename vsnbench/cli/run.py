@@ -63,7 +63,10 @@ def command(
         bool, typer.Option("--noise", help="noisy depth and odometry in simulation", rich_help_panel=_HOW)
     ] = False,
     weights: Annotated[
-        Path | None, typer.Option("--weights", help="file of the model's weights", rich_help_panel=_MODEL)
+        Path | None,
+        typer.Option(
+            "--weights", help="file of the model's weights, or 'embedded' for those inside", rich_help_panel=_MODEL
+        ),
     ] = None,
     model_config: Annotated[
         Path | None, typer.Option("--model-config", help="YAML file of the model's settings", rich_help_panel=_MODEL)

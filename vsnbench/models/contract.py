@@ -26,6 +26,8 @@ class ModelCard:
     """What the weights are, in words, for every table that shows the model."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """JSON-serialisable configuration that was used."""
+    stand_in: bool = False
+    """Nobody named these weights: they only stand in for the model's own, and must not drive a real robot."""
 
 
 @runtime_checkable

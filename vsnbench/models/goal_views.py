@@ -35,18 +35,7 @@ class ViewPoints:
 
 def view_points(space: FreeSpace, goal: str, wish: ViewWish) -> ViewPoints:
     """Return from where instances of `goal` are as near and as visible as `wish` asks for."""
-    found = []
-    for instance in space.site.instances(goal):
-        rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < wish.within_m))
-        if wish.in_sight and rows.size:
-            sight = shapely.shortest_line(space.points[rows, columns], instance.shape)
-            screens = _screens(space.site, instance, wish.eye_height_m)
-            shapely.prepare(screens)
-            hidden = shapely.intersects(screens, sight)
-            rows, columns = rows[~hidden], columns[~hidden]
-        middle = instance.shape.centroid
-        bearing = np.arctan2(middle.y - space.y_m[rows, columns], middle.x - space.x_m[rows, columns])
-        found.append(ViewPoints(rows, columns, bearing))
+    found = [instance_view_points(space, instance, wish) for instance in space.site.instances(goal)]
     if not found:
         return ViewPoints(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
     return ViewPoints(
@@ -54,6 +43,20 @@ def view_points(space: FreeSpace, goal: str, wish: ViewWish) -> ViewPoints:
         np.concatenate([each.columns for each in found]),
         np.concatenate([each.bearing_rad for each in found]),
     )
+
+
+def instance_view_points(space: FreeSpace, instance: SiteObject, wish: ViewWish) -> ViewPoints:
+    """Return from where one instance is as near and as visible as `wish` asks for."""
+    rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < wish.within_m))
+    if wish.in_sight and rows.size:
+        sight = shapely.shortest_line(space.points[rows, columns], instance.shape)
+        screens = _screens(space.site, instance, wish.eye_height_m)
+        shapely.prepare(screens)
+        hidden = shapely.intersects(screens, sight)
+        rows, columns = rows[~hidden], columns[~hidden]
+    middle = instance.shape.centroid
+    bearing = np.arctan2(middle.y - space.y_m[rows, columns], middle.x - space.x_m[rows, columns])
+    return ViewPoints(rows, columns, bearing)
 
 
 def wanted_poses(space: FreeSpace, planner: LatticePlanner, points: ViewPoints, half_view_rad: float) -> BoolGrid:

@@ -1,12 +1,15 @@
-"""Where a model's weights are found: named on the command line, or in the directory of weights."""
+"""Where a model's weights are found: named on the command line, in the directory of weights, or embedded here."""
 
 import hashlib
 import os
 from pathlib import Path
 
 from vsnbench.errors import ModelError
+from vsnbench.resources import resource_directory
 
 WEIGHTS_VARIABLE = "VSNBENCH_WEIGHTS"
+EMBEDDED = "embedded"
+"""Given in place of a file, it names the weights that travel with vsnbench."""
 
 
 def weights_directory() -> Path:
@@ -18,28 +21,42 @@ def weights_directory() -> Path:
     return Path(data).expanduser() / "vsnbench" / "weights"
 
 
+def embedded_weights(file_name: str) -> Path | None:
+    """Return the weights of that name that travel with vsnbench; None when there are none."""
+    path = resource_directory("weights") / file_name
+    return path if path.is_file() else None
+
+
 def find_weights(model: str, file_name: str, given: Path | None) -> Path:
     """Return the file that holds a model's weights.
 
     Args:
         model: the model's name, for the message.
         file_name: what the file is called in the directory of weights, e.g. `pirlnav.ckpt`.
-        given: the file the user named, if any.
+        given: the file the user named, or `embedded`; None takes the file in the directory of weights, else the
+            embedded one.
 
     Raises:
         ModelError: there is no such file; the message says every way to name one.
     """
+    embedded = embedded_weights(file_name)
+    if given == Path(EMBEDDED):
+        if embedded is None:
+            raise ModelError(f"{model} has no embedded weights: name a file with --weights FILE")
+        return embedded
     if given is not None:
         if not given.is_file():
             raise ModelError(f"no weights at {given}")
         return given
     path = weights_directory() / file_name
-    if not path.is_file():
-        raise ModelError(
-            f"{model} needs weights: name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
-            f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`"
-        )
-    return path
+    if path.is_file():
+        return path
+    if embedded is not None:
+        return embedded
+    raise ModelError(
+        f"{model} needs weights: name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
+        f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`"
+    )
 
 
 def file_sha256(path: Path) -> str:

@@ -84,6 +84,7 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
+        _check_weights(policy, robot)
         if request.site not in embedded_sites():
             _warn_of_site_faults(site, robot, parameters)
         by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
@@ -155,6 +156,14 @@ def _check_sensors(policy: Policy, robot: Robot) -> None:
             f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {robot.profile.name} does not "
             f"have; it has {', '.join(sorted(robot.sensors))}"
             + ("; instances are the simulator's own labels: give the model a real detector's weights" if labels else "")
+        )
+
+
+def _check_weights(policy: Policy, robot: Robot) -> None:
+    if policy.card.stand_in and not robot.simulated:
+        raise UsageError(
+            f"model {policy.card.name}: robot {robot.profile.name} is real, and nothing was named to drive it but the "
+            f"{policy.card.weights_label}; name your weights with --weights FILE, or these with --weights embedded"
         )
 
 

@@ -202,13 +202,17 @@ def test_a_wrong_setting_is_refused_by_line_and_field(
         PIRLNav(small_checkpoint, file, "cpu")
 
 
-def test_without_weights_one_line_says_all_three_ways() -> None:
-    with pytest.raises(ModelError) as raised:
-        PIRLNav()
-    line = str(raised.value)
-    assert "\n" not in line
-    for way in ("--weights", "$VSNBENCH_WEIGHTS/pirlnav.ckpt", "vsnbench models fetch pirlnav"):
-        assert way in line
+@pytest.mark.parametrize(("named", "stand_in"), [(None, True), ("embedded", False)])
+def test_the_embedded_weights_call_themselves_what_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str | None, stand_in: bool
+) -> None:
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path))
+    card = PIRLNav(named, EAGER, "cpu").card
+    assert card.weights_label == (
+        "embedded demonstration weights, trained in simulated apartments, not the published model"
+    )
+    assert card.settings["decision"] == "sampled"
+    assert card.stand_in is stand_in
 
 
 def test_weights_are_found_in_the_directory_of_weights(
@@ -216,7 +220,9 @@ def test_weights_are_found_in_the_directory_of_weights(
 ) -> None:
     (tmp_path / "pirlnav.ckpt").write_bytes(small_checkpoint.read_bytes())
     monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path))
-    assert PIRLNav(model_config=EAGER, device="cpu").card.weights_label.startswith("pirlnav.ckpt")
+    card = PIRLNav(model_config=EAGER, device="cpu").card
+    assert card.weights_label.startswith("pirlnav.ckpt")
+    assert not card.stand_in
 
 
 @pytest.mark.parametrize("package", ["onnx", "onnxruntime"])

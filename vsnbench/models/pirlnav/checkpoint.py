@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 CONFIG_CLASSES: Final = frozenset({"habitat.config.default.Config", "yacs.config.CfgNode"})
 """The classes of the pickled configuration; both are dictionaries."""
+DEMONSTRATION_TRAINER: Final = "vsnbench-demonstrations"
+"""What our own training writes as the trainer's name."""
 _PREFIXES = ("actor_critic.", "model.", "")
 _LANDMARK = "net.visual_encoder.backbone.conv1.weight"
 _ACTION_HEAD = "action_distribution.linear.weight"
@@ -48,6 +50,11 @@ class Checkpoint:
     def fine_tuned(self) -> bool:
         """Whether reinforcement learning came after imitation: only then is there a critic."""
         return self.architecture.critic
+
+    @property
+    def demonstration(self) -> bool:
+        """Whether it was trained by us, in simulated apartments: not the published model."""
+        return self.trainer == DEMONSTRATION_TRAINER
 
 
 def read_checkpoint(path: Path) -> Checkpoint:

@@ -22,7 +22,7 @@ from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings
 from vsnbench.models.safe_checkpoint import require_torch
-from vsnbench.models.weights import find_weights
+from vsnbench.models.weights import embedded_weights, find_weights
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics
 from vsnbench.protocol.observation import Observation, Sensor
@@ -70,7 +70,8 @@ class PIRLNav:
         """Load a checkpoint and make the network ready.
 
         Args:
-            weights: the checkpoint; None looks for `$VSNBENCH_WEIGHTS/pirlnav.ckpt`.
+            weights: the checkpoint, or `embedded`; None looks for `$VSNBENCH_WEIGHTS/pirlnav.ckpt`, and lets the
+                embedded weights stand in where there is none.
             model_config: a YAML file of `PIRLNavSettings`, or the settings themselves.
             device: auto, cpu, cuda or mps.
 
@@ -86,7 +87,7 @@ class PIRLNav:
         self.chosen = choose_engine(checkpoint, settings, device)
         logger.info("PIRLNav runs on %s", self.chosen.engine.label)
         self._sampled = settings.decision is Choice.SAMPLED or (
-            settings.decision is Choice.AUTO and checkpoint.fine_tuned
+            settings.decision is Choice.AUTO and (checkpoint.fine_tuned or checkpoint.demonstration)
         )
         self._as_published = settings.as_published
         self._image_size_px = checkpoint.architecture.image_size_px
@@ -102,6 +103,7 @@ class PIRLNav:
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
+            stand_in=weights is None and checkpoint.path == embedded_weights(self.weights_file),
         )
 
     @classmethod
@@ -214,6 +216,8 @@ def _checkpoint_at(weights: str | Path | None) -> Checkpoint:
 
 def describe_weights(checkpoint: Checkpoint) -> str:
     """Return in words what the weights are."""
+    if checkpoint.demonstration:
+        return "embedded demonstration weights, trained in simulated apartments, not the published model"
     training = "RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
     steps = f", {checkpoint.training_step / 1e6:g} M steps" if checkpoint.training_step is not None else ""
     return f"{checkpoint.path.name}, {training}{steps}"

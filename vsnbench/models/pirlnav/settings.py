@@ -9,7 +9,8 @@ class Choice(StrEnum):
     """How an action is chosen from the probabilities."""
 
     AUTO = "auto"
-    """As the authors evaluated: sampled for weights with a critic (fine-tuned by RL), greedy for imitation-only."""
+    """As the authors evaluated: sampled for weights with a critic (fine-tuned by RL), greedy for imitation-only; the
+    embedded demonstration weights are sampled."""
     GREEDY = "greedy"
     SAMPLED = "sampled"
 

@@ -1,0 +1,140 @@
+"""Judges the embedded PIRLNav weights by the whole protocol, beside random, forward and the oracle.
+
+    python benchmarks/embedded_weights.py --output judged                        the apartment: 15 positions x 6 goals
+    python benchmarks/embedded_weights.py --output judged --twins 20 --starts 1-5    and flats never trained on
+
+Every row is what `vsnbench run` recorded, in a results directory of its own under the output, so that an interrupted
+judgement goes on. Intervals are Wilson's, over trials; five seeds of one policy share positions and goals and are not
+independent, so their pooled interval is a little too narrow.
+"""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from vsnbench.models.pirlnav.policy import GOALS
+from vsnbench.report.frames import episodes
+from vsnbench.report.statistics import Proportion, wilson
+from vsnbench.simulator.twins.splits import SEEDS, Split
+
+GREEDY = "greedy"
+SAMPLED_SEEDS = range(5)
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """One row of the table: a model, how it decides, and its seed."""
+
+    model: str
+    seed: int = 0
+    decision: str = ""
+
+    @property
+    def name(self) -> str:
+        """What its results directory is called."""
+        return "-".join(part for part in (self.model, self.decision, str(self.seed)) if part)
+
+
+SAMPLED = [Policy("pirlnav", seed, "sampled") for seed in SAMPLED_SEEDS]
+BASELINES = [Policy("random"), Policy("forward"), Policy("oracle")]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--output", type=Path, required=True, help="directory of results directories")
+    parser.add_argument("--weights", default="embedded", help="the checkpoint")
+    parser.add_argument("--twins", type=int, default=0, help="how many of the generated test flats to judge in as well")
+    parser.add_argument("--starts", default="1-15", help="starting positions in each twin")
+    parser.add_argument("--jobs", type=int, default=2, help="runs side by side")
+    parser.add_argument("--skip-apartment", action="store_true")
+    given = parser.parse_args()
+    given.output.mkdir(parents=True, exist_ok=True)
+    judge = Judge(given.output, given.weights)
+    tables = []
+    with ThreadPoolExecutor(given.jobs) as pool:
+        if not given.skip_apartment:
+            policies = [*SAMPLED, Policy("pirlnav", 0, GREEDY), *BASELINES]
+            runs = list(pool.map(lambda policy: judge.run(policy, "apartment", "1-15"), policies))
+            rows = {policy.name: [run] for policy, run in zip(policies, runs, strict=True)}
+            rows["pirlnav, five seeds"] = runs[: len(SAMPLED)]
+            tables.append(("The apartment", rows))
+        if given.twins:
+            sites = list(pool.map(judge.twin, SEEDS[Split.TEST][: given.twins]))
+            policies = [SAMPLED[0], Policy("pirlnav", 0, GREEDY), *BASELINES]
+            pairs = [(policy, site) for site in sites for policy in policies]
+            runs = list(pool.map(lambda pair: judge.run(pair[0], str(pair[1]), given.starts), pairs))
+            rows = {
+                policy.name: [run for (one, _), run in zip(pairs, runs, strict=True) if one == policy]
+                for policy in policies
+            }
+            tables.append((f"{given.twins} generated flats, positions {given.starts}", rows))
+    for title, rows in tables:
+        print(f"\n{title}\n\n{markdown(rows)}")
+
+
+class Judge:
+    """Runs policies under the protocol and keeps what they recorded."""
+
+    def __init__(self, output: Path, weights: str) -> None:
+        self._output, self._weights = output, weights
+        self._greedy = output / "greedy.yaml"
+        self._greedy.write_text("decision: greedy\nthreads: 1\n")
+        self._sampled = output / "sampled.yaml"
+        self._sampled.write_text("decision: sampled\nthreads: 1\n")
+
+    def twin(self, seed: int) -> Path:
+        """Write the generated flat of that seed."""
+        path = self._output / f"twin-{seed}.yaml"
+        if not path.is_file():
+            self._vsnbench("sites", "generate", "--seed", str(seed), "--output", str(path))
+        return path
+
+    def run(self, policy: Policy, site: str, starts: str) -> Path:
+        """Run every trial that is left; return the results directory."""
+        results = self._output / Path(site).stem / policy.name
+        words = ["run", "--model", policy.model, "--goal", ",".join(GOALS), "--site", site, "--starts", starts]
+        words += ["--seed", str(policy.seed), "--results", str(results)]
+        if policy.model == "pirlnav":
+            settings = self._greedy if policy.decision == GREEDY else self._sampled
+            words += ["--weights", self._weights, "--model-config", str(settings), "--device", "cpu"]
+        self._vsnbench(*words)
+        return results
+
+    def _vsnbench(self, *words: str) -> None:
+        command = [sys.executable, "-m", "vsnbench.cli.main", *words]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(f"vsnbench {' '.join(words)}\n{done.stderr}")
+
+
+def markdown(rows: dict[str, Sequence[Path]]) -> str:
+    """Return a table with one row a policy."""
+    headings = ["policy", "success", "SR [95 %]", *GOALS, "STOP too far", "collisions", "step limits", "actions"]
+    lines = [headings, ["---"] * len(headings)]
+    for name, records in rows.items():
+        counted = pd.concat([episodes(record) for record in records]).query("state == 'counted'")
+        rate = Proportion(int(counted.success.sum()), len(counted))
+        span, reasons = wilson(rate), counted.end_reason.value_counts()
+        by_goal = [counted[counted.goal == goal].success for goal in GOALS]
+        lines.append(
+            [
+                name,
+                f"{rate.successes}/{rate.trials}",
+                f"{rate.rate:.1%} [{span.low:.1%}, {span.high:.1%}]",
+                *(f"{int(success.sum())}/{len(success)}" for success in by_goal),
+                str(int(((counted.end_reason == "stop") & ~counted.success).sum())),
+                *(str(reasons.get(reason, 0)) for reason in ("collision", "step_limit")),
+                f"{counted.actions.mean():.1f}",
+            ]
+        )
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+if __name__ == "__main__":
+    main()
