@@ -38,7 +38,10 @@ def create_policy(name: str, **options: Any) -> Policy:
     try:
         inspect.signature(factory).bind(**options)
     except (TypeError, ValueError) as error:
-        raise UsageError(f"model {name}: {error}; it takes {_options_of(factory)}") from error
+        takes = _options_of(factory)
+        surplus = [f"--{option.replace('_', '-')}" for option in options if option not in takes]
+        says = f"takes no {' and no '.join(surplus)}" if surplus else f"cannot be made: {error}"
+        raise UsageError(f"model {name} {says}; it takes {', '.join(takes) or 'no options'}") from error
     try:
         policy = factory(**options)
     except VsnbenchError:
@@ -70,9 +73,8 @@ def locate(name: str) -> tuple[str, Any]:
     return where, import_factory(where, f"model {name}", "a policy", ModelError)
 
 
-def _options_of(factory: Any) -> str:
+def _options_of(factory: Any) -> list[str]:
     try:
-        names = [name for name in inspect.signature(factory).parameters if name != "self"]
+        return [name for name in inspect.signature(factory).parameters if name != "self"]
     except (TypeError, ValueError):
-        return "not known"
-    return ", ".join(names) or "no options"
+        return []
