@@ -7,8 +7,7 @@ odometry: upstream's server answers True whatever happened.
 import logging
 import math
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -18,63 +17,38 @@ from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
+from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
+from vsnbench.robots.ros_camera import CAMERA_TIMEOUT_S, LookReport, RosCamera
 from vsnbench.robots.ros_start import (
     await_zeroed_odometry,
     have_it_placed_by_a_person,
     have_it_placed_by_the_simulator,
     wait_until_ready,
 )
-from vsnbench.ros4vsn.depth_filter import median_depth_m, share_invalid
 from vsnbench.ros4vsn.discrete_move import MOVEMENTS, Hazard, Outcome
-from vsnbench.ros4vsn.images import ImageError, decode_color, decode_depth, decode_labels
 from vsnbench.ros4vsn.installation import require_ros
-from vsnbench.ros4vsn.pairing import Look, MotionEnd, Stamped, choose_look
+from vsnbench.ros4vsn.pairing import MotionEnd
 from vsnbench.ros4vsn.service_call import ServiceError
 
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 30.0
 """How long the parts of a robot may take to come up, or to come back, before an episode."""
-_CAMERA_TIMEOUT_S = 3.0
 _ODOMETRY_TIMEOUT_S = 0.8
 _COMMAND_TIMEOUT_S = 0.6
 _WEDGED_S = 3.0
 """Nobody steers for this long in the middle of a movement: discrete_move is wedged."""
 _STANDSTILL_TIMEOUT_S = 1.5
-_MAX_SKEW_S = 0.1
 _STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
 _LIE_M, _LIE_RAD = 0.10, math.radians(10)
 """A server that says True while the odometry is off by more than this has not done what was asked. Upstream's own
 tolerance of 0.08 rad, and its overshoot on a base with a lag, stay well below."""
 _WORD_OF = {action: word for word, action in MOVEMENTS.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class LookReport:
-    """How the last observation came about."""
-
-    waited_s: float
-    """For images taken after the motion: the camera's time, not ours."""
-    computed_s: float
-    """Decoding and filtering."""
-    skew_s: float
-    """Colour stamp minus depth stamp."""
-    depth_frames: int
-    invalid_before: float
-    """Share of pixels without a measurement in the newest depth image."""
-    invalid_after: float
-    """The same after the median."""
-
-    @property
-    def numbers(self) -> dict[str, float]:
-        """The report by name, for the record; what is not known is left out."""
-        return {name: number for name, number in asdict(self).items() if math.isfinite(number)}
 
 
 class _AlarmError(Exception):
@@ -128,11 +102,8 @@ class RosRobot:
             | ({Sensor.DEPTH} if profile.ros.depth else set())
             | ({Sensor.INSTANCES} if self._link.has_labels else set())
         )
-        self.conditions: Mapping[str, Any] = {"depth_frames": self._depth_frames}
-
-    @property
-    def _depth_frames(self) -> int:
-        return self.profile.ros.depth_frames if self.profile.ros.depth else 0
+        self._camera = RosCamera(self._link, profile)
+        self.conditions: Mapping[str, Any] = {"depth_frames": self._camera.depth_frames}
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start`, placed by the simulator or by a person, with every part of the robot answering.
@@ -162,47 +133,20 @@ class RosRobot:
             SensorLostError: a camera or the odometry is silent, or sends what is not in the profile.
         """
         self._require_begun()
-        began_s = time.monotonic()
-        look = self._look()
-        instances = self._labels_of(look.color)  # now: while depth is filtered, newer labels push these out
-        got_s = time.monotonic()
-        camera = self.profile.camera
-        try:
-            rgb = decode_color(look.color.payload)
-            frames = [decode_depth(frame.payload) for frame in look.depths]
-        except ImageError as error:
-            raise SensorLostError(f"{error}: is the camera driver the one of the profile?") from error
-        for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
-            height, width = image.shape[:2]
-            if (width, height) != (camera.width, camera.height):
-                raise SensorLostError(
-                    f"the {what} image is {width}x{height}, the profile says {camera.width}x{camera.height}: "
-                    "set the camera driver's mode, or the profile's camera"
-                )
-        try:
-            depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
-        except ValueError as error:
-            raise SensorLostError(f"{self.profile.ros.depth}: {error}") from error
+        images = self._camera.look(self._end)
         with self._link.news:
             self._require_fresh_odometry()
             pose = self._link.tracker.relative
-        self.last_look = LookReport(
-            waited_s=got_s - began_s,
-            computed_s=time.monotonic() - got_s,
-            skew_s=look.skew_s,
-            depth_frames=len(frames),
-            invalid_before=float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
-            invalid_after=share_invalid(depth_m) if depth_m is not None else math.nan,
-        )
+        self.last_look = images.report
         return Observation(
-            rgb=rgb,
-            depth_m=depth_m,
+            rgb=images.rgb,
+            depth_m=images.depth_m,
             pose=pose,
-            stamp_s=look.color.stamp_s,
-            camera=camera,
-            instances=instances,
-            depth_stamp_s=look.depths[-1].stamp_s if look.depths else None,
-            sensing=self.last_look.numbers,
+            stamp_s=images.stamp_s,
+            camera=self.profile.camera,
+            instances=images.instances,
+            depth_stamp_s=images.depth_stamp_s,
+            sensing=images.report.numbers,
         )
 
     def execute(self, action: Action) -> MotionResult:
@@ -251,7 +195,7 @@ class RosRobot:
         self._require_begun()
         with self._link.news:
             if self.simulated:
-                if self._link.truth is None or time.monotonic() - self._link.truth.arrival_s > _CAMERA_TIMEOUT_S:
+                if self._link.truth is None or time.monotonic() - self._link.truth.arrival_s > CAMERA_TIMEOUT_S:
                     raise SensorLostError("the simulator is silent: is vsnbench ros simulate running?")
                 return Fix(self._link.truth.payload, PoseSource.SIMULATED)
             assert self._start is not None  # noqa: S101  # _require_begun
@@ -363,45 +307,6 @@ class RosRobot:
             if newest.stamp_s - reading.stamp_s >= self._settings.settle_s - 1e-3:
                 return True
         return False
-
-    def _look(self) -> Look[Any]:
-        found: list[Look[Any]] = []
-
-        def complete() -> bool:
-            link = self._link
-            colors: Sequence[Stamped[Any]] = link.colors
-            if Sensor.INSTANCES in self.sensors:
-                labelled = {frame.stamp_s for frame in link.labels} if link.categories else set()
-                colors = [frame for frame in link.colors if frame.stamp_s in labelled]
-            look = choose_look(colors, link.depths, self._end, self._depth_frames, _MAX_SKEW_S)
-            found.extend([look] if look else [])
-            return bool(found)
-
-        timeout_s = _CAMERA_TIMEOUT_S + self._depth_frames / self.profile.ros.camera_rate_hz
-        if not self._link.wait_for(complete, timeout_s):
-            raise SensorLostError(self._missing_images(timeout_s))
-        return found[0]
-
-    def _missing_images(self, waited_s: float) -> str:
-        names, now_s = self.profile.ros, time.monotonic()
-        ages = []
-        for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
-            if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):
-                ages.append(topic)
-        if ages:
-            return f"no image on {' and '.join(ages)} for {waited_s:.0f} s: is the camera driver running?"
-        return (
-            f"images come on {names.color} and {names.depth}, but none within {waited_s:.0f} s that was stamped after "
-            f"the motion, colour within {_MAX_SKEW_S:g} s of depth: are the clocks in step (vsnbench doctor)?"
-        )
-
-    def _labels_of(self, color: Stamped[Any]) -> InstanceImage | None:
-        """Return the simulator's labels of a colour image; its look was chosen so that there are some."""
-        with self._link.news:
-            for frame in self._link.labels:
-                if frame.stamp_s == color.stamp_s:
-                    return InstanceImage(ids=decode_labels(frame.payload), categories=self._link.categories)
-        return None
 
     def _odometry_age_s(self) -> float:
         latest = self._link.tracker.latest
