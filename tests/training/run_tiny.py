@@ -1,5 +1,6 @@
-"""Runs the tiny recipe in a process of its own: argv is the output directory and, optionally, the largest file."""
+"""Runs the tiny recipe in a process of its own, where it can be killed or its writes made to fail."""
 
+import argparse
 import logging
 import resource
 import signal
@@ -13,13 +14,17 @@ from training.run import train
 from training.whole_files import TrainingError
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--largest", type=int, help="writes beyond this many bytes fail, as on a full disk")
+    parser.add_argument("--workers", type=int, default=1)
+    given = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     torch.set_num_threads(1)
-    if len(sys.argv) > 2:  # writes beyond this many bytes fail, as on a full disk
+    if given.largest is not None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        limit = int(sys.argv[2])
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (given.largest, given.largest))
     try:
-        print(train(TINY, Path(sys.argv[1])))
+        print(train(TINY, given.output, given.workers))
     except TrainingError as error:
         sys.exit(str(error))

@@ -98,7 +98,7 @@ def test_a_write_that_fails_is_said_in_a_line_and_loses_only_its_own_step(whole:
     output = tmp_path / "run"
     copy_data(whole, output)
     largest = max(path.stat().st_size for path in output.rglob("*") if path.name == "seeing.pt")
-    process = start(output, str(largest // 4))
+    process = start(output, "--largest", str(largest // 4))
     _, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1
     assert "cannot write" in err.splitlines()[-1]
@@ -108,6 +108,28 @@ def test_a_write_that_fails_is_said_in_a_line_and_loses_only_its_own_step(whole:
     assert not list(output.rglob(".*"))
     train(TINY, output)
     assert file_sha256(output / WEIGHTS) == file_sha256(whole / WEIGHTS)
+
+
+def test_the_workers_of_a_killed_run_end_too(tmp_path: Path) -> None:
+    process = start(tmp_path / "run", "--workers", "2")
+    try:
+        deadline = time.monotonic() + DEADLINE_S
+        while len(workers := children_of(process.pid)) < 3:  # two workers, and what keeps track of their semaphores
+            assert process.poll() is None, process.communicate()[1]
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    finally:
+        process.kill()
+        process.communicate()
+    deadline = time.monotonic() + 60
+    while any(Path(f"/proc/{pid}").exists() for pid in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started and that still run."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def test_a_directory_of_another_recipe_is_refused(whole: Path) -> None:
