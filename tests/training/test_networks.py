@@ -54,7 +54,7 @@ def test_an_exported_network_runs_as_the_model_and_fits_the_wheel(tmp_path: Path
     write_checkpoint(new_network(load_recipe("full").network.architecture, 0), 1000, path)
     assert path.stat().st_size <= 10_000_000
     model = PIRLNav(weights=path)
-    assert "imitation only" in model.card.weights_label
+    assert "not the published model" in model.card.weights_label
 
 
 def synthetic(rng: np.random.Generator, lengths: list[int]) -> Shard:
