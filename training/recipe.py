@@ -41,7 +41,7 @@ class Demonstrations(_Strict):
     """How the data of one round is made; a shard is one twin seen with one camera."""
 
     twins: Count = Field(default=220, description="shards of the first round")
-    dagger_twins: int = Field(default=110, ge=0, description="shards of every later round")
+    dagger_twins: int = Field(default=60, ge=0, description="shards of every later round")
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=24, description="per shard of the first round")
     dagger_episodes: Count = Field(default=24, description="per shard of a later round")
@@ -72,8 +72,7 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: Count = Field(default=2000, description="of every round but the last")
-    last_updates: Count = Field(default=3500, description="of the last round")
+    updates: tuple[Count, ...] = Field(default=(2000, 1200, 2500), min_length=1, description="of each round")
     lanes: Count = 32
     steps: Count = Field(default=48, description="between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)
@@ -89,6 +88,18 @@ class Validation(_Strict):
     every_updates: Count = 1000
 
 
+class Calibration(_Strict):
+    """What is added to the logit of STOP, chosen on validation twins of its own.
+
+    Inflection weighting makes STOP, always a change of action, as many times likelier as the weight says; sampled at
+    every step, it comes too early.
+    """
+
+    stop_biases: tuple[float, ...] = Field(default=(0.0, -1.0, -2.0, -2.5, -3.0, -3.5, -4.0), min_length=1)
+    twins: Count = 4
+    episodes: Count = 24
+
+
 class Recipe(_Strict):
     """One training run."""
 
@@ -99,6 +110,7 @@ class Recipe(_Strict):
     seeing: Seeing = Seeing()
     cloning: Cloning = Cloning()
     validation: Validation = Validation()
+    calibration: Calibration = Calibration()
     save_every_updates: Count = 200
     profile: str = "turtlebot2"
 
@@ -113,9 +125,9 @@ class Recipe(_Strict):
         return plan if round_number == 0 else plan.model_copy(update={"episodes": plan.dagger_episodes})
 
     def cloning_updates(self, round_number: int) -> int:
-        """Return how long that round's cloning goes on."""
-        plan = self.cloning
-        return plan.last_updates if round_number == self.demonstrations.dagger_rounds else plan.updates
+        """Return how long that round's cloning goes on; rounds beyond those named go on like the last."""
+        updates = self.cloning.updates
+        return updates[min(round_number, len(updates) - 1)]
 
     def training_seeds(self, round_number: int) -> range:
         """Return the twins of a round; no two rounds share one, and none is validated or tested on."""
@@ -131,6 +143,12 @@ class Recipe(_Strict):
     def validation_seeds(self) -> range:
         """The twins that success is measured on between the rounds."""
         return SEEDS[Split.VALIDATION][: self.validation.twins]
+
+    @property
+    def calibration_seeds(self) -> range:
+        """The twins that the bias of STOP is chosen on: other ones."""
+        first = self.validation.twins
+        return SEEDS[Split.VALIDATION][first : first + self.calibration.twins]
 
 
 RECIPES: Final = Path(__file__).parent / "recipes"

@@ -13,18 +13,19 @@ from typing import Any
 import numpy as np
 import torch
 
+from training.calibration import calibrate_stop
 from training.cloning import Episodes, train_cloning
 from training.curves import draw_curves
 from training.export import write_checkpoint
 from training.networks import NetworkStudent, new_network
 from training.recipe import Recipe
-from training.rollout import Student, demonstrate, evaluate
+from training.rollout import Student, demonstrate
 from training.seeing import store_features, train_seeing, write_features
 from training.shards import read_shard, write_shard
 from training.stage import Row
 from training.twin_world import TwinWorld
+from training.validation import Validator
 from training.whole_files import TrainingError, sweep, write_whole
-from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.weights import file_sha256
 
 logger = logging.getLogger(__name__)
@@ -50,7 +51,7 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
     rows: list[Row] = []
     shards: list[Path] = []
     features: list[Path] = []
-    validation: dict[int, TwinWorld] = {}
+    validator = Validator(recipe, recipe.validation_seeds, recipe.validation.episodes)
     for number in range(recipe.demonstrations.dagger_rounds + 1):
         student = None if number == 0 else output / f"cloning-{number - 1}.pt"
         made = _demonstrations(recipe, number, output, workers, student)
@@ -66,9 +67,11 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
             Episodes(shards, features),
             number,
             output,
-            lambda: _validate(recipe, network, validation),
+            lambda: validator.examine(network),
         )
         _write_log(rows, output)
+    rows += calibrate_stop(recipe, network, output)
+    _write_log(rows, output)
     path = output / WEIGHTS
     write_checkpoint(network, sum(len(read_shard(shard, with_images=False)) for shard in shards), path)
     _write_json(output / "result.json", _result(recipe, rows, path))
@@ -153,29 +156,8 @@ def _report(number: int, done: int, of: int, steps: int, began: float) -> None:
     logger.info("demonstrations of round %d: %d/%d twins, %d frames, %.1f frames/s", number, done, of, steps, pace)
 
 
-def _validate(recipe: Recipe, network: PIRLNavNetwork, worlds: dict[int, TwinWorld]) -> Row:
-    """Drive episodes on the validation twins; successes and stops over all of them."""
-    plan = recipe.validation
-    was_training = network.training
-    outcomes = []
-    for seed in recipe.validation_seeds:
-        if seed not in worlds:
-            worlds[seed] = TwinWorld(recipe, seed)
-        rng = np.random.default_rng([recipe.seed, seed, 2])
-        student = NetworkStudent(network, seed)
-        outcomes.append(evaluate(worlds[seed], plan.episodes, student, rng, recipe.demonstrations.max_actions))
-    network.train(was_training)
-    episodes = sum(outcome.episodes for outcome in outcomes)
-    return {
-        "validation_episodes": episodes,
-        "validation_successes": sum(outcome.successes for outcome in outcomes),
-        "validation_stops": sum(outcome.stops for outcome in outcomes),
-        "validation_mean_actions": sum(outcome.actions for outcome in outcomes) / episodes,
-    }
-
-
 def _result(recipe: Recipe, rows: list[Row], path: Path) -> dict[str, Any]:
-    examined = [row for row in rows if "validation_episodes" in row]
+    calibrated = [row for row in rows if row["stage"] == "calibration"]
     return {
         "weights": path.name,
         "weights_sha256": file_sha256(path),
@@ -183,7 +165,7 @@ def _result(recipe: Recipe, rows: list[Row], path: Path) -> dict[str, Any]:
         "recipe": recipe.name,
         "recipe_sha256": recipe.sha256,
         "seed": recipe.seed,
-        "last_validation": examined[-1],
+        "calibration": max(calibrated, key=lambda row: row["validation_successes"]),
     }
 
 

@@ -22,7 +22,8 @@ TINY = Recipe.model_validate(
             "max_actions": 30,
         },
         "seeing": {"updates": 4, "batch": 4},
-        "cloning": {"updates": 12, "last_updates": 12, "lanes": 2, "steps": 8},
+        "calibration": {"stop_biases": [0.0, -2.0], "twins": 1, "episodes": 2},
+        "cloning": {"updates": [12], "lanes": 2, "steps": 8},
         "validation": {"twins": 1, "episodes": 2, "every_updates": 1000},
         "save_every_updates": 2,
     }

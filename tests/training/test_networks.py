@@ -111,7 +111,9 @@ def test_no_round_shares_a_twin_with_another_or_with_validation() -> None:
     seeds = [seed for seeds in rounds for seed in seeds]
     assert len(set(seeds)) == len(seeds)
     assert set(seeds) <= set(SEEDS[Split.TRAINING])
-    assert set(recipe.validation_seeds) <= set(SEEDS[Split.VALIDATION])
+    held_out = [*recipe.validation_seeds, *recipe.calibration_seeds]
+    assert len(set(held_out)) == recipe.validation.twins + recipe.calibration.twins
+    assert set(held_out) <= set(SEEDS[Split.VALIDATION])
 
 
 def test_a_seed_that_leads_out_of_the_training_split_is_refused() -> None:

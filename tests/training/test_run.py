@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import torch
 
 from tests.training.recipes import TINY
 from training.run import WEIGHTS, train
@@ -61,9 +62,22 @@ def test_recipe_seeds_and_the_weights_hash_are_recorded(whole: Path) -> None:
 
 def test_the_log_and_the_curves_cover_every_stage(whole: Path) -> None:
     rows = [json.loads(line) for line in (whole / "log.jsonl").read_text().splitlines()]
-    assert {row["stage"] for row in rows} == {"seeing", "cloning-0", "cloning-1"}
+    assert {row["stage"] for row in rows} == {"seeing", "cloning-0", "cloning-1", "calibration"}
     assert any("validation_successes" in row for row in rows)
     assert (whole / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_bias_of_stop_that_did_best_is_in_the_weights(whole: Path) -> None:
+    rows = [json.loads(line) for line in (whole / "log.jsonl").read_text().splitlines()]
+    tried = [row for row in rows if row["stage"] == "calibration"]
+    assert tuple(row["stop_bias"] for row in tried) == TINY.calibration.stop_biases
+    best = max(tried, key=lambda row: row["validation_successes"])
+    assert json.loads((whole / "result.json").read_text())["calibration"] == best
+    name = "action_distribution.linear.bias"
+    learnt = torch.load(whole / "cloning-1.pt", weights_only=True)["model"][name]
+    shipped = read_checkpoint(whole / WEIGHTS).weights[name]
+    assert float(shipped[0] - learnt[0]) == pytest.approx(best["stop_bias"], abs=0.01)
+    assert torch.allclose(shipped[1:], learnt[1:], atol=0.01)
 
 
 def test_a_killed_run_goes_on_and_ends_in_the_same_weights(whole: Path, tmp_path: Path) -> None:
