@@ -9,6 +9,7 @@ import threading
 import pytest
 
 from vsnbench.runner.emergency_stop import EmergencyStop
+from vsnbench.runner.stopping import Stopped, StopSignals
 
 
 @pytest.fixture
@@ -28,6 +29,11 @@ def interrupted():
     signal.signal(signal.SIGINT, before)
 
 
+def _wait_to_be_stopped(stop: StopSignals) -> None:
+    with stop.interruptible():
+        threading.Event().wait(10)
+
+
 def cooked(descriptor: int) -> bool:
     return bool(termios.tcgetattr(descriptor)[3] & termios.ICANON)
 
@@ -40,6 +46,15 @@ def test_the_key_interrupts_and_halts_the_robot(terminal, interrupted, key) -> N
         os.write(master, key)
         assert interrupted.wait(10)
         assert halted.wait(10)
+
+
+def test_the_interrupt_is_announced_as_the_key_s_before_it_is_sent(terminal) -> None:
+    master, slave = terminal
+    with StopSignals() as stop, EmergencyStop(lambda: None, slave, stop.key_pressed):
+        os.write(master, b" ")
+        with pytest.raises(Stopped) as raised:
+            _wait_to_be_stopped(stop)
+    assert raised.value.words == "stopped with the emergency stop key"
 
 
 def test_other_keys_do_nothing(terminal, interrupted) -> None:

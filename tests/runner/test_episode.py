@@ -5,116 +5,25 @@ The robot here is a stand-in whose faults are scripted; real episodes are driven
 
 import os
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from types import TracebackType
-from typing import Any, Self
 
-import numpy as np
 import pytest
 
+from tests.runner.stand_ins import APARTMENT, PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from vsnbench.errors import RecordError, RobotError, SensorLostError
-from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_profile import Base, RobotProfile
-from vsnbench.protocol.site import Site, StartingPosition, load_site
+from vsnbench.protocol.robot_profile import Base
+from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
 from vsnbench.runner.stopping import Stopped, StopSignals
-
-APARTMENT = load_site("apartment")
-PROFILE = RobotProfile.model_validate(
-    {
-        "name": "stand-in",
-        "title": "Stand-in",
-        "base": {
-            "radius_m": 0.18,
-            "height_m": 0.6,
-            "mass_kg": 6,
-            "track_m": 0.23,
-            "wheel_radius_m": 0.035,
-            "max_linear_m_s": 0.7,
-            "max_angular_rad_s": 3,
-            "odometry_rate_hz": 50,
-        },
-        "camera": {"width": 64, "height": 48, "horizontal_fov_deg": 60, "mount_height_m": 0.6},
-    }
-)
-PLAN = EpisodePlan(APARTMENT, "chair", APARTMENT.starts[0], 7, ProtocolParameters(max_actions=6))
-
-
-@dataclass
-class StandInRobot:
-    """Moves by adding numbers; what it does wrong is scripted by the test."""
-
-    on_observe: Callable[[int], None] = lambda _count: None
-    on_execute: Callable[[Action], MotionResult] = lambda _action: MotionResult(completed=True)
-    depth_m: float = 3.0
-    place: Pose = field(default_factory=lambda: Pose(0, 0))
-    profile: RobotProfile = PROFILE
-    sensors: frozenset[Sensor] = frozenset(Sensor)
-    simulated: bool = True
-    conditions: Mapping[str, Any] = field(default_factory=dict)
-    looks: int = 0
-    executed: list[Action] = field(default_factory=list)
-    halts: int = 0
-    begun_with: tuple[int, int] | None = None
-
-    def begin(self, start: StartingPosition, seed: int) -> None:
-        self.place = start.pose
-        self.begun_with = (start.number, seed)
-
-    def observe(self) -> Observation:
-        self.looks += 1
-        self.on_observe(self.looks)
-        depth = np.full((48, 64), self.depth_m, np.float32)
-        return Observation(np.zeros((48, 64, 3), np.uint8), depth, Pose(0, 0), 0.0, PROFILE.camera)
-
-    def execute(self, action: Action) -> MotionResult:
-        self.executed.append(action)
-        return self.on_execute(action)
-
-    def locate(self) -> Fix:
-        return Fix(self.place, PoseSource.SIMULATED)
-
-    def halt(self) -> None:
-        self.halts += 1
-
-    def close(self) -> None:
-        self.halt()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-@dataclass
-class ScriptedPolicy:
-    """Answers with the actions it was given, the last one for ever; an exception in the script is raised."""
-
-    script: list[Action | Exception]
-    card: ModelCard = field(default_factory=lambda: ModelCard("scripted"))
-    asked: int = 0
-
-    def reset(self, goal: str, seed: int) -> None:
-        self.asked = 0
-
-    def act(self, observation: Observation) -> Decision:
-        answer = self.script[min(self.asked, len(self.script) - 1)]
-        self.asked += 1
-        if isinstance(answer, Exception):
-            raise answer
-        return Decision(answer)
 
 
 @dataclass
@@ -123,6 +32,7 @@ class MemoryRecorder:
 
     steps: list[Step] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
+    interventions: list[str] = field(default_factory=list)
     outcome: EpisodeOutcome | None = None
     on_step: Callable[[Step], None] = lambda _step: None
 
@@ -135,6 +45,9 @@ class MemoryRecorder:
 
     def event(self, kind: str, text: str) -> None:
         self.events.append((kind, text))
+
+    def intervention(self, what: str) -> None:
+        self.interventions.append(what)
 
     def end(self, outcome: EpisodeOutcome) -> None:
         assert self.outcome is None
@@ -282,7 +195,16 @@ def test_a_signal_during_a_motion_halts_the_robot_and_is_recorded(number: signal
         run(robot, [Action.TURN_LEFT], recorder)
     assert recorder.outcome is not None
     assert recorder.outcome.verdict.end_reason is reason
+    assert recorder.interventions == [], "a simulated robot needs nobody"
     assert robot.halts
+
+
+@pytest.mark.parametrize(("number", "told"), [(signal.SIGINT, ["stopped with Ctrl-C"]), (signal.SIGTERM, [])])
+def test_a_person_who_stops_a_real_robot_intervenes(number: signal.Signals, told: list[str]) -> None:
+    recorder = MemoryRecorder(on_step=lambda _step: os.kill(os.getpid(), number))
+    with pytest.raises(Stopped):
+        run(StandInRobot(simulated=False), [Action.TURN_LEFT], recorder)
+    assert recorder.interventions == told
 
 
 def test_a_signal_while_a_step_is_being_recorded_waits_until_it_is_kept() -> None:

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import pytest
 from rich.console import Console
@@ -48,19 +49,30 @@ class Terminal:
         return self.console.file.getvalue()
 
 
+@dataclass
+class Notebook:
+    """Keeps what the person adds to the record in lists."""
+
+    verdicts: list[Verdict] = field(default_factory=list)
+    interventions: list[tuple[int, int, str]] = field(default_factory=list)
+
+    def verdict(self, episode_id: int, verdict: Verdict) -> None:
+        self.verdicts.append(verdict)
+
+    def intervention(self, episode_id: int, step_number: int, what: str) -> None:
+        self.interventions.append((episode_id, step_number, what))
+
+
+def operator_at(terminal: Terminal, notes: Notebook) -> Operator:
+    return Operator(terminal, PARAMETERS, notes, EmergencyStop(lambda: None), terminal.read_line)
+
+
 def judged_by(terminal: Terminal, outcome: EpisodeOutcome) -> list[Verdict]:
-    kept: list[Verdict] = []
-    operator = Operator(
-        terminal,
-        PARAMETERS,
-        lambda number, verdict: kept.append(verdict),
-        EmergencyStop(lambda: None),
-        terminal.read_line,
-    )
-    operator.episode_ends(12, "chair", 4, outcome)
+    notes = Notebook()
+    operator_at(terminal, notes).episode_ends(12, "chair", 4, outcome)
     assert not terminal.answers
     assert terminal.ended == [12]
-    return kept
+    return notes.verdicts
 
 
 def stopped(distance_m: float = 1.4) -> EpisodeOutcome:
@@ -70,15 +82,16 @@ def stopped(distance_m: float = 1.4) -> EpisodeOutcome:
 
 def test_the_starting_position_is_named_and_enter_waited_for() -> None:
     terminal = Terminal("")
-    Operator(terminal, PARAMETERS, lambda *_: None, EmergencyStop(lambda: None), terminal.read_line).put_at(START, "")
+    notes = Notebook()
+    operator_at(terminal, notes).put_at(START, "")
     assert "starting position 4: x 2.50 m, y 1.25 m, facing 90° (by the sofa)" in terminal.text
     assert "not yet" not in terminal.text
+    assert notes.interventions == [], "placing the robot is the protocol's"
 
 
 def test_what_was_wrong_is_said_when_asking_again() -> None:
     terminal = Terminal("")
-    operator = Operator(terminal, PARAMETERS, lambda *_: None, EmergencyStop(lambda: None), terminal.read_line)
-    operator.put_at(START, "the base still reports: wheel drop")
+    operator_at(terminal, Notebook()).put_at(START, "the base still reports: wheel drop")
     assert "not yet: the base still reports: wheel drop" in terminal.text
 
 
@@ -129,3 +142,25 @@ def test_where_nobody_is_a_problem_cannot_be_put_right() -> None:
     Absent().put_at(START, "")
     with pytest.raises(RobotError, match="wheel drop, and the run is unattended"):
         Absent().put_at(START, "the base still reports: wheel drop")
+
+
+@pytest.mark.parametrize("reason", [EndReason.MOTION_FAILED, EndReason.SENSOR_LOST])
+def test_fetching_the_robot_from_a_failure_is_noted_once_with_the_episode_that_failed(reason) -> None:
+    terminal, notes = Terminal("", "", ""), Notebook()
+    operator = operator_at(terminal, notes)
+    operator.episode_ends(12, "chair", 4, EpisodeOutcome(judge(reason, 9, None, PARAMETERS), 9, None, 60.0))
+    assert notes.interventions == [], "nobody has touched it yet"
+    operator.put_at(START, "")
+    operator.put_at(START, "it is 0.4 m off")
+    assert notes.interventions == [(12, 9, f"moved by hand after {reason.value}")]
+
+
+def test_a_collision_that_a_person_calls_is_noted_and_a_measured_distance_is_not() -> None:
+    notes = Notebook()
+    operator_at(Terminal("", "1.2"), notes).episode_ends(11, "chair", 4, stopped(0.7))
+    assert len(notes.verdicts) == 1
+    assert notes.interventions == []
+    operator_at(Terminal("the table's leg"), notes).episode_ends(12, "chair", 4, stopped(0.5))
+    ((episode, step, words),) = notes.interventions
+    assert (episode, step) == (12, 31)
+    assert "the table's leg" in words

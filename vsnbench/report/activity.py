@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, Connection, Engine, case, func, select
 from sqlalchemy.orm import aliased
 
 from vsnbench.database.engine import record_errors
+from vsnbench.database.interventions import INTERVENTION, aborted_unwritten
 from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial, Verdict
 from vsnbench.database.validity import counts, standing_verdict_id
 from vsnbench.protocol.judge import EndReason
@@ -14,9 +15,6 @@ from vsnbench.report.record import Record
 
 FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST, EndReason.MODEL_ERROR, EndReason.INTERRUPTED)
 """Ends that are the system's fault: neither the policy's nor a person's wish."""
-
-INTERVENTION = "intervention"
-"""Kind of the events that say that a person had to help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +47,7 @@ class RobotActivity:
     failures: int
     collisions: int
     interventions: int
-    """Recorded interventions and episodes that a person aborted."""
+    """As `vsnbench.database.interventions` defines them; none where the robot is simulated."""
 
     @property
     def failures_per_km(self) -> float:
@@ -120,7 +118,7 @@ def _robots(connection: Connection, campaigns: Sequence[int], goals: Sequence[st
             func.max(Episode.ended_at, type_=Episode.ended_at.type).label("last"),
             ended(*FAILURES).label("failures"),
             ended(EndReason.COLLISION).label("collisions"),
-            ended(EndReason.ABORTED).label("aborted"),
+            func.sum(case((aborted_unwritten(Episode, reason), 1), else_=0)).label("aborted"),
         )
         .join(Trial, Trial.id == Episode.trial_id)
         .join(Campaign, Campaign.id == Trial.campaign_id)
@@ -159,7 +157,8 @@ def _robots(connection: Connection, campaigns: Sequence[int], goals: Sequence[st
                 path_m=sum(row.path_m for row in sessions),
                 failures=sum(row.failures for row in sessions),
                 collisions=sum(row.collisions for row in sessions),
-                interventions=sum(row.aborted for row in sessions) + helped.get(robot.id, 0),
+                interventions=helped.get(robot.id, 0)
+                + (0 if robot.simulated else sum(row.aborted for row in sessions)),
             )
         )
     return tuple(activity)

@@ -177,7 +177,7 @@ def stability_sheet(robots: Sequence[RobotActivity]) -> Sheet:
             Column("elapsed h", rank=2, note="from the first start to the last end of each session, hours"),
             Column("km"),
             Column("episodes", note="attempts, void ones too"),
-            Column("interventions", rank=1, note="recorded interventions, and episodes that a person aborted"),
+            Column("interventions", rank=1, note="a person acted on a real robot outside the placing"),
             Column("collisions", rank=1),
             Column("failures", rank=1, note="failed motion, lost sensor, model error, dead process"),
             Column("failures/km"),

@@ -17,8 +17,12 @@ KEYS = b" \x1b"
 class EmergencyStop:
     """Listens for the key while it is entered; does nothing where standard input is no terminal."""
 
-    def __init__(self, halt: Callable[[], None], descriptor: int | None = None) -> None:
+    def __init__(
+        self, halt: Callable[[], None], descriptor: int | None = None, announce: Callable[[], None] | None = None
+    ) -> None:
+        """Halt the robot with `halt`; `announce` is told before, so that the interrupt is known for the key's."""
         self._halt = halt
+        self._announce = announce
         self._descriptor = _terminal() if descriptor is None else descriptor
         self._ended = threading.Event()
         self._listening = threading.Event()
@@ -76,6 +80,8 @@ class EmergencyStop:
                 continue
             key = os.read(self._descriptor, 1)
             if key and key in KEYS:
+                if self._announce is not None:
+                    self._announce()
                 # The signal first, or the movement that the halt cuts short would be taken for the base's failure; it
                 # only asks, though, and whatever the main thread is busy with, the robot is halted from here.
                 os.kill(os.getpid(), signal.SIGINT)

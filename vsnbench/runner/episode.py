@@ -92,6 +92,10 @@ class EpisodeRecorder(Protocol):
         """Keep something that happened beside the steps."""
         ...
 
+    def intervention(self, what: str) -> None:
+        """Keep that a person acted on the robot outside the protocol's placing."""
+        ...
+
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict."""
         ...
@@ -132,7 +136,7 @@ def run_episode(
     except Stopped as request:
         stopped = request
         reason = EndReason.ABORTED if request.by_person else EndReason.INTERRUPTED
-        error = "stopped with Ctrl-C" if request.by_person else f"the process was ended by {request}"
+        error = request.words
     except _PolicyError as failure:
         reason, error = EndReason.MODEL_ERROR, str(failure)
     except SensorLostError as failure:
@@ -148,6 +152,8 @@ def run_episode(
     outcome = _judged(robot, plan, reason, actions, time.monotonic() - began, error)
     if error:
         recorder.event(outcome.verdict.end_reason.value, error)
+    if stopped is not None and stopped.by_person and not robot.simulated:
+        recorder.intervention(stopped.words)
     recorder.end(outcome)
     if stopped is not None:
         raise stopped

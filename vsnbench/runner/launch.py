@@ -23,6 +23,7 @@ from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.live_view import LiveView
 from vsnbench.runner.operator import Absent, Operator, require_operator
+from vsnbench.runner.operator_notes import OperatorNotes
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.results import ResultsDirectory
@@ -104,7 +105,8 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
         journal = stack.enter_context(Journal.open(request.results.database_url))
         campaign = journal.find_or_create_campaign(plan)
         viewer_url = view.open() if request.live else None
-        target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url)
+        operator = gather_provenance().operator
+        target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url, operator)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
         watcher: SessionWatcher = progress
@@ -112,9 +114,9 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
             if request.unattended:
                 robot.attendant = Absent()
             else:
-                emergency = stack.enter_context(EmergencyStop(robot.halt))
-                keep = partial(journal.add_verdict, author=gather_provenance().operator)
-                robot.attendant = watcher = Operator(progress, parameters, keep, emergency)
+                emergency = stack.enter_context(EmergencyStop(robot.halt, announce=stop.key_pressed))
+                notes = OperatorNotes(journal, operator)
+                robot.attendant = watcher = Operator(progress, parameters, notes, emergency)
         result = run_session(
             journal,
             campaign,

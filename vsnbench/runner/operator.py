@@ -23,8 +23,20 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.episode import EpisodeOutcome
 
-KeepVerdict = Callable[[int, Verdict], None]
-"""Called with the episode's number and the judgement of the person."""
+LEFT_STANDING = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
+"""After these the robot stands where it failed, and a person must get it out of there."""
+
+
+class Notes(Protocol):
+    """Where the person's judgements and interventions are kept."""
+
+    def verdict(self, episode_id: int, verdict: Verdict) -> None:
+        """Let the person's judgement of an episode stand."""
+        ...
+
+    def intervention(self, episode_id: int, step_number: int, what: str) -> None:
+        """Note what the person did to the robot; `step_number` is the episode's last action, 0 for none."""
+        ...
 
 
 class Display(Protocol):
@@ -78,18 +90,19 @@ class Operator:
         self,
         display: Display,
         parameters: ProtocolParameters,
-        keep: KeepVerdict,
+        notes: Notes,
         emergency: EmergencyStop,
         read_line: Callable[[str], str] = input,
     ) -> None:
         self._display = display
         self._parameters = parameters
-        self._keep = keep
+        self._notes = notes
         self._emergency = emergency
         self._read_line = read_line
+        self._left_standing: tuple[int, EpisodeOutcome] | None = None
 
     def put_at(self, start: StartingPosition, problem: str) -> None:
-        """Name the starting position and wait for Enter."""
+        """Name the starting position and wait for Enter; note it when the robot had to be fetched from a failure."""
         x, y = start.position
         where = f"x {x:.2f} m, y {y:.2f} m, facing {start.heading_deg:g}°"
         with self._emergency.off(), self._display.paused():
@@ -100,6 +113,10 @@ class Operator:
                 f"Put the robot at [bold]starting position {start.number}[/bold]: {where}{escape(note)}"
             )
             self._read_line("Enter when it stands there, Ctrl-C to end the session: ")
+        if self._left_standing is not None:
+            number, outcome = self._left_standing
+            self._left_standing = None
+            self._notes.intervention(number, outcome.actions, f"moved by hand after {outcome.verdict.end_reason}")
         self._display.console.print("[dim]driving; the space bar stops the robot and ends the episode[/dim]")
 
     def episode_begins(self, goal: str, start: int) -> None:
@@ -109,12 +126,16 @@ class Operator:
     def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:
         """Pass it on to the display, and ask for collisions and the measured distance."""
         self._display.episode_ends(number, goal, start, outcome)
+        if outcome.verdict.end_reason in LEFT_STANDING:
+            self._left_standing = (number, outcome)
         if outcome.verdict.end_reason not in (EndReason.STOP, EndReason.STEP_LIMIT):
             return
         with self._emergency.off(), self._display.paused():
             verdict = self._asked(goal, outcome)
         if verdict != outcome.verdict:
-            self._keep(number, verdict)
+            self._notes.verdict(number, verdict)
+            if verdict.end_reason is EndReason.COLLISION:
+                self._notes.intervention(number, outcome.actions, f"collision called: {verdict.text}")
             self._display.console.print(f"[dim]#{number} judged by you:[/dim] {escape(verdict.text)}")
 
     def _asked(self, goal: str, outcome: EpisodeOutcome) -> Verdict:

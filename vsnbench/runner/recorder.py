@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from vsnbench.database.interventions import INTERVENTION, intervention_words
 from vsnbench.database.journal import Journal
 from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
 from vsnbench.protocol.fix import Fix
@@ -36,6 +37,8 @@ class RecordingTarget:
     """The model's name for people, with its weights where it has any."""
     robot: RobotProfile
     live_viewer_url: str | None = None
+    operator: str = ""
+    """Who is responsible for the robot."""
 
 
 class EpisodeRecorderFanOut:
@@ -102,6 +105,10 @@ class EpisodeRecorderFanOut:
         self._target.journal.add_event(kind, text, episode_id=self.episode_id, step_number=number)
         if self._recording:
             self._recording.add(EventFrame(self._last_number, kind, text))
+
+    def intervention(self, what: str) -> None:
+        """Keep that a person acted on the robot, and who."""
+        self.event(INTERVENTION, intervention_words(what, self._target.operator))
 
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict, in one transaction."""
