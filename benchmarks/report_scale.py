@@ -2,11 +2,15 @@
 
     python benchmarks/report_scale.py --directory /var/tmp/large                       makes the record once, measures
     python benchmarks/report_scale.py --directory /var/tmp/large --without-indexes     the same without our indexes
+    python benchmarks/report_scale.py --directory /var/tmp/large --postgresql URL      the same record on a server
 
-The record is made up by SQL inside SQLite; the report is the command a user types, in a process of its own.
+The record is made up by SQL inside SQLite; the report is the command a user types, in a process of its own. On
+PostgreSQL it is copied into an empty database once; the memory is then that of the report alone, without the server's.
 """
 
 import argparse
+import csv
+import io
 import json
 import os
 import sqlite3
@@ -16,9 +20,13 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-from vsnbench.database.engine import sqlite_url
+from sqlalchemy import inspect
+
+from vsnbench.database.engine import open_engine, sqlite_url
 from vsnbench.database.journal import Journal
+from vsnbench.database.migrate import upgrade
 from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial, RobotIdentity
+from vsnbench.database.tables import Base
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import load_site
@@ -108,6 +116,40 @@ PRAGMA wal_checkpoint(TRUNCATE);
 """
 
 
+def copy_record(directory: Path, url: str) -> None:
+    """Copy the record into an empty PostgreSQL database, table by table."""
+    import psycopg
+
+    engine = open_engine(url)
+    upgrade(engine)
+    engine.dispose()
+    target = url.replace("postgresql+psycopg", "postgresql")
+    with closing(sqlite3.connect(directory / "vsnbench.db")) as source, psycopg.connect(target) as server:
+        server.execute("SET TIME ZONE 'UTC'")  # SQLite's times have no zone
+        for table in Base.metadata.sorted_tables:
+            names = [f'"{column.name}"' for column in table.columns]
+            values = ", ".join(rf"coalesce({name}, '\N')" for name in names)
+            rows = source.execute(f'SELECT {values} FROM "{table.name}"')
+            columns = ", ".join(names)
+            words = f'COPY "{table.name}" ({columns}) FROM STDIN WITH (FORMAT csv, NULL $$\\N$$)'
+            with server.cursor().copy(words) as copy:
+                while batch := rows.fetchmany(20_000):
+                    lines = io.StringIO()
+                    csv.writer(lines).writerows(batch)
+                    copy.write(lines.getvalue())
+        server.commit()
+        server.execute("ANALYZE")
+
+
+def is_empty(url: str) -> bool:
+    """Whether a PostgreSQL database holds no record yet."""
+    engine = open_engine(url)
+    try:
+        return not inspect(engine).has_table("episode")
+    finally:
+        engine.dispose()
+
+
 def measure(directory: Path, arguments: list[str]) -> dict[str, float]:
     """Run the report as a user would; return its wall seconds and the peak of its memory in MiB."""
     began = time.perf_counter()
@@ -131,6 +173,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200_000)
     parser.add_argument("--directory", type=Path, required=True)
     parser.add_argument("--without-indexes", action="store_true", help="drop them from the made-up record for good")
+    parser.add_argument("--postgresql", metavar="URL", help="copy the record there if it is empty, and measure there")
     options = parser.parse_args()
     if not options.directory.exists():
         began = time.perf_counter()
@@ -143,13 +186,21 @@ def main() -> None:
             database.commit()
         (episodes,) = database.execute("SELECT count(*) FROM episode").fetchone()
         (steps,) = database.execute("SELECT count(*) FROM step").fetchone()
+    where: list[str] = []
+    if options.postgresql:
+        where = ["--db", options.postgresql]
+        if is_empty(options.postgresql):
+            began = time.perf_counter()
+            copy_record(options.directory, options.postgresql)
+            print(f"copied in {time.perf_counter() - began:.0f} s", file=sys.stderr)
     outcome = {
+        "database": "postgresql" if options.postgresql else "sqlite",
         "episodes": episodes,
         "steps": steps,
         "database_mib": (options.directory / "vsnbench.db").stat().st_size // 2**20,
         "indexes": not options.without_indexes,
-        "table": measure(options.directory, []),
-        "everything": measure(options.directory, ["--output", str(options.directory / "report")]),
+        "table": measure(options.directory, where),
+        "everything": measure(options.directory, [*where, "--output", str(options.directory / "report")]),
     }
     print(json.dumps(outcome, indent=2))
 

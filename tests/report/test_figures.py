@@ -10,7 +10,7 @@ from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import Report, build
-from vsnbench.report.drawings import drawings
+from vsnbench.report.drawings import MOST_PLANS, drawings, finished_drawings
 from vsnbench.report.figures.plans import outcome
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.record import Selection
@@ -117,3 +117,17 @@ def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
     assert set(figures) == {"success-by-goal", "mileage"}
     assert "no trial is done" in figures["success-by-goal"].alt
     assert report.sheets(long=True)
+
+
+def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> None:
+    for model in ("vlv", "oracle", "random", "pirlnav"):
+        lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=model)
+    report = build(lab.url, Selection())
+    here = list(drawings(report, open_record(lab.url)))
+    beside = finished_drawings(report, lab.url)
+    assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
+    assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_PLANS
+    for one, other in zip(beside, here, strict=True):
+        assert one.figure is None, "nothing is left to be drawn"
+        assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())
+        assert one.width_in == other.width_in > 0

@@ -60,16 +60,11 @@ def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
 
 def write_or_serve(report: "Report", url: str, output: Path | None, port: int | None) -> None:
     """Write the whole report into a directory, serve its page, or both."""
-    from vsnbench.database.migrate import open_record
-    from vsnbench.report.drawings import drawings
+    from vsnbench.report.drawings import finished_drawings
     from vsnbench.report.forms.html import html_page
     from vsnbench.report.output import serve_page, write_report
 
-    engine = open_record(url)
-    try:
-        drawn = list(drawings(report, engine))
-    finally:
-        engine.dispose()
+    drawn = finished_drawings(report, url)
     if output is not None:
         for path in write_report(report, drawn, output):
             typer.echo(str(path))

@@ -5,11 +5,7 @@ Ctrl-C, calls a collision that it did not feel, takes it by hand out of where a 
 Each is one event. The robot of a simulation needs nobody: whoever ends one only ends a process.
 """
 
-from sqlalchemy import ColumnElement, and_, exists
-from sqlalchemy.orm import aliased
-
-from vsnbench.database.tables import Episode, Event
-from vsnbench.protocol.judge import EndReason
+from collections.abc import Iterable, Mapping
 
 INTERVENTION = "intervention"
 """Kind of the events that say that a person intervened."""
@@ -20,16 +16,14 @@ def intervention_words(what: str, who: str) -> str:
     return f"{what}, by {who}" if who else what
 
 
-def aborted_unwritten(episode: type[Episode], end_reason: ColumnElement[str]) -> ColumnElement[bool]:
-    """Return the condition for an aborted episode without an event of its own, which counts as one intervention.
+def interventions(written: Mapping[int, int], aborted: Iterable[int]) -> dict[int, int]:
+    """Return how often a person intervened, by the number of the episode.
 
-    Such are the episodes that a person made void afterwards, and those of records older than the events. An episode
-    with an event is counted by that alone, so that an abort never counts twice.
+    An aborted episode without an event counts as one: a person made it void afterwards, or the record is older than
+    the events. With one it is counted by its events alone, so that an abort never counts twice.
 
     Args:
-        episode: the table or an alias of it.
-        end_reason: of the standing verdict, or as the episode ended.
+        written: events of kind `INTERVENTION` by episode.
+        aborted: episodes of real robots whose standing end reason is `aborted`.
     """
-    event = aliased(Event)
-    written = exists().where(event.episode_id == episode.id, event.kind == INTERVENTION).correlate(episode)
-    return and_(end_reason == EndReason.ABORTED.value, ~written)
+    return dict.fromkeys(aborted, 1) | dict(written)

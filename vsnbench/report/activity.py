@@ -1,17 +1,20 @@
-"""Counts what robots did in the steps and sessions of a record; the counting is the database's."""
+"""Counts what models chose and robots did: actions in the steps, which the database counts, distances by session."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import ColumnElement, Connection, Engine, case, func, select
-from sqlalchemy.orm import aliased
+from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database.engine import record_errors
-from vsnbench.database.interventions import INTERVENTION, aborted_unwritten
+from vsnbench.database.interventions import INTERVENTION, interventions
 from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial, Verdict
 from vsnbench.database.validity import counts, standing_verdict_id
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.record import Record
+from vsnbench.report.record import RUNNING, Record, Selection, read_conditions, trial_filter
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST, EndReason.MODEL_ERROR, EndReason.INTERRUPTED)
 """Ends that are the system's fault: neither the policy's nor a person's wish."""
@@ -63,102 +66,103 @@ class Activity:
     robots: tuple[RobotActivity, ...]
 
 
-def read_activity(engine: Engine, record: Record) -> Activity:
-    """Count actions and distances of the campaigns that a record holds.
+def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:
+    """Count the actions of the episodes that count.
 
     Raises:
         RecordError: the database cannot be used.
     """
-    condition_of = {campaign: one.number for one in record.conditions for campaign in one.campaigns}
-    goals = sorted({str(goal) for goal in record.planned["goal"]})
     with record_errors(engine), engine.connect() as connection:
-        return Activity(
-            actions=_actions(connection, condition_of, goals), robots=_robots(connection, list(condition_of), goals)
-        )
+        _, condition_of = read_conditions(connection, selection)
+        if not condition_of:
+            return ()
+        return _actions(connection, condition_of, trial_filter(selection, condition_of))
 
 
-def _actions(connection: Connection, condition_of: dict[int, int], goals: Sequence[str]) -> tuple[ActionCount, ...]:
+def _actions(connection: Connection, condition_of: dict[int, int], trials: Sequence[Any]) -> tuple[ActionCount, ...]:
+    # Which episodes count is settled once for each: the offset keeps the database from asking again for every action.
+    counted = (
+        select(Episode.id, Trial.campaign_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .where(*trials, counts(Episode, Verdict))
+        .offset(0)
+        .subquery()
+    )
     # Summed up within each episode first: the index on the actions is read in its own order, without sorting.
     within = (
         select(Step.episode_id, Step.raw_action, Step.action, Step.blocked, func.count().label("steps"))
         .group_by(Step.episode_id, Step.raw_action, Step.action, Step.blocked)
         .subquery()
     )
+    # Joined from the left, so that this order is kept; episodes that do not count come without a campaign.
     rows = connection.execute(
-        select(Trial.campaign_id, within.c.raw_action, within.c.action, within.c.blocked, func.sum(within.c.steps))
-        .select_from(within)
-        .join(Episode, Episode.id == within.c.episode_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Verdict, Verdict.id == standing_verdict_id(Episode.id))
-        .where(Trial.campaign_id.in_(list(condition_of)), Trial.goal.in_(goals), counts(Episode, Verdict))
-        .group_by(Trial.campaign_id, within.c.raw_action, within.c.action, within.c.blocked)
+        select(counted.c.campaign_id, within.c.raw_action, within.c.action, within.c.blocked, func.sum(within.c.steps))
+        .outerjoin(counted, counted.c.id == within.c.episode_id)
+        .group_by(counted.c.campaign_id, within.c.raw_action, within.c.action, within.c.blocked)
     )
     sums: dict[tuple[int, str, str, bool], int] = {}
     for campaign, raw_action, action, blocked, steps in rows:
+        if campaign is None:
+            continue
         key = (condition_of[campaign], raw_action, action, bool(blocked))
         sums[key] = sums.get(key, 0) + int(steps)
     return tuple(ActionCount(*key, steps) for key, steps in sorted(sums.items()))
 
 
-def _robots(connection: Connection, campaigns: Sequence[int], goals: Sequence[str]) -> tuple[RobotActivity, ...]:
-    verdict = aliased(Verdict)
-    reason = func.coalesce(verdict.end_reason, Episode.end_reason)
+def read_robots(engine: Engine, record: Record) -> tuple[RobotActivity, ...]:
+    """Sum up what each robot did in a record, in the order of the robots.
 
-    def ended(*reasons: EndReason) -> ColumnElement[int]:
-        return func.sum(case((reason.in_([each.value for each in reasons]), 1), else_=0))
-
-    by_process = (
-        select(
-            Robot.id.label("robot"),
-            Episode.process_id,
-            func.count().label("episodes"),
-            func.coalesce(func.sum(Episode.duration_s), 0.0).label("driving_s"),
-            func.coalesce(func.sum(Episode.path_length_m), 0.0).label("path_m"),
-            func.min(Episode.started_at, type_=Episode.started_at.type).label("first"),
-            func.max(Episode.ended_at, type_=Episode.ended_at.type).label("last"),
-            ended(*FAILURES).label("failures"),
-            ended(EndReason.COLLISION).label("collisions"),
-            func.sum(case((aborted_unwritten(Episode, reason), 1), else_=0)).label("aborted"),
-        )
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .outerjoin(verdict, verdict.id == standing_verdict_id(Episode.id))
-        .where(Campaign.id.in_(campaigns), Trial.goal.in_(goals), Episode.end_reason.is_not(None))
-        .group_by(Robot.id, Episode.process_id)
-    )
-    rows = connection.execute(by_process).all()
-    helped = {
-        row.robot_id: row.times
-        for row in connection.execute(
-            select(Campaign.robot_id, func.count().label("times"))
-            .select_from(Event)
-            .join(Episode, Episode.id == Event.episode_id)
-            .join(Trial, Trial.id == Episode.trial_id)
-            .join(Campaign, Campaign.id == Trial.campaign_id)
-            .where(Campaign.id.in_(campaigns), Trial.goal.in_(goals), Event.kind == INTERVENTION)
-            .group_by(Campaign.robot_id)
-        )
-    }
-    robots = connection.execute(select(Robot.id, Robot.name, Robot.title, Robot.simulated).order_by(Robot.id)).all()
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    campaigns = [campaign for one in record.conditions for campaign in one.campaigns]
+    with record_errors(engine), engine.connect() as connection:
+        robots = connection.execute(
+            select(Robot.id, Robot.name, Robot.title, Robot.simulated, Campaign.id)
+            .join(Campaign, Campaign.robot_id == Robot.id)
+            .where(Campaign.id.in_(campaigns))
+            .order_by(Robot.id, Campaign.id)
+        ).all()
+        written = _written(connection, campaigns)
+    own: dict[tuple[int, str, str, bool], list[int]] = {}
+    for number, name, title, simulated, campaign in robots:
+        own.setdefault((number, name, title, simulated), []).append(campaign)
     activity = []
-    for robot in robots:
-        sessions = [row for row in rows if row.robot == robot.id]
-        if not sessions:
-            continue
-        activity.append(
-            RobotActivity(
-                robot=robot.name,
-                title=robot.title,
-                simulated=robot.simulated,
-                episodes=sum(row.episodes for row in sessions),
-                driving_s=sum(row.driving_s for row in sessions),
-                elapsed_s=sum((row.last - row.first).total_seconds() for row in sessions),
-                path_m=sum(row.path_m for row in sessions),
-                failures=sum(row.failures for row in sessions),
-                collisions=sum(row.collisions for row in sessions),
-                interventions=helped.get(robot.id, 0)
-                + (0 if robot.simulated else sum(row.aborted for row in sessions)),
-            )
-        )
+    for (_, name, title, simulated), mine in own.items():
+        rows = record.episodes[record.episodes["campaign"].isin(mine) & (record.episodes["state"] != RUNNING)]
+        if not rows.empty:
+            aborted = () if simulated else rows.loc[rows["end_reason"] == EndReason.ABORTED.value, "episode"]
+            helped = rows["episode"].map(interventions(written, aborted)).sum()
+            activity.append(_robot_activity(name, title, simulated=simulated, rows=rows, helped=int(helped)))
     return tuple(activity)
+
+
+def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:
+    """Return the episodes of these campaigns with events that say that a person intervened, and how many."""
+    rows = connection.execute(
+        select(Event.episode_id, func.count())
+        .join(Episode, Episode.id == Event.episode_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
+        .group_by(Event.episode_id)
+    )
+    return {episode: times for episode, times in rows if episode is not None}
+
+
+def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFrame", helped: int) -> RobotActivity:
+    sessions = rows.groupby("process")
+    waited = sessions["ended_at"].max() - sessions["started_at"].min()
+    ends = rows["end_reason"]
+    return RobotActivity(
+        robot=name,
+        title=title,
+        simulated=simulated,
+        episodes=len(rows),
+        driving_s=float(rows["duration_s"].sum()),
+        elapsed_s=float(waited.dt.total_seconds().sum()),
+        path_m=float(rows["path_length_m"].sum()),
+        failures=int(ends.isin([reason.value for reason in FAILURES]).sum()),
+        collisions=int((ends == EndReason.COLLISION.value).sum()),
+        interventions=helped,
+    )

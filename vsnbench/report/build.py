@@ -1,12 +1,13 @@
 """Puts a report together: opens the record, refuses what it has nothing to say about, chooses the sheets."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from vsnbench.database.engine import shown_url
 from vsnbench.database.migrate import open_record
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.report.activity import Activity, read_activity
+from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
 from vsnbench.report.record import Record, Selection, goal_order, read_record
 from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
 from vsnbench.report.sheets import Sheet
@@ -95,12 +96,27 @@ def build(
         RecordError: there is no record, nothing in it, or it cannot be read.
         UsageError: the selection fits nothing in it.
     """
-    record = read(url, selection, results_directory)
-    counted = None
-    if activity:
-        engine = open_record(url)
-        try:
-            counted = read_activity(engine, record)
-        finally:
-            engine.dispose()
-    return Report(record, summarise(record), counted, reference)
+    with ThreadPoolExecutor(1, thread_name_prefix="actions") as beside:
+        # The database counts the steps while the episodes are put into a table here: neither waits for the other.
+        counting = beside.submit(_actions, url, selection) if activity else None
+        record = read(url, selection, results_directory)
+        results = summarise(record)
+        robots = _robots(url, record) if activity else ()
+        counted = Activity(counting.result(), robots) if counting else None
+    return Report(record, results, counted, reference)
+
+
+def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
+    engine = open_record(url)
+    try:
+        return read_actions(engine, selection)
+    finally:
+        engine.dispose()
+
+
+def _robots(url: str, record: Record) -> tuple[RobotActivity, ...]:
+    engine = open_record(url)
+    try:
+        return read_robots(engine, record)
+    finally:
+        engine.dispose()

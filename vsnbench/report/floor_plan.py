@@ -1,6 +1,7 @@
 """Draws a site's floor plan as a person would put it in a paper; trajectories can be drawn over it."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,7 +124,13 @@ def _bounds(site: Site) -> tuple[float, float, float, float]:
 def _fill(axes: "Axes", outline: Any, **look: Any) -> None:
     from matplotlib.patches import Polygon
 
-    axes.add_patch(Polygon(list(outline), closed=True, **look))
+    axes.add_artist(Polygon(list(outline), closed=True, **look))  # `add_patch` would work out limits that we set
+
+
+def _line(axes: "Axes", points: Iterable[tuple[float, float]], **look: Any) -> None:
+    from matplotlib.lines import Line2D
+
+    axes.add_artist(Line2D(*zip(*points, strict=True), **look))
 
 
 def _drawing_order(thing: SiteObject) -> tuple[bool, float, bool]:
@@ -158,7 +165,7 @@ def _draw_front(axes: "Axes", thing: SiteObject, color: str) -> None:
     back = -depth / 2 + share * depth
     x, y = thing.position
     ends = [(x + cos * back - sin * side, y + sin * back + cos * side) for side in (-width / 2, width / 2)]
-    axes.plot(*zip(*ends, strict=True), color=color, linewidth=0.6, zorder=2.1, solid_capstyle="butt")
+    _line(axes, ends, color=color, linewidth=0.6, zorder=2.1, solid_capstyle="butt")
 
 
 def _label(axes: "Axes", thing: SiteObject, above: list[SiteObject], always: bool) -> None:
@@ -214,7 +221,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
     for part in shapely.get_parts(solid):
         rings = [Outline(list(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*rings)
-        axes.add_patch(PathPatch(outline, facecolor=_INK, edgecolor=_INK, linewidth=0.3, zorder=5))
+        axes.add_artist(PathPatch(outline, facecolor=_INK, edgecolor=_INK, linewidth=0.3, zorder=5))
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +256,7 @@ def _draw_window(axes: "Axes", site: Site, window: Window) -> None:
     frame = [opening.at(0, -half), opening.at(length, -half), opening.at(length, half), opening.at(0, half)]
     _fill(axes, frame, facecolor="white", edgecolor=_INK, linewidth=0.7, zorder=5)
     pane = (opening.at(0, 0), opening.at(length, 0))
-    axes.plot(*zip(*pane, strict=True), color=_INK, linewidth=0.6, zorder=5.1, solid_capstyle="butt")
+    _line(axes, pane, color=_INK, linewidth=0.6, zorder=5.1, solid_capstyle="butt")
 
 
 def _draw_door(axes: "Axes", site: Site, door: Door) -> None:
@@ -276,7 +283,7 @@ def _draw_door(axes: "Axes", site: Site, door: Door) -> None:
     _fill(axes, leaf, facecolor="white", edgecolor="#7a7a78", linewidth=0.6, zorder=4)
     angles = [math.pi / 2 * step / 24 for step in range(25)]
     swing = [opening.at(length * math.cos(angle), half + length * math.sin(angle)) for angle in angles]
-    axes.plot(*zip(*swing, strict=True), color="#7a7a78", linewidth=0.5, zorder=4)
+    _line(axes, swing, color="#7a7a78", linewidth=0.5, zorder=4)
 
 
 def _name_room(axes: "Axes", site: Site, room: Room) -> None:
@@ -311,8 +318,8 @@ def _draw_start(axes: "Axes", start: StartingPosition) -> None:
     heading = start.pose.heading_rad
     around = [(tip, 0.0), (radius * 0.88, 0.62), (radius * 0.88, -0.62)]
     arrow = [(x + far * math.cos(heading + off), y + far * math.sin(heading + off)) for far, off in around]
-    axes.add_patch(Polygon(arrow, closed=True, facecolor=_START, edgecolor="none", zorder=8))
-    axes.add_patch(Circle((x, y), radius, facecolor="white", edgecolor=_START, linewidth=1.0, zorder=8.1))
+    axes.add_artist(Polygon(arrow, closed=True, facecolor=_START, edgecolor="none", zorder=8))
+    axes.add_artist(Circle((x, y), radius, facecolor="white", edgecolor=_START, linewidth=1.0, zorder=8.1))
     axes.text(
         x, y, str(start.number), ha="center", va="center_baseline", fontsize=6, weight="bold", color=_START, zorder=8.2
     )

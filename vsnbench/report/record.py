@@ -27,6 +27,7 @@ COLUMNS: dict[str, str] = {
     "episode": "number of the episode",
     "condition": "number of the condition, see `Record.conditions`",
     "campaign": "number of the campaign",
+    "process": "number of the process that ran it",
     "trial": "number of the trial",
     "goal": "goal category",
     "start": "number of the starting position",
@@ -44,6 +45,7 @@ COLUMNS: dict[str, str] = {
     "spl": "success weighted by path length; NaN where a length is unknown",
     "soft_spl": "the same with progress in place of success; NaN where a length is unknown",
     "started_at": "aware, UTC",
+    "ended_at": "aware, UTC; NaT while running",
     "images_directory": "relative to the results directory; empty for none",
 }
 """Columns of `Record.episodes` and what they hold."""
@@ -143,7 +145,7 @@ def read_record(engine: Engine, selection: Selection | None = None, results_dire
     """
     chosen = selection or Selection()
     with record_errors(engine), engine.connect() as connection:
-        conditions, condition_of = _conditions(connection, chosen)
+        conditions, condition_of = read_conditions(connection, chosen)
         episodes = _episodes(connection, chosen, condition_of)
         planned = _planned(connection, chosen, condition_of)
         hashes = {condition.site_sha256 for condition in conditions}
@@ -152,7 +154,7 @@ def read_record(engine: Engine, selection: Selection | None = None, results_dire
     return Record(conditions, episodes, planned, sites, results_directory)
 
 
-def _conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
+def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
     """Return the conditions and campaign id -> number of its condition."""
     rows = connection.execute(
         select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.noise, Campaign.model_id)
@@ -241,8 +243,13 @@ def _campaign_filter(chosen: Selection) -> list[Any]:
     return wanted
 
 
-def _trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:
-    wanted: list[Any] = [Trial.campaign_id.in_(list(condition_of))]
+def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:
+    """Return the conditions that the trials of a selection fulfil."""
+    # Where every campaign is wanted, no index is to find them (hence + 0): it would bring the episodes in another
+    # order than that of the table, and sorting them takes longer than reading them.
+    some = chosen.models or chosen.sites or chosen.robots or chosen.campaigns
+    campaign = Trial.campaign_id if some else Trial.campaign_id + 0
+    wanted: list[Any] = [campaign.in_(list(condition_of))]
     if chosen.goals:
         wanted.append(Trial.goal.in_(chosen.goals))
     return wanted
@@ -261,13 +268,14 @@ def episodes_query() -> Select[Any]:
         select(
             Episode.id,
             Trial.campaign_id,
+            Episode.process_id,
             Trial.id,
             Trial.goal,
             Trial.start,
             Trial.repetition,
             state,
             func.coalesce(Verdict.end_reason, Episode.end_reason),
-            func.coalesce(Verdict.success, False),
+            type_coerce(func.coalesce(Verdict.success, False), NullType()),
             Episode.actions,
             Episode.path_length_m,
             Episode.geodesic_start_m,
@@ -277,6 +285,7 @@ def episodes_query() -> Select[Any]:
             Episode.wall_duration_s,
             # As the driver gives it: pandas reads 200,000 times at once, SQLAlchemy would one by one.
             type_coerce(Episode.started_at, NullType()),
+            type_coerce(Episode.ended_at, NullType()),
             Episode.images_directory,
         )
         .join(Trial, Trial.id == Episode.trial_id)
@@ -289,17 +298,15 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
     import numpy as np
     import pandas as pd
 
-    query = episodes_query().where(*_trial_filter(chosen, condition_of))
+    query = episodes_query().where(*trial_filter(chosen, condition_of))
     raw = [
-        *("episode", "campaign", "trial", "goal", "start", "repetition", "state", "end_reason", "success", "actions"),
-        *("path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s"),
-        *("started_at", "images_directory"),
+        *("episode", "campaign", "process", "trial", "goal", "start", "repetition", "state", "end_reason", "success"),
+        *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s"),
+        *("started_at", "ended_at", "images_directory"),
     ]
-    parts = []
-    for rows in connection.execution_options(yield_per=20_000).execute(query).partitions():
-        part = pd.DataFrame(dict(zip(raw, zip(*rows, strict=True), strict=True)))
-        parts.append(_typed(part))
-    frame = pd.concat(parts, ignore_index=True) if parts else _typed(pd.DataFrame({name: [] for name in raw}))
+    found = connection.execution_options(yield_per=20_000).execute(query)
+    parts = [_typed(dict(zip(raw, zip(*rows, strict=True), strict=True))) for rows in found.partitions()]
+    frame = pd.concat(parts, ignore_index=True) if parts else _typed(dict.fromkeys(raw, ()))
     for name in ("goal", "end_reason"):
         frame[name] = frame[name].astype("category")
     frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
@@ -312,20 +319,23 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
     return frame[list(COLUMNS)]
 
 
-def _typed(frame: "pd.DataFrame") -> "pd.DataFrame":
+def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
+    """Return columns as a driver gives them with the types of `COLUMNS`; a column at a time, which is the fast way."""
     import numpy as np
     import pandas as pd
 
-    integers = ("episode", "campaign", "trial", "start", "repetition", "actions")
-    floats = ("path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s")
-    for name in integers:
-        frame[name] = frame[name].astype(np.int64)
-    for name in floats:
-        numbers = frame[name].astype(np.float64)
-        frame[name] = numbers.where(np.isfinite(numbers))  # a database written elsewhere may hold infinities
-    frame["success"] = frame["success"].astype(bool)
-    frame["started_at"] = pd.to_datetime(frame["started_at"], utc=True, format="ISO8601")
-    return frame
+    typed: dict[str, Any] = {}
+    for name, values in columns.items():
+        if name in ("episode", "campaign", "process", "trial", "start", "repetition", "actions"):
+            typed[name] = np.array(values, np.int64)
+        elif name.endswith(("_m", "_s")):
+            numbers = np.array(values, np.float64)
+            typed[name] = np.where(np.isfinite(numbers), numbers, np.nan)  # one written elsewhere may hold infinities
+        elif name.endswith("_at"):
+            typed[name] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
+        else:
+            typed[name] = np.array(values, bool if name == "success" else object)
+    return pd.DataFrame(typed)
 
 
 def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
@@ -356,7 +366,7 @@ def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[in
 
     rows = connection.execute(
         select(Trial.campaign_id, Trial.goal, Trial.start, func.count())
-        .where(*_trial_filter(chosen, condition_of))
+        .where(*trial_filter(chosen, condition_of))
         .group_by(Trial.campaign_id, Trial.goal, Trial.start)
     ).all()
     frame = pd.DataFrame([tuple(row) for row in rows], columns=["campaign", "goal", "start", "trials"])

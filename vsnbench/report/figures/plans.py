@@ -1,7 +1,7 @@
 """Floor plans: where the robot went by goal and outcome, and from which starting positions it succeeds."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.site import Site
@@ -52,8 +52,7 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) 
         for axes, goal in zip(grid.flat, goals, strict=False):
             _bare_plan(site, axes, goal)
             mine = [track for track in tracks if track.goal == goal]
-            for track in mine:
-                _draw_track(axes, track)
+            _draw_tracks(axes, mine)
             whole = next((each.summary for each in one.goals if each.goal == goal), None)
             sample = f", {len(mine)} drawn" if whole and len(mine) < whole.episodes else ""
             rate = f"{whole.successes}/{whole.episodes}" if whole else ""
@@ -117,12 +116,23 @@ def outcome(track: Track) -> str:
     return "step limit" if track.end_reason == EndReason.STEP_LIMIT.value else "STOP, too far"
 
 
-def _draw_track(axes: "Axes", track: Track) -> None:
-    color, dashes, marker = _LOOKS[outcome(track)]
-    xs, ys = zip(*track.points, strict=True)
-    axes.plot(xs, ys, color=color, linestyle=dashes, linewidth=0.7, alpha=0.75, zorder=10, solid_joinstyle="round")
-    axes.plot(xs[0], ys[0], marker="o", markersize=1.6, color=INK, zorder=11)
-    axes.plot(xs[-1], ys[-1], marker=marker, markersize=2.8, color=color, markeredgewidth=0, zorder=11)
+def _draw_tracks(axes: "Axes", tracks: Sequence[Track]) -> None:
+    """Draw the tracks of one outcome together: three artists for each would take most of the report's time."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+
+    starts = [track.points[0] for track in tracks]
+    for name, (color, dashes, marker) in _LOOKS.items():
+        mine = [track.points for track in tracks if outcome(track) == name]
+        if not mine:
+            continue
+        look: dict[str, Any] = {"linestyles": [dashes], "linewidths": 0.7, "alpha": 0.75, "joinstyle": "round"}
+        axes.add_collection(LineCollection(mine, colors=color, zorder=10, **look), autolim=False)
+        ends = zip(*(points[-1] for points in mine), strict=True)
+        axes.add_artist(
+            Line2D(*ends, linestyle="", marker=marker, markersize=2.8, color=color, markeredgewidth=0, zorder=11)
+        )
+    axes.add_artist(Line2D(*zip(*starts, strict=True), linestyle="", marker="o", markersize=1.6, color=INK, zorder=11))
 
 
 def _legend(figure: "Figure") -> None:

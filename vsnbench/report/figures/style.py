@@ -4,7 +4,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from vsnbench.report.text import harmless
 
@@ -16,6 +16,9 @@ COLUMN_IN = 3.4
 """Width of one column, inches."""
 PAGE_IN = 7.1
 """Width of both."""
+
+DOTS_AN_INCH = 200
+"""Of the PNG."""
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7A6A00", "#000000")
 """Okabe and Ito's, in an order in which neighbours differ most; the yellow is darkened to be seen on white."""
@@ -48,16 +51,28 @@ class Drawing:
     title: str
     alt: str
     """What it shows, for who cannot see it; the numbers are in the tables."""
-    figure: "Figure"
-    _files: dict[str, bytes] = field(default_factory=dict, repr=False)
+    figure: "Figure | None"
+    """None once it is finished."""
+    width_in: float = field(init=False)
+    _files: dict[str, bytes] = field(default_factory=dict, init=False, repr=False)
     """What has been saved already: the page and the directory want the same."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "width_in", self.figure.get_figwidth() if self.figure is not None else 0.0)
+
+    def finish(self) -> Self:
+        """Save it in every form and let go of the figure: what is left can go from one process to another."""
+        for form in ("svg", "pdf", "png"):
+            self._saved(form)
+        object.__setattr__(self, "figure", None)
+        return self
 
     def svg(self) -> bytes:
         """Return the figure as SVG; the same figure gives the same bytes."""
         return self._saved("svg")
 
     def png(self) -> bytes:
-        """Return the figure as PNG of 200 dots an inch."""
+        """Return the figure as PNG of `DOTS_AN_INCH`."""
         return self._saved("png")
 
     def pdf(self) -> bytes:
@@ -67,18 +82,32 @@ class Drawing:
     def _saved(self, form: str) -> bytes:
         import matplotlib as mpl
 
-        if form in self._files:
-            return self._files[form]
-        file = io.BytesIO()
-        dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-        with mpl.rc_context({**_SETTINGS, "svg.hashsalt": self.name}):
-            if self.figure.get_layout_engine() is not None:
-                # Laid out once: it takes longer than the drawing, and every save would do it again.
-                self.figure.draw_without_rendering()
-                self.figure.set_layout_engine("none")
-            self.figure.savefig(file, format=form, dpi=200, metadata=dates.get(form))
-        self._files[form] = file.getvalue()
+        if form not in self._files and self.figure is not None:
+            with mpl.rc_context({**_SETTINGS, "svg.hashsalt": self.name}):
+                engine = self.figure.get_layout_engine()
+                if engine is not None:
+                    # Laid out once: it takes as long as the drawing, and every save would do it again.
+                    engine.execute(self.figure)
+                    self.figure.set_layout_engine("none")
+                self._files[form] = _printed(self.figure, form)
         return self._files[form]
+
+
+def _printed(figure: "Figure", form: str) -> bytes:
+    """Return the figure as SVG, PDF or PNG; `Figure.savefig` would draw it twice, once to measure it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    file = io.BytesIO()
+    match form:
+        case "svg":
+            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # type: ignore[no-untyped-call]
+        case "pdf":
+            FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})  # type: ignore[no-untyped-call]
+        case _:
+            FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]
+    return file.getvalue()
 
 
 _SETTINGS: dict[Any, Any] = {
@@ -117,7 +146,7 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), dpi=DOTS_AN_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

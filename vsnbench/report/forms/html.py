@@ -167,8 +167,8 @@ def _figure(drawing: Drawing) -> _Figure:
         title=drawing.title,
         alt=drawing.alt,
         data=base64.b64encode(drawing.svg()).decode(),
-        wide=drawing.figure.get_figwidth() > COLUMN_IN * 1.2,
-        width_rem=f"{drawing.figure.get_figwidth() * 9:.1f}",
+        wide=drawing.width_in > COLUMN_IN * 1.2,
+        width_rem=f"{drawing.width_in * 9:.1f}",
     )
 
 
