@@ -41,7 +41,7 @@ class Demonstrations(_Strict):
     """How the data of one round is made; a shard is one twin seen with one camera."""
 
     twins: Count = Field(default=220, description="shards of the first round")
-    dagger_twins: int = Field(default=60, ge=0, description="shards of every later round")
+    dagger_twins: int = Field(default=50, ge=0, description="shards of every later round")
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=24, description="per shard of the first round")
     dagger_episodes: Count = Field(default=24, description="per shard of a later round")
@@ -49,7 +49,8 @@ class Demonstrations(_Strict):
     max_actions: Count = 150
     perturbed_share: float = Field(default=0.06, ge=0, le=1, description="chance per step to begin random actions")
     perturbed_actions: Count = Field(default=4, description="at most this many random actions in a row")
-    expert_share: float = Field(default=0.3, ge=0, le=1, description="of DAgger's steps that the oracle drives")
+    student_actions: Count = Field(default=10, description="at most this many in a row that a student drives")
+    expert_actions: Count = Field(default=15, description="at most this many that the demonstrator then drives")
     mount_height_m: Span = (0.5, 0.75)
     tilt_deg: Span = (-5.0, 5.0)
     horizontal_fov_deg: Span = (55.0, 68.0)
@@ -72,7 +73,7 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: tuple[Count, ...] = Field(default=(2000, 1200, 2500), min_length=1, description="of each round")
+    updates: tuple[Count, ...] = Field(default=(2000, 1000, 2200), min_length=1, description="of each round")
     lanes: Count = 32
     steps: Count = Field(default=48, description="between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)
@@ -122,7 +123,9 @@ class Recipe(_Strict):
     def demonstrations_of(self, round_number: int) -> Demonstrations:
         """Return how a shard of that round is made."""
         plan = self.demonstrations
-        return plan if round_number == 0 else plan.model_copy(update={"episodes": plan.dagger_episodes})
+        if round_number == 0:
+            return plan
+        return plan.model_copy(update={"episodes": plan.dagger_episodes, "perturbed_share": 0.0})
 
     def cloning_updates(self, round_number: int) -> int:
         """Return how long that round's cloning goes on; rounds beyond those named go on like the last."""

@@ -29,6 +29,9 @@ class Lane:
     previous: int = 0
     steps: int = 0
     perturbed_left: int = 0
+    driven_by_student: bool = False
+    turns_left: int = 0
+    """Actions until student and demonstrator change places."""
     stopped: bool = False
 
     @property
@@ -102,12 +105,26 @@ def demonstrate(
                 image = encode(views[k].rgb, plan.jpeg_quality) if student is None else np.zeros(0, np.uint8)
                 _keep(steps[k], lanes[k], image, views[k], expert)
                 wish = expert
-                if student is not None and (expert is None or rng.random() >= plan.expert_share):
+                if student is not None and (_students_turn(lanes[k], plan, rng) or expert is None):
                     wish = chosen[k]
                 _advance(world, plan, lanes[k], expert, wish, rng)
         kept += steps
     rows = [row for steps in kept for row in steps.features]
     return Demonstration(_shard(kept), np.stack(rows) if rows else None)
+
+
+def _students_turn(lane: Lane, plan: Demonstrations, rng: np.random.Generator) -> bool:
+    """Return whether the student drives now: a few actions, then the demonstrator puts right what came of them.
+
+    Alone, or by turns at every step, a weak student soon is where nobody can tell from what was seen what the
+    demonstrator wants, and learns to turn to and fro.
+    """
+    if lane.turns_left == 0:
+        lane.driven_by_student = bool(rng.random() < 0.5) if lane.steps == 0 else not lane.driven_by_student
+        longest = plan.student_actions if lane.driven_by_student else plan.expert_actions
+        lane.turns_left = int(rng.integers(1, longest + 1))
+    lane.turns_left -= 1
+    return lane.driven_by_student
 
 
 def _advance(

@@ -1,5 +1,6 @@
 """Demonstrations: perturbed, labelled at every step, and the same again from the same seed."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 
 from tests.training.recipes import TINY
 from training.recipe import Recipe
-from training.rollout import INDEX, Lane, demonstrate, evaluate
+from training.rollout import INDEX, Lane, _students_turn, demonstrate, evaluate
 from training.shards import STRIPS, UNLABELLED, mirrored
 from training.twin_world import TwinWorld, View
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.pose import Pose
 
 
 @pytest.fixture(scope="module")
@@ -77,19 +79,35 @@ def test_the_same_seed_gives_the_same_demonstrations(world: TwinWorld) -> None:
     assert np.array_equal(one.expert, other.expert)
 
 
-def test_a_student_drives_on_past_where_it_should_have_stopped_and_its_features_are_kept(world: TwinWorld) -> None:
-    plan = TINY.demonstrations.model_copy(update={"expert_share": 0.0, "perturbed_share": 0.0, "max_actions": 30})
+def test_a_student_drives_by_turns_and_its_features_are_kept(world: TwinWorld) -> None:
+    whole = {"student_actions": 30, "expert_actions": 1, "perturbed_share": 0.0, "max_actions": 30}
+    plan = TINY.demonstrations.model_copy(update=whole)
     given = demonstrate(world, plan, np.random.default_rng(3), Only(Action.TURN_LEFT))
     assert given.features is not None
-    assert len(given.features) == len(given.shard) == 4 * 30
-    assert (given.shard.previous[~given.shard.begins] == 1 + INDEX[Action.TURN_LEFT]).all()
+    assert len(given.features) == len(given.shard)
+    took, wished = given.shard.previous[1:][~given.shard.begins[1:]], given.shard.expert[:-1][~given.shard.begins[1:]]
+    other = took != wished + 1
+    assert other.any()
+    assert (took[other] == 1 + INDEX[Action.TURN_LEFT]).all()
     assert given.shard.images.size == 0
 
 
 def test_a_student_that_stops_at_once_is_driven_on_by_the_demonstrator(world: TwinWorld) -> None:
-    plan = TINY.demonstrations.model_copy(update={"expert_share": 0.0, "max_actions": 150})
+    plan = TINY.demonstrations.model_copy(update={"max_actions": 150})
     shard = demonstrate(world, plan, np.random.default_rng(3), Only(Action.STOP)).shard
     last = np.append(np.flatnonzero(shard.begins)[1:] - 1, len(shard) - 1)
     assert (shard.expert[last] == INDEX[Action.STOP]).sum() >= 3
     outcome = evaluate(world, 6, Only(Action.STOP), np.random.default_rng(3), 150)
     assert (outcome.stops, outcome.actions) == (6, 6)
+
+
+def test_student_and_demonstrator_change_places(world: TwinWorld) -> None:
+    plan = TINY.demonstrations.model_copy(update={"student_actions": 4, "expert_actions": 4, "max_actions": 60})
+    lane, rng, turns = Lane("bed", Pose(0, 0), Pose(0, 0)), np.random.default_rng(0), []
+    for _ in range(60):
+        turns.append(_students_turn(lane, plan, rng))
+        lane.steps += 1
+    runs = [len(list(group)) for _, group in itertools.groupby(turns)]
+    assert len(runs) > 10
+    assert max(runs) <= 4
+    assert 15 < sum(turns) < 45
