@@ -32,7 +32,7 @@ def calibrate_stop(recipe: Recipe, network: PIRLNavNetwork, output: Path) -> lis
         rows = torch.load(path, weights_only=True)
     validator = Validator(recipe, recipe.calibration_seeds, recipe.calibration.episodes)
     bias = network.action_distribution.get_parameter("linear.bias")
-    learnt = float(bias[_STOP])
+    learnt = float(bias[_STOP].detach())
     for added in recipe.calibration.stop_biases[len(rows) :]:
         with torch.no_grad():
             bias[_STOP] = learnt + added

@@ -37,7 +37,7 @@ A module offers `app` (a Typer with sub-commands) or `command` (a function that 
 EXAMPLES = """
 [bold]Does the model find chairs?[/bold]
 
-    vsnbench run --model oracle --goal chair
+    vsnbench run --model pirlnav --goal chair
     vsnbench report
     vsnbench view 1
 

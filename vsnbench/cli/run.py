@@ -99,7 +99,7 @@ def command(
 
     [bold]Examples[/bold]
 
-        vsnbench run --model oracle --goal chair
+        vsnbench run --model pirlnav --goal chair
         vsnbench run --model random --goal all --starts 1-5
         vsnbench run --model pirlnav --weights il.ckpt --goal all
         vsnbench run --model mylab.policy:Policy --goal bed,sofa
