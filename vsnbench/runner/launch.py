@@ -167,6 +167,8 @@ def _check_weights(policy: Policy, robot: Robot) -> None:
             f"model {policy.card.name}: robot {robot.profile.name} is real, and nothing was named to drive it but the "
             f"{policy.card.weights_label}; name your weights with --weights FILE, or these with --weights embedded"
         )
+    if policy.card.stand_in:
+        logger.warning("%s runs on %s; name others with --weights FILE", policy.card.name, policy.card.weights_label)
 
 
 def _warn_of_site_faults(site: Site, robot: Robot, parameters: ProtocolParameters) -> None:
