@@ -87,7 +87,9 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
                         f"{has}; damaged or forged, nothing was loaded"
                     )
     except (zipfile.BadZipFile, struct.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-        # zipfile raises NotImplementedError for a compression it lacks and RuntimeError for an encrypted entry.
+        # All that zipfile raises for a damaged archive, and nothing is hidden by it: the file is refused either way.
+        # NotImplementedError is a compression that it lacks, RuntimeError an encrypted entry, ValueError a directory
+        # that points outside the file, struct.error and EOFError a header or an entry that is cut short.
         raise ModelError(f"{origin}: truncated or damaged ({error}); download it again") from error
 
 
