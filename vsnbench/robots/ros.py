@@ -97,12 +97,12 @@ class RosRobot:
         except BaseException:
             self._link.close()
             raise
+        self._camera = RosCamera(self._link, profile)
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if profile.ros.depth else set())
-            | ({Sensor.INSTANCES} if self._link.has_labels else set())
+            | ({Sensor.INSTANCES} if self._camera.labelled else set())
         )
-        self._camera = RosCamera(self._link, profile)
         self.conditions: Mapping[str, Any] = {"depth_frames": self._camera.depth_frames}
 
     def begin(self, start: StartingPosition, seed: int) -> None:

@@ -68,6 +68,8 @@ class RosCamera:
         self._profile = profile
         self.depth_frames = profile.ros.depth_frames if profile.ros.depth else 0
         """How many depth images the median is taken of."""
+        self.labelled = link.has_labels
+        """Whether a simulator labels the images; asked once, of the master, which may die in an episode."""
 
     def look(self, end: MotionEnd) -> Images:
         """Return images taken after `end`.
@@ -113,7 +115,7 @@ class RosCamera:
         def complete() -> bool:
             link = self._link
             colors: Sequence[Stamped[Any]] = link.colors
-            if link.has_labels:
+            if self.labelled:
                 labelled = {frame.stamp_s for frame in link.labels} if link.categories else set()
                 colors = [frame for frame in link.colors if frame.stamp_s in labelled]
             look = choose_look(colors, link.depths, end, self.depth_frames, _MAX_SKEW_S)
