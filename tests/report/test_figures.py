@@ -10,7 +10,7 @@ from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import Report, build
-from vsnbench.report.drawings import MOST_PLANS, drawings, finished_drawings
+from vsnbench.report.drawings import MOST_PLANS, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.record import Selection
@@ -122,10 +122,10 @@ def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
 def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> None:
     for model in ("vlv", "oracle", "random", "pirlnav"):
         lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=model)
-    report = build(lab.url, Selection())
+    report, beside = build_and_draw(lab.url, Selection())
     here = list(drawings(report, open_record(lab.url)))
-    beside = finished_drawings(report, lab.url)
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
+    assert [drawing.name for drawing in here][:2] == ["success-by-goal", "actions"]
     assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_PLANS
     for one, other in zip(beside, here, strict=True):
         assert one.figure is None, "nothing is left to be drawn"

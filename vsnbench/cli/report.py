@@ -105,9 +105,11 @@ def command(
         campaigns=tuple(campaign or ()),
     )
     place = ResultsDirectory.locate(results, db)
-    whole = output is not None or serve
-    report = build(place.database_url, selection, place.path, reference=reference is not None, activity=whole)
-    if whole:
-        write_or_serve(report, place.database_url, output, port if serve else None)
+    beside = reference is not None
+    if output is not None or serve:
+        from vsnbench.report.drawings import build_and_draw
+
+        report, drawn = build_and_draw(place.database_url, selection, place.path, reference=beside)
+        write_or_serve(report, drawn, output, port if serve else None)
     else:
-        print_report(form.value, report)
+        print_report(form.value, build(place.database_url, selection, place.path, reference=beside, activity=False))

@@ -9,6 +9,7 @@ import typer
 if TYPE_CHECKING:
     from vsnbench.report.build import Report
     from vsnbench.report.compare import Comparison
+    from vsnbench.report.figures.style import Drawing
     from vsnbench.report.sheets import Sheet
     from vsnbench.report.summary import Results
 
@@ -58,13 +59,11 @@ def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
     typer.echo(markdown(sheets) if form == "markdown" else latex(sheets), nl=False)
 
 
-def write_or_serve(report: "Report", url: str, output: Path | None, port: int | None) -> None:
+def write_or_serve(report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None) -> None:
     """Write the whole report into a directory, serve its page, or both."""
-    from vsnbench.report.drawings import finished_drawings
     from vsnbench.report.forms.html import html_page
     from vsnbench.report.output import serve_page, write_report
 
-    drawn = finished_drawings(report, url)
     if output is not None:
         for path in write_report(report, drawn, output):
             typer.echo(str(path))

@@ -1,7 +1,9 @@
 """Puts a report together: opens the record, refuses what it has nothing to say about, chooses the sheets."""
 
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vsnbench.database.engine import shown_url
@@ -82,6 +84,8 @@ def build(
     *,
     reference: bool = False,
     activity: bool = True,
+    meanwhile: Callable[[Report], None] | None = None,
+    beside: Executor | None = None,
 ) -> Report:
     """Read a record and condense it.
 
@@ -91,19 +95,27 @@ def build(
         results_directory: where the images of its episodes lie.
         reference: lay the paper's numbers beside.
         activity: count actions and distances too.
+        meanwhile: is handed the report without its activity while the actions are still counted.
+        beside: counts the actions; a thread when absent, which takes longer: SQLite's threads wait for one another.
 
     Raises:
         RecordError: there is no record, nothing in it, or it cannot be read.
         UsageError: the selection fits nothing in it.
     """
-    with ThreadPoolExecutor(1, thread_name_prefix="actions") as beside:
-        # The database counts the steps while the episodes are put into a table here: neither waits for the other.
-        counting = beside.submit(_actions, url, selection) if activity else None
-        record = read(url, selection, results_directory)
-        results = summarise(record)
-        robots = _robots(url, record) if activity else ()
-        counted = Activity(counting.result(), robots) if counting else None
-    return Report(record, results, counted, reference)
+    if not activity:
+        return _uncounted(url, selection, results_directory, reference=reference)
+    with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
+        counting = counter.submit(_actions, url, selection)
+        report = _uncounted(url, selection, results_directory, reference=reference)
+        robots = _robots(url, report.record)
+        if meanwhile:
+            meanwhile(report)
+        return replace(report, activity=Activity(counting.result(), robots))
+
+
+def _uncounted(url: str, selection: Selection, results_directory: Path | None, *, reference: bool) -> Report:
+    record = read(url, selection, results_directory)
+    return Report(record, summarise(record), reference=reference)
 
 
 def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:

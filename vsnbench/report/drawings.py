@@ -2,22 +2,23 @@
 
 import multiprocessing
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 from sqlalchemy import Engine
 
 from vsnbench.database.migrate import open_record
 from vsnbench.errors import SiteError
 from vsnbench.protocol.site import Site
-from vsnbench.report.build import Report
+from vsnbench.report.build import Report, build
 from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.courses import mileage, survival
 from vsnbench.report.figures.plans import success_map, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.published import published_results
-from vsnbench.report.record import Condition
+from vsnbench.report.record import Condition, Selection
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
 
@@ -35,47 +36,70 @@ def drawings(report: Report, engine: Engine) -> Iterator[Drawing]:
         report: with its activity.
         engine: where the trajectories are read.
     """
-    yield from _charts(report)
+    charts = _charts(report)
+    yield next(charts)
+    yield from _histograms(report)
+    yield from charts
     for plan in _plans(report, engine):
         yield from plan.drawings()
 
 
-def finished_drawings(report: Report, url: str) -> list[Drawing]:
-    """Draw the same figures and save them in every form: charts here, floor plans in a process beside.
+def build_and_draw(
+    url: str, selection: Selection, results_directory: Path | None = None, *, reference: bool = False
+) -> tuple[Report, list[Drawing]]:
+    """Build a report and draw the same figures, saved in every form; both cores are kept busy.
+
+    A process beside counts the actions while charts are drawn here, then draws floor plans.
 
     Args:
-        report: with its activity.
-        url: of the database, where the trajectories are read.
+        url: any SQLAlchemy URL.
+        selection: which part of the record.
+        results_directory: where the images of its episodes lie.
+        reference: lay the paper's numbers beside.
 
     Raises:
-        RecordError: the database cannot be used.
+        RecordError: there is no record, nothing in it, or it cannot be read.
+        UsageError: the selection fits nothing in it.
     """
-    engine = open_record(url)
-    try:
-        plans = list(_plans(report, engine))
-    finally:
-        engine.dispose()
-    if "fork" not in multiprocessing.get_all_start_methods():
-        return [
-            drawing.finish() for drawing in (*_charts(report), *(each for plan in plans for each in plan.drawings()))
-        ]
-    # Forked, not spawned: importing everything again would take longer than the drawing. No thread runs by now.
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as beside:
-        waiting = [beside.submit(plan.finished) for plan in plans[:PLANS_BESIDE]]
-        charts = [drawing.finish() for drawing in _charts(report)]
-        own = [drawing for plan in plans[PLANS_BESIDE:] for drawing in plan.finished()]
-        return [*charts, *(drawing for each in waiting for drawing in each.result()), *own]
+    charts: list[Drawing] = []
+
+    def draw_charts(uncounted: Report) -> None:
+        charts.extend(chart.finish() for chart in _charts(uncounted))
+
+    can_fork = "fork" in multiprocessing.get_all_start_methods()
+    with _beside(can_fork=can_fork) as beside:
+        report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, beside=beside)
+        engine = open_record(url)
+        try:
+            plans = list(_plans(report, engine))
+        finally:
+            engine.dispose()
+        shared = PLANS_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
+        waiting = [beside.submit(plan.finished) for plan in plans[:shared]]
+        histograms = [histogram.finish() for histogram in _histograms(report)]
+        own = [drawing for plan in plans[shared:] for drawing in plan.finished()]
+        drawn_beside = [drawing for each in waiting for drawing in each.result()]
+    first, *others = charts
+    return report, [first, *histograms, *others, *drawn_beside, *own]
+
+
+def _beside(*, can_fork: bool) -> Executor:
+    if can_fork:
+        # Forked, not spawned: importing everything again would take longer than what is gained. No thread runs yet.
+        return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork"))
+    return ThreadPoolExecutor(1)
 
 
 def _charts(report: Report) -> Iterator[Drawing]:
+    """Draw what needs no counted actions, success by goal first."""
     record, results = report.record, report.results
     yield success_by_goal(results, published_results() if report.reference else None)
-    if report.activity and (histogram := action_histogram(results, report.activity.actions)):
+    yield from (course for course in (survival(record, results), mileage(record)) if course)
+
+
+def _histograms(report: Report) -> Iterator[Drawing]:
+    if report.activity and (histogram := action_histogram(report.results, report.activity.actions)):
         yield histogram
-    if course := survival(record, results):
-        yield course
-    if course := mileage(record):
-        yield course
 
 
 @dataclass(frozen=True, slots=True)
