@@ -1,8 +1,10 @@
 """The figures: drawn from what counts, the same twice, with names as they are and rare actions readable."""
 
+import io
 import re
 from pathlib import Path
 
+import PIL.Image
 import pytest
 
 from tests.report.records import Attempt, Lab, step, void
@@ -12,7 +14,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import Report, build
 from vsnbench.report.drawings import MOST_PLANS, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
-from vsnbench.report.figures.style import Drawing
+from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
 from vsnbench.report.record import Selection
 from vsnbench.report.trajectories import read_tracks
 
@@ -109,6 +111,15 @@ def test_the_same_record_gives_the_same_bytes(lab: Lab) -> None:
     _, second = drawn(lab)
     assert {name: one.svg() for name, one in first.items()} == {name: one.svg() for name, one in second.items()}
     assert all(one.png().startswith(b"\x89PNG") and one.pdf().startswith(b"%PDF") for one in first.values())
+
+
+def test_png_keeps_its_resolution_after_the_vector_forms(lab: Lab) -> None:
+    lab.write([Attempt(steps=[step(1, Action.STOP)])])
+    _, figures = drawn(lab)
+    for one in figures.values():
+        one.svg(), one.pdf()
+        width_px, _ = PIL.Image.open(io.BytesIO(one.png())).size
+        assert width_px == pytest.approx(one.width_in * DOTS_AN_INCH, abs=1)
 
 
 def test_a_campaign_without_results_still_draws(lab: Lab) -> None:

@@ -75,7 +75,7 @@ def mileage(record: Record) -> Drawing | None:
     if not curves:
         return None
     with styled():
-        figure = new_figure(COLUMN_IN, 2.1 + 0.13 * len(curves))
+        figure = new_figure(COLUMN_IN, 2.1 + 0.23 * len(curves))
         axes = figure.subplots()
         for index, (title, hours, kilometres) in enumerate(curves[:MOST_CONDITIONS]):
             axes.plot(
@@ -84,7 +84,7 @@ def mileage(record: Record) -> Drawing | None:
                 color=COLORS[index],
                 linestyle=DASHES[index],
                 linewidth=1.1,
-                label=f"{shown(title, 50)}: {kilometres[-1]:.2f} km in {hours[-1]:.2f} h",
+                label=f"{shown(title, 50)}\n{kilometres[-1]:.2f} km in {hours[-1]:.2f} h",
             )
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)

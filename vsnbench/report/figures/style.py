@@ -99,7 +99,7 @@ def _printed(figure: "Figure", form: str) -> bytes:
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    file = io.BytesIO()
+    file, dots = io.BytesIO(), figure.dpi
     match form:
         case "svg":
             FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # type: ignore[no-untyped-call]
@@ -107,6 +107,7 @@ def _printed(figure: "Figure", form: str) -> bytes:
             FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})  # type: ignore[no-untyped-call]
         case _:
             FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]
+    figure.dpi = dots  # vector formats have set their own and leave it so
     return file.getvalue()
 
 
