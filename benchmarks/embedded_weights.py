@@ -66,8 +66,8 @@ def main() -> None:
             tables.append(("The apartment", rows))
         if given.twins:
             sites = list(pool.map(judge.twin, SEEDS[Split.TEST][: given.twins]))
-            policies = [SAMPLED[0], Policy("pirlnav", 0, GREEDY), *BASELINES]
-            pairs = [(policy, site) for site in sites for policy in policies]
+            policies = [SAMPLED[0], *BASELINES, Policy("pirlnav", 0, GREEDY)]
+            pairs = [(policy, site) for policy in policies for site in sites]
             runs = list(pool.map(lambda pair: judge.run(pair[0], str(pair[1]), given.starts), pairs))
             rows = {
                 policy.name: [run for (one, _), run in zip(pairs, runs, strict=True) if one == policy]

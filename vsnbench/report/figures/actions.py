@@ -34,7 +34,7 @@ def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawin
     lines = -(-len(panels) // columns)
     tallest = max(len(_names(mine)) for _, mine in panels)
     with styled():
-        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.55 + 0.3 * tallest) + 0.35)
+        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.67 + 0.3 * tallest) + 0.35)
         grid = figure.subplots(lines, columns, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_axis_off()
@@ -59,7 +59,7 @@ def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawin
             axes.set_xlim(0, 128)
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("% of the model's actions")
-            axes.set_title(f"{shown(one.condition.title)}, {one.total.episodes} episodes", loc="left", color=INK)
+            axes.set_title(f"{shown(one.condition.title, 40)}\n{one.total.episodes} episodes", loc="left", color=INK)
             light_grid(axes, "x")
         handles, labels = grid.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
