@@ -1,13 +1,13 @@
 """`vsnbench compare`: is one model better than another, or are there too few trials to say?"""
 
 from enum import StrEnum
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from vsnbench.cli.options import Database, Results
+
 _WHAT = "What to compare"
-_RECORD = "Record"
 
 
 class Format(StrEnum):
@@ -33,18 +33,8 @@ def command(
     site: Annotated[list[str] | None, typer.Option("--site", help="only these sites", rich_help_panel=_WHAT)] = None,
     robot: Annotated[list[str] | None, typer.Option("--robot", help="only these robots", rich_help_panel=_WHAT)] = None,
     form: Annotated[Format, typer.Option("--format", "-f", help="what to print on stdout")] = Format.TABLE,
-    results: Annotated[
-        Path | None,
-        typer.Option(
-            "--results",
-            help="results directory; $VSNBENCH_RESULTS, then ./results, when absent",
-            rich_help_panel=_RECORD,
-        ),
-    ] = None,
-    db: Annotated[
-        str | None,
-        typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
-    ] = None,
+    results: Results = None,
+    db: Database = None,
 ) -> None:
     """Compare the success rates of models, pair by pair, and say plainly what can be concluded.
 

@@ -5,15 +5,10 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.options import Database, Results
+
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
-Results = Annotated[
-    Path | None,
-    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
-]
-Database = Annotated[
-    str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL (postgresql+psycopg://...).")
-]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of words.")]
 
 

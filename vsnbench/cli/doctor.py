@@ -1,9 +1,10 @@
 """`vsnbench doctor`: check a robot and this machine before a session, on one screen."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from vsnbench.cli.options import Database, Results
 
 _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
@@ -15,11 +16,8 @@ def command(
     move: Annotated[
         bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")
     ] = False,
-    results: Annotated[
-        Path | None,
-        typer.Option("--results", envvar="VSNBENCH_RESULTS", help="Results directory; ./results when absent."),
-    ] = None,
-    db: Annotated[str | None, typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite.")] = None,
+    results: Results = None,
+    db: Database = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False,
 ) -> None:
     """Look at every part that a session needs; each line is ok, a warning or failed, with what to do about it.

@@ -5,16 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.options import Database, Results
+
 if TYPE_CHECKING:
     from vsnbench.database.views import EpisodeDetails, EpisodeSummary, StepRow
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
-Results = Annotated[
-    Path | None,
-    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
-]
-Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 
 

@@ -5,15 +5,12 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.options import Database, Results
+
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 Numbers = Annotated[list[int] | None, typer.Argument(help="Numbers of episodes; all that have ended when absent.")]
 Models = Annotated[list[str] | None, typer.Option("--model", "-m", help="Only these models.")]
-Results = Annotated[
-    Path | None,
-    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
-]
-Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
 
 
 @app.command()

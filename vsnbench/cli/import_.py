@@ -5,13 +5,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+from vsnbench.cli.options import Database, Results
 
-Results = Annotated[
-    Path | None,
-    typer.Option("--results", help="The results directory; $VSNBENCH_RESULTS, then ./results, when not given."),
-]
-Database = Annotated[str | None, typer.Option("--db", help="A database elsewhere, as an SQLAlchemy URL.")]
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 
 @app.command()

@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.options import Database, Results
+
 _WHAT = "What to report on"
 _FORM = "Form"
-_RECORD = "Record"
 
 
 class Format(StrEnum):
@@ -58,18 +59,8 @@ def command(
     only_reference: Annotated[
         bool, typer.Option("--only-reference", help="only the paper's Tables 3 to 6", rich_help_panel=_WHAT)
     ] = False,
-    results: Annotated[
-        Path | None,
-        typer.Option(
-            "--results",
-            help="results directory; $VSNBENCH_RESULTS, then ./results, when absent",
-            rich_help_panel=_RECORD,
-        ),
-    ] = None,
-    db: Annotated[
-        str | None,
-        typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
-    ] = None,
+    results: Results = None,
+    db: Database = None,
 ) -> None:
     """Report success rates with 95 % intervals, actions, SPL and coverage.
 

@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.options import RECORD_PANEL, Database, Results
+
 _WHAT = "What to run"
 _HOW = "How"
 _MODEL = "Model"
-_RECORD = "Record"
 
 
 def command(
@@ -74,25 +75,14 @@ def command(
     device: Annotated[
         str | None, typer.Option("--device", help="auto, cpu, cuda or mps", rich_help_panel=_MODEL)
     ] = None,
-    results: Annotated[
-        Path | None,
-        typer.Option(
-            "--results",
-            envvar="VSNBENCH_RESULTS",
-            help="results directory; ./results when absent",
-            rich_help_panel=_RECORD,
-        ),
-    ] = None,
-    db: Annotated[
-        str | None,
-        typer.Option("--db", help="SQLAlchemy URL in place of the directory's SQLite", rich_help_panel=_RECORD),
-    ] = None,
+    results: Results = None,
+    db: Database = None,
     unattended: Annotated[
         bool,
         typer.Option("--unattended", help="nobody places a real robot; distances are estimated", rich_help_panel=_HOW),
     ] = False,
     live: Annotated[
-        bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=_RECORD)
+        bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
     ] = False,
 ) -> None:
     """Run the trials of a campaign that have no valid episode yet, and record every step.

@@ -1,9 +1,10 @@
 """`vsnbench view`: open a recorded episode in Rerun."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from vsnbench.cli.options import Database, Results
 
 
 def command(
@@ -11,11 +12,8 @@ def command(
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on 127.0.0.1; Ctrl-C ends it.")] = False,
     port: Annotated[int, typer.Option(help="Port for --web; 0 for any that is free.", min=0, max=65535)] = 9090,
     path: Annotated[bool, typer.Option("--path", help="Print the file and open nothing.")] = False,
-    results: Annotated[
-        Path | None,
-        typer.Option(help="Results directory.", envvar="VSNBENCH_RESULTS", show_default="./results", file_okay=False),
-    ] = None,
-    db: Annotated[str | None, typer.Option(help="Database elsewhere: any SQLAlchemy URL.")] = None,
+    results: Results = None,
+    db: Database = None,
 ) -> None:
     """Open a recorded episode in Rerun.
 
