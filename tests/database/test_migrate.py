@@ -5,8 +5,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
 from tests.database.records_of_a_lab import forward, plan, run, stopped
@@ -46,7 +48,7 @@ def oldest(url: str, rows: str = "") -> None:
     config = migrate._config()
     with engine.begin() as connection:
         config.attributes["connection"] = connection
-        migrate.command.upgrade(config, "0001")
+        command.upgrade(config, "0001")
     engine.dispose()
     path = sqlite_path(url)
     if rows and path:
@@ -107,12 +109,17 @@ def with_one_more_migration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bod
     """Let the next migration be `body`."""
     scripts = tmp_path / "migrations"
     shutil.copytree(resource_directory("migrations"), scripts)
-    last = migrate.ScriptDirectory(str(scripts)).get_current_head()
+    last = migrate.HEAD
     (scripts / "versions" / "9999_next.py").write_text(
         f"from alembic import op\nimport sqlalchemy as sa\nrevision = '9999'\ndown_revision = '{last}'\n"
         f"def upgrade():\n    {body}\n"
     )
     monkeypatch.setattr(migrate, "resource_directory", lambda name: scripts)
+    monkeypatch.setattr(migrate, "HEAD", "9999")
+
+
+def test_the_newest_migration_is_the_revision_that_is_opened_unasked() -> None:
+    assert ScriptDirectory(str(resource_directory("migrations"))).get_current_head() == migrate.HEAD
 
 
 def test_a_migration_that_fails_half_way_leaves_nothing_behind(

@@ -28,7 +28,7 @@ def lab(tmp_path: Path) -> Lab:
 
 def drawn(lab: Lab) -> tuple[Report, dict[str, Drawing]]:
     report = build(lab.url, Selection(), reference=True)
-    return report, {drawing.name: drawing for drawing in drawings(report, open_record(lab.url))}
+    return report, {drawing.name: drawing for drawing in drawings(report, lab.url)}
 
 
 def texts(drawing: Drawing) -> list[str]:
@@ -134,7 +134,7 @@ def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> N
     for model in ("vlv", "oracle", "random", "pirlnav"):
         lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=model)
     report, beside = build_and_draw(lab.url, Selection())
-    here = list(drawings(report, open_record(lab.url)))
+    here = list(drawings(report, lab.url))
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
     assert [drawing.name for drawing in here][:2] == ["success-by-goal", "actions"]
     assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_PLANS

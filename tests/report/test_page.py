@@ -10,7 +10,6 @@ import pytest
 from tests.cli.chromium import Chromium
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
-from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import build
@@ -46,7 +45,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for index in range(1, 8):
             assert cv2.imwrite(str(directory / f"{index:04d}.jpg"), np.full((480, 640, 3), index * 30, np.uint8))
     report = build(lab.url, Selection(), lab.directory, reference=True)
-    files = write_report(report, list(drawings(report, open_record(lab.url))), lab.directory / "report")
+    files = write_report(report, list(drawings(report, lab.url)), lab.directory / "report")
     assert {"report.html", "report.json", "tables.tex", "actions.svg"} <= {path.name for path in files}
     return lab.directory / "report" / "report.html"
 

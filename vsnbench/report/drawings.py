@@ -2,11 +2,9 @@
 
 import multiprocessing
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-
-from sqlalchemy import Engine
 
 from vsnbench.database.migrate import open_record
 from vsnbench.errors import SiteError
@@ -29,18 +27,18 @@ PLANS_BESIDE = 2
 """Of these conditions a second process draws the plans: they take about as long as all that is left for the first."""
 
 
-def drawings(report: Report, engine: Engine) -> Iterator[Drawing]:
+def drawings(report: Report, url: str) -> Iterator[Drawing]:
     """Draw the figures of a report, in the order in which they are looked at.
 
     Args:
         report: with its activity.
-        engine: where the trajectories are read.
+        url: of the database, where the trajectories are read.
     """
     charts = _charts(report)
     yield next(charts)
     yield from _histograms(report)
     yield from charts
-    for plan in _plans(report, engine):
+    for plan in _plans(report, url):
         yield from plan.drawings()
 
 
@@ -61,21 +59,24 @@ def build_and_draw(
         RecordError: there is no record, nothing in it, or it cannot be read.
         UsageError: the selection fits nothing in it.
     """
-    charts: list[Drawing] = []
-
-    def draw_charts(uncounted: Report) -> None:
-        charts.extend(chart.finish() for chart in _charts(uncounted))
-
     can_fork = "fork" in multiprocessing.get_all_start_methods()
+    shared = PLANS_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
     with _beside(can_fork=can_fork) as beside:
-        report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, beside=beside)
-        engine = open_record(url)
-        try:
-            plans = list(_plans(report, engine))
-        finally:
-            engine.dispose()
-        shared = PLANS_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
-        waiting = [beside.submit(plan.finished) for plan in plans[:shared]]
+        plans: list[_Plans] = []
+        waiting: list[Future[list[Drawing]]] = []
+        charts: list[Drawing] = []
+
+        def draw_what_needs_no_counts(uncounted: Report) -> None:
+            plans.extend(_plans(uncounted, url))
+            waiting.extend(beside.submit(plan.finished) for plan in plans[:shared])
+            charts.extend(chart.finish() for chart in _charts(uncounted))
+
+        report = build(
+            *(url, selection, results_directory),
+            reference=reference,
+            meanwhile=draw_what_needs_no_counts,
+            beside=beside,
+        )
         histograms = [histogram.finish() for histogram in _histograms(report)]
         own = [drawing for plan in plans[shared:] for drawing in plan.finished()]
         drawn_beside = [drawing for each in waiting for drawing in each.result()]
@@ -120,11 +121,15 @@ class _Plans:
         return [drawing.finish() for drawing in self.drawings()]
 
 
-def _plans(report: Report, engine: Engine) -> Iterator[_Plans]:
-    for one in report.results.conditions[:MOST_PLANS]:
-        site = _site(report, one.condition)
-        if site is not None:
-            yield _Plans(site, one, read_tracks(engine, report.record, one.condition))
+def _plans(report: Report, url: str) -> Iterator[_Plans]:
+    engine = open_record(url)
+    try:
+        for one in report.results.conditions[:MOST_PLANS]:
+            site = _site(report, one.condition)
+            if site is not None:
+                yield _Plans(site, one, read_tracks(engine, report.record, one.condition))
+    finally:
+        engine.dispose()
 
 
 def _site(report: Report, condition: Condition) -> Site | None:
