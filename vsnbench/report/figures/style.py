@@ -115,6 +115,7 @@ _SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 7,
     "axes.titlesize": 7.5,
+    "axes.titley": 1.0,  # no axes have tick labels above them: matplotlib would look for some at every drawing
     "axes.labelsize": 7,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
