@@ -40,7 +40,7 @@ bench: setup-test ## Run the measured comparisons.
 docs: setup-test ## Remake the figures and the generated pages.
 	$(BIN)/python scripts/make_docs.py
 
-weights: setup-test ## Train the small PIRLNav from nothing, for hours; the same command goes on with a stopped run.
+weights: setup-test ## Train the small PIRLNav from nothing, for an hour and a half; the same command goes on with a stopped run.
 	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2
 
 clean: ## Remove the environment and everything that was made.
