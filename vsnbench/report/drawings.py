@@ -1,6 +1,7 @@
 """Chooses the figures of a report and draws them."""
 
 import multiprocessing
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -87,8 +88,13 @@ def build_and_draw(
 def _beside(*, can_fork: bool) -> Executor:
     if can_fork:
         # Forked, not spawned: importing everything again would take longer than what is gained. No thread runs yet.
-        return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork"))
+        return ProcessPoolExecutor(1, multiprocessing.get_context("fork"), _end_on_ctrl_c)
     return ThreadPoolExecutor(1)
+
+
+def _end_on_ctrl_c() -> None:
+    """Let Ctrl-C end this process at once: Python's own handler would wait until the database has counted."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _charts(report: Report) -> Iterator[Drawing]:
