@@ -31,7 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "runner",
     },
 }
-GROUND = {"errors", "plugins", "resources"}
+GROUND = {"errors", "plugins", "resources", "workers"}
 """Modules beside the rooms that every room may import."""
 
 

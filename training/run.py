@@ -2,11 +2,9 @@
 
 import json
 import logging
-import os
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ from training.twin_world import TwinWorld
 from training.validation import Validator
 from training.whole_files import TrainingError, sweep, write_whole
 from vsnbench.models.weights import file_sha256
+from vsnbench.workers import end_with_parent
 
 logger = logging.getLogger(__name__)
 WEIGHTS = "pirlnav-embedded.ckpt"
@@ -130,25 +129,13 @@ def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, stu
             steps += make_shard(recipe, number, seed, path, student)
             _report(number, done, len(missing), steps, began)
     elif missing:
-        with ProcessPoolExecutor(workers, get_context("spawn"), _end_with_parent) as pool:
+        with ProcessPoolExecutor(workers, get_context("spawn"), end_with_parent) as pool:
             jobs = [pool.submit(make_shard, recipe, number, seed, path, student) for seed, path in missing]
             for done, job in enumerate(jobs, start=1):
                 steps += job.result()
                 _report(number, done, len(missing), steps, began)
     torch.set_num_threads(threads)
     return paths
-
-
-def _end_with_parent() -> None:
-    """Let a worker end when the run is killed, in place of waiting for work for ever."""
-    parent = parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _report(number: int, done: int, of: int, steps: int, began: float) -> None:

@@ -1,7 +1,6 @@
 """Chooses the figures of a report and draws them."""
 
 import multiprocessing
-import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from vsnbench.report.published import published_results
 from vsnbench.report.record import Condition, Selection
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
+from vsnbench.workers import end_with_parent
 
 MOST_PLANS = 3
 """Conditions whose floor plans are drawn; a report on fewer models draws the others'."""
@@ -88,13 +88,8 @@ def build_and_draw(
 def _beside(*, can_fork: bool) -> Executor:
     if can_fork:
         # Forked, not spawned: importing everything again would take longer than what is gained. No thread runs yet.
-        return ProcessPoolExecutor(1, multiprocessing.get_context("fork"), _end_on_ctrl_c)
+        return ProcessPoolExecutor(1, multiprocessing.get_context("fork"), end_with_parent)
     return ThreadPoolExecutor(1)
-
-
-def _end_on_ctrl_c() -> None:
-    """Let Ctrl-C end this process at once: Python's own handler would wait until the database has counted."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _charts(report: Report) -> Iterator[Drawing]:
