@@ -96,11 +96,11 @@ def command(
         campaigns=tuple(campaign or ()),
     )
     place = ResultsDirectory.locate(results, db)
-    beside = reference is not None
+    with_paper = reference is not None
     if output is not None or serve:
         from vsnbench.report.drawings import build_and_draw
 
-        report, drawn = build_and_draw(place.database_url, selection, place.path, reference=beside)
+        report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
         write_or_serve(report, drawn, output, port if serve else None)
     else:
-        print_report(form.value, build(place.database_url, selection, place.path, reference=beside, activity=False))
+        print_report(form.value, build(place.database_url, selection, place.path, reference=with_paper, activity=False))
