@@ -82,7 +82,7 @@ def measure(rate_hz: float, lag_s: float, actions: int) -> dict:
 
         rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
         start(sys.executable, rosmaster, "--core", "-p", port)
-        from vsnbench.ros4vsn.master import Master
+        from vsnbench.ros1.master import Master
 
         Master.from_environment().wait(20)
         rate, lag = f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}"
@@ -96,8 +96,8 @@ def drive(rate_hz: float, lag_s: float, actions: int) -> dict:
     from vsnbench.motion.law import ideal_duration_s
     from vsnbench.motion.settings import MotionSettings
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros4vsn.discrete_move import MOVEMENTS
-    from vsnbench.ros4vsn.robot_link import RobotLink
+    from vsnbench.ros1.robot_link import RobotLink
+    from vsnbench.sensing.discrete_mover import MOVEMENTS
 
     profile = load_profile("turtlebot2")
     link = RobotLink(profile)

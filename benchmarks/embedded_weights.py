@@ -20,8 +20,8 @@ import pandas as pd
 
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.report.frames import episodes
-from vsnbench.report.statistics import Proportion, wilson
 from vsnbench.simulator.twins.splits import SEEDS, Split
+from vsnbench.statistics.rates import Proportion, wilson
 
 GREEDY = "greedy"
 SAMPLED_SEEDS = range(5)

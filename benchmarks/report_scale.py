@@ -22,11 +22,12 @@ from pathlib import Path
 
 from sqlalchemy import inspect
 
-from vsnbench.database.engine import open_engine, sqlite_url
+from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial, RobotIdentity
 from vsnbench.database.tables import Base
+from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import load_site

@@ -42,7 +42,7 @@ def main() -> None:
 
         rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
         start(sys.executable, rosmaster, "--core", "-p", str(port))
-        from vsnbench.ros4vsn.master import Master
+        from vsnbench.ros1.master import Master
 
         Master.from_environment().wait(20)
         vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "ros"]
@@ -56,7 +56,7 @@ def measure(name: str, steps: int) -> str:
     from vsnbench.protocol.actions import Action
     from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.robots.ros import RosRobot
+    from vsnbench.robots.ros1 import RosRobot
 
     parts: dict[str, list[float]] = {part: [] for part in PARTS}
     with RosRobot(load_profile(name), patience_s=60) as robot:

@@ -21,13 +21,13 @@ from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, load_site
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.campaign import plan_trials, trial_seed
 from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.results import ResultsDirectory
 from vsnbench.runner.session import run_session
 from vsnbench.runner.stopping import StopSignals
 

@@ -11,9 +11,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tests.cli.chromium import Chromium
-from vsnbench.runner.rerun_rebuild import current_recording
-from vsnbench.runner.rerun_viewer import WebViewer
-from vsnbench.runner.results import ResultsDirectory
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.viewer.rebuild import current_recording
+from vsnbench.viewer.viewers import WebViewer
 
 STILL_FOR_S = 12.0
 PATIENCE_S = 120.0

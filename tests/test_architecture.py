@@ -7,31 +7,28 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
+_PURE = {"protocol", "statistics"}
+_MACHINERY = {"motion", "sensing", "simulator", "ros1"}
+_RESOURCES = {"models", "robots", "database", "record"}
+
 MAY_IMPORT: dict[str, set[str]] = {
     "protocol": set(),
+    "statistics": set(),
     "motion": {"protocol"},
+    "sensing": {"protocol", "motion"},
     "simulator": {"protocol", "motion"},
-    "ros4vsn": {"protocol", "motion", "simulator"},
+    "ros1": {"protocol", "motion", "sensing", "simulator"},
     "database": {"protocol"},
+    "record": {"protocol"},
     "models": {"protocol"},
-    "robots": {"protocol", "motion", "simulator", "ros4vsn"},
-    "report": {"protocol", "database"},
-    "exchange": {"protocol", "database"},
-    "runner": {"protocol", "motion", "simulator", "ros4vsn", "database", "models", "robots"},
-    "cli": {
-        "protocol",
-        "motion",
-        "simulator",
-        "ros4vsn",
-        "database",
-        "models",
-        "robots",
-        "report",
-        "exchange",
-        "runner",
-    },
+    "robots": {"protocol"} | _MACHINERY,
+    "viewer": {"protocol", "database", "record"},
+    "report": _PURE | {"database", "record"},
+    "exchange": {"protocol", "database", "record"},
+    "runner": {"protocol", "viewer"} | _MACHINERY | _RESOURCES,
+    "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},
 }
-GROUND = {"errors", "plugins", "resources", "workers"}
+GROUND = {"database_url", "errors", "plugins", "resources", "workers"}
 """Modules beside the rooms that every room may import."""
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros4vsn.network import HERE, Probe, Process, RosNetwork, live_network
+from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 

@@ -11,8 +11,8 @@ import pytest
 
 from tests.database.records_of_a_lab import plan, run, stopped, void
 from vsnbench.cli.main import main
-from vsnbench.database.engine import sqlite_url
 from vsnbench.database.journal import Journal
+from vsnbench.database_url import sqlite_url
 
 PROMISED = {
     "id", "uuid", "campaign", "model", "robot", "site", "goal", "start", "repetition", "end_reason", "success",

@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pytest
 
 from tests.cli.chromium import Chromium
-from tests.runner.synthetic_episode import record
-from vsnbench.runner.results import ResultsDirectory
+from tests.viewer.synthetic_episode import record
+from vsnbench.record.results import ResultsDirectory
 
 WIDTH, HEIGHT = 1600, 1000
 DRAWN_WITHIN_S = 180.0

@@ -13,7 +13,7 @@ from uuid import uuid4
 import pytest
 from sqlalchemy import create_engine, text
 
-from vsnbench.database.engine import sqlite_url
+from vsnbench.database_url import sqlite_url
 
 
 @pytest.fixture

@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database.records_of_a_lab import plan, run, stopped
-from vsnbench.database.engine import open_engine, shown_url, sqlite_url, to_json
+from vsnbench.database.engine import open_engine, to_json
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import list_episodes
 from vsnbench.database.views import EpisodeFilter
+from vsnbench.database_url import shown_url, sqlite_url
 from vsnbench.errors import RecordError, UsageError
 
 WRITER_ON_A_FULL_DISK = """

@@ -13,12 +13,13 @@ from sqlalchemy import inspect, text
 
 from tests.database.records_of_a_lab import forward, plan, run, stopped
 from vsnbench.database import migrate
-from vsnbench.database.engine import open_engine, sqlite_path, sqlite_url
+from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_steps, list_episodes
 from vsnbench.database.records import EpisodeStart
 from vsnbench.database.tables import Base
 from vsnbench.database.views import EpisodeFilter
+from vsnbench.database_url import sqlite_path, sqlite_url
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from vsnbench.database.engine import sqlite_url
 from vsnbench.database.journal import Journal
 from vsnbench.database.records import (
     CampaignPlan,
@@ -16,6 +15,7 @@ from vsnbench.database.records import (
     RobotIdentity,
     StepRecord,
 )
+from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict

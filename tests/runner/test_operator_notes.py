@@ -15,12 +15,12 @@ from vsnbench.database.tables import Event
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.report.build import build
 from vsnbench.report.record import Selection
 from vsnbench.runner.episode import run_episode
 from vsnbench.runner.operator_notes import OperatorNotes
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.results import ResultsDirectory
 from vsnbench.runner.stopping import Stopped, StopSignals
 
 

@@ -50,12 +50,12 @@ def command(
     whole starting positions for actions and SPL. Below 95 % of the planned trials no winner is named.
     """
     from vsnbench.cli.report_forms import print_comparisons
+    from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import read
     from vsnbench.report.compare import compare
     from vsnbench.report.published import published_results
     from vsnbench.report.record import Selection
     from vsnbench.report.summary import summarise
-    from vsnbench.runner.results import ResultsDirectory
 
     published = published_results()
     if all(name.startswith("paper:") for name in models):

@@ -18,8 +18,8 @@ def path(results: Results = None, db: Database = None) -> None:
 
     Example: [bold]sqlite3 "$(vsnbench db path)"[/bold]
     """
-    from vsnbench.database.engine import sqlite_path
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.database_url import sqlite_path
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     file = sqlite_path(place.database_url)
@@ -38,11 +38,12 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     from rich.table import Table
 
     from vsnbench.cli.episode_page import page, safe
-    from vsnbench.database.engine import open_engine, sqlite_path
+    from vsnbench.database.engine import open_engine
     from vsnbench.database.migrate import schema_state
     from vsnbench.database.queries import campaign_states, count_episodes
     from vsnbench.database.views import EpisodeFilter
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.database_url import sqlite_path
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     engine = open_engine(place.database_url, read_only=True)
@@ -101,9 +102,10 @@ def upgrade(results: Results = None, db: Database = None) -> None:
 
     Example: [bold]vsnbench db backup before.db && vsnbench db upgrade[/bold]
     """
-    from vsnbench.database.engine import open_engine, sqlite_path
+    from vsnbench.database.engine import open_engine
     from vsnbench.database.migrate import upgrade as migrate
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.database_url import sqlite_path
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     if sqlite_path(place.database_url):
@@ -130,7 +132,7 @@ def backup(
     Example: [bold]vsnbench db backup "results-$(date +%F).db"[/bold]
     """
     from vsnbench.database.migrate import backup as copy
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     copy(place.database_url, target)

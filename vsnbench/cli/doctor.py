@@ -39,11 +39,11 @@ def command(
     from rich.markup import escape
     from rich.table import Table
 
+    from vsnbench.record.results import ResultsDirectory
     from vsnbench.robots.finding import Finding, Health
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.robots.ros_checkup import check_ros_robot
+    from vsnbench.robots.ros1_checkup import check_ros_robot
     from vsnbench.runner.machine_checkup import check_machine
-    from vsnbench.runner.results import ResultsDirectory
 
     simulated = robot.partition(":")[0] == "simulated"
     profile = None if simulated else load_profile(robot)

@@ -49,7 +49,7 @@ def list_(
     from vsnbench.database.queries import count_episodes, list_episodes
     from vsnbench.database.views import OUTCOMES, EpisodeFilter
     from vsnbench.errors import UsageError
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     if outcome and outcome not in OUTCOMES:
         raise UsageError(f"no outcome {outcome!r}: there are {', '.join(OUTCOMES)}")
@@ -103,7 +103,7 @@ def show(
     from vsnbench.cli.episode_page import page, print_page
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import episode_details, episode_steps
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     engine = open_record(place.database_url)

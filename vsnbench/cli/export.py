@@ -28,7 +28,7 @@ def tum(
     from vsnbench.database.migrate import open_record
     from vsnbench.exchange.episodes import read_episodes, read_steps
     from vsnbench.exchange.tum import write_tum
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     for episode in read_episodes(engine, numbers or (), model or ()):
@@ -53,7 +53,7 @@ def habitat(
     from vsnbench.database.migrate import open_record
     from vsnbench.exchange.episodes import read_episodes
     from vsnbench.exchange.habitat import write_habitat
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
@@ -76,7 +76,7 @@ def csv_(
     from vsnbench.database.migrate import open_record
     from vsnbench.exchange.episodes import read_episodes, read_steps
     from vsnbench.exchange.step_csv import write_steps
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     written = write_steps(read_episodes(engine, numbers or (), model or ()), lambda one: read_steps(engine, one), file)
@@ -98,7 +98,7 @@ def bag(
     from vsnbench.database.migrate import open_record
     from vsnbench.exchange.episodes import read_episodes, read_steps
     from vsnbench.exchange.rosbag import write_bag
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     engine = open_record(place.database_url)

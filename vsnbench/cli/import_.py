@@ -30,8 +30,8 @@ def ros4vsn(
     from vsnbench.exchange.importing import import_upstream_log, unsurveyed_site
     from vsnbench.exchange.upstream_log import read_upstream_log
     from vsnbench.protocol.site import embedded_sites, load_site
+    from vsnbench.record.results import ResultsDirectory
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.runner.results import ResultsDirectory
 
     episodes = read_upstream_log(directory)
     surveyed = site in embedded_sites() or Path(site).suffix in (".yaml", ".yml")
@@ -72,7 +72,7 @@ def habitat(
     from vsnbench.database.journal import Journal
     from vsnbench.exchange.habitat import read_habitat
     from vsnbench.exchange.importing import import_habitat, unsurveyed_site
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
 
     episodes = read_habitat(file)
     place = unsurveyed_site(site)

@@ -78,9 +78,9 @@ def command(
     Void attempts (failed motion, lost sensor, model error, aborted, interrupted) are counted beside and never inside.
     """
     from vsnbench.cli.report_forms import print_report, print_sheets_as, write_or_serve
+    from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import build
     from vsnbench.report.record import Selection
-    from vsnbench.runner.results import ResultsDirectory
 
     if only_reference:
         from vsnbench.report.published import published_results

@@ -33,12 +33,12 @@ def discrete_move(
         rosservice call /discrete_move Left 30
     """
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros4vsn.installation import require_ros
+    from vsnbench.ros1.installation import require_ros
 
     profile = load_profile(robot)
     require_ros()
-    from vsnbench.ros4vsn.discrete_move_node import NODE, DiscreteMoveNode
-    from vsnbench.ros4vsn.node import run_node
+    from vsnbench.ros1.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros1.node import run_node
 
     run_node(
         NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {profile.ros.discrete_move}"
@@ -73,15 +73,15 @@ def simulate(
     """
     from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros4vsn.installation import require_ros
+    from vsnbench.ros1.installation import require_ros
 
     profile, place = load_profile(robot), load_site(site)
     if odometry_rate is not None:
         base = profile.base.model_copy(update={"odometry_rate_hz": odometry_rate})
         profile = profile.model_copy(update={"base": base})
     require_ros()
-    from vsnbench.ros4vsn.node import run_node
-    from vsnbench.ros4vsn.simulated_robot_node import NODE, SimulatedRobotNode, SimulationOptions
+    from vsnbench.ros1.node import run_node
+    from vsnbench.ros1.simulated_robot_node import NODE, SimulatedRobotNode, SimulationOptions
     from vsnbench.simulator.noise import NoiseSettings
 
     options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag)

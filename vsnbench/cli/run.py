@@ -101,8 +101,8 @@ def command(
     Another seed, site, model or parameter is another campaign.
     """
     from vsnbench.cli.run_summary import run_and_tell
+    from vsnbench.record.results import ResultsDirectory
     from vsnbench.runner.launch import RunRequest
-    from vsnbench.runner.results import ResultsDirectory
 
     options = {"weights": weights, "model_config": model_config, "device": device}
     request = RunRequest(

@@ -30,9 +30,9 @@ def command(
 
     vsnbench view 17 --path               only print which file it is
     """
-    from vsnbench.runner.rerun_rebuild import current_recording
-    from vsnbench.runner.rerun_viewer import WebViewer, open_window
-    from vsnbench.runner.results import ResultsDirectory
+    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.viewer.rebuild import current_recording
+    from vsnbench.viewer.viewers import WebViewer, open_window
 
     recording = current_recording(ResultsDirectory.locate(results, db), episode)
     if path:

@@ -12,30 +12,13 @@ from urllib.parse import quote
 
 import numpy as np
 from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
 
+from vsnbench.database_url import parse_url, shown_url
 from vsnbench.errors import RecordError, UsageError
 
 BUSY_TIMEOUT_S = 30
 """How long a writer waits for another one before it gives up."""
-
-
-def sqlite_url(path: Path) -> str:
-    """Return the URL of an SQLite file."""
-    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
-
-
-def sqlite_path(url: str) -> Path | None:
-    """Return the file behind an SQLite URL; None for another database."""
-    parsed = _parse(url)
-    return Path(parsed.database) if parsed.get_backend_name() == "sqlite" and parsed.database else None
-
-
-def shown_url(url: str) -> str:
-    """Return the database as it may be printed: SQLite's file, or the URL without its password."""
-    file = sqlite_path(url)
-    return str(file) if file else _parse(url).render_as_string(hide_password=True)
 
 
 def shown_database(engine: Engine) -> str:
@@ -57,7 +40,7 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         UsageError: the URL is not one, or its driver is not installed.
         RecordError: there is no file to read.
     """
-    parsed = _parse(url)
+    parsed = parse_url(url)
     options: dict[str, Any] = {"json_serializer": to_json}
     try:
         if parsed.get_backend_name() != "sqlite":
@@ -77,15 +60,6 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         ) from error
     _set_up_sqlite(engine, read_only=read_only)
     return engine
-
-
-def _parse(url: str) -> URL:
-    try:
-        return make_url(url)
-    except ArgumentError as error:
-        raise UsageError(
-            f"{url!r} is not a database URL: write sqlite:///path/vsnbench.db or postgresql+psycopg://user@host/name"
-        ) from error
 
 
 def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, Engine, inspect, text
 
-from vsnbench.database.engine import open_engine, record_errors, shown_database, sqlite_path
+from vsnbench.database.engine import open_engine, record_errors, shown_database
+from vsnbench.database_url import sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
 

@@ -6,8 +6,8 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vsnbench.database.engine import shown_url
 from vsnbench.database.migrate import open_record
+from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
 from vsnbench.report.record import Record, Selection, goal_order, read_record

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 from vsnbench.errors import UsageError
 from vsnbench.report.record import Condition, Record, goal_order
-from vsnbench.report.statistics import (
+from vsnbench.report.summary import ConditionSummary, Results, Summary
+from vsnbench.report.text import harmless
+from vsnbench.statistics.rates import (
     CONFIDENCE,
     ClusterSums,
     Interval,
@@ -27,8 +29,6 @@ from vsnbench.report.statistics import (
     stratified_permutation,
     trials_needed,
 )
-from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.report.text import harmless
 
 if TYPE_CHECKING:
     import pandas as pd

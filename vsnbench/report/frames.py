@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import Engine, select
 
-from vsnbench.database.engine import record_errors, sqlite_url
+from vsnbench.database.engine import record_errors
 from vsnbench.database.migrate import open_record
 from vsnbench.database.tables import Step
+from vsnbench.database_url import sqlite_url
 from vsnbench.report.record import Selection, read_record
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.statistics import newcombe
 from vsnbench.report.summary import ConditionSummary, GoalSummary, Results
 from vsnbench.report.tables import goal_sheet
+from vsnbench.statistics.rates import newcombe
 
 
 def reference_sheets() -> list[Sheet]:

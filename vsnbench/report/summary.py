@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.record import COUNTED, RUNNING, UNJUDGED, VOID, Condition, Record, goal_order
-from vsnbench.report.statistics import Interval, Proportion, wilson
+from vsnbench.statistics.rates import Interval, Proportion, wilson
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,8 +19,8 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.statistics import newcombe
 from vsnbench.report.summary import ConditionSummary, Results, Summary
+from vsnbench.statistics.rates import newcombe
 
 _RATES = (
     Column("k/n", note="successful episodes of episodes that count, one a trial"),

@@ -58,7 +58,7 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
     if name in embedded_profiles() or name.endswith((".yaml", ".yml")):
-        from vsnbench.robots.ros import RosRobot
+        from vsnbench.robots.ros1 import RosRobot
 
         return RosRobot(load_profile(name), parameters)
     return _plug_in_robot(name, site, parameters)

@@ -17,18 +17,18 @@ from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, embedded_sites, load_site
 from vsnbench.protocol.site_check import check_site
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 from vsnbench.runner.emergency_stop import EmergencyStop
-from vsnbench.runner.live_view import LiveView
 from vsnbench.runner.operator import Absent, Operator, require_operator
 from vsnbench.runner.operator_notes import OperatorNotes
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.results import ResultsDirectory
 from vsnbench.runner.session import SessionResult, SessionWatcher, run_session
 from vsnbench.runner.stopping import StopSignals
+from vsnbench.viewer.live import LiveView
 
 logger = logging.getLogger(__name__)
 

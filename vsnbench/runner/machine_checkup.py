@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from vsnbench.database.journal import Journal
 from vsnbench.errors import VsnbenchError
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.finding import Finding, Health
-from vsnbench.runner.results import ResultsDirectory
 
 _EPISODE_BYTES = 40 * 2**20
 _FULL_CAMPAIGN = 90

@@ -13,18 +13,18 @@ from typing import Any
 from vsnbench.database.interventions import INTERVENTION, intervention_words
 from vsnbench.database.journal import Journal
 from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
+from vsnbench.protocol.diagnostics_json import diagnostics_to_details
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.runner.diagnostics_record import diagnostics_to_details
+from vsnbench.record.images import EpisodeImages, StampedPose
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
-from vsnbench.runner.episode_frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
-from vsnbench.runner.images import EpisodeImages, StampedPose
-from vsnbench.runner.rerun_recording import EpisodeRecording
-from vsnbench.runner.results import ResultsDirectory
+from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
+from vsnbench.viewer.recording import EpisodeRecording
 
 
 @dataclass(frozen=True, slots=True)

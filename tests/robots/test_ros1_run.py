@@ -1,0 +1,142 @@
+"""`vsnbench run` on a ROS robot, all in processes of their own: to the end, refused, and killed on the way."""
+
+import json
+import signal
+import sqlite3
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+
+pytestmark = pytest.mark.ros
+
+PROFILE = HERE / "profile_of_test_base.yaml"
+
+
+@dataclass
+class Stack:
+    """A real robot's side, as far as a test can have one: base, camera, discrete_move; nothing can place it."""
+
+    network: RosNetwork
+    probe: Probe
+    results: Path
+
+    def run(self, *words: str) -> Process:
+        command = ["run", "--robot", str(PROFILE), "--goal", "chair", "--model", "forward"]
+        return self.network.start("-m", "vsnbench.cli.main", *command, "--results", str(self.results), *words)
+
+    def rows(self, query: str) -> list[tuple]:
+        with sqlite3.connect(self.results / "vsnbench.db") as connection:
+            return connection.execute(query).fetchall()
+
+    def stands_still_within(self, limit_s: float, since_s: float) -> bool:
+        wait_until(lambda: self.probe.stopped_at(since_s) is not None, "the base stands still")
+        took_s = self.probe.stopped_at(since_s) - since_s
+        sys.stdout.write(f"stood still {took_s:.2f} s after the fault\n")
+        return took_s < limit_s
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RosNetwork]:
+    with live_network(tmp_path_factory.mktemp("ros")) as ros:
+        ros.start(HERE / "nodes" / "kinematic_base.py", "_command_timeout_s:=1000")
+        ros.start(HERE / "nodes" / "camera.py")
+        ros.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE))
+        ros.wait_for_service("/discrete_move")
+        yield ros
+
+
+@pytest.fixture
+def stack(network, tmp_path) -> Iterator[Stack]:
+    probe = Probe(network)
+    yield Stack(network, probe, tmp_path / "results")
+    probe.close()
+
+
+def test_without_a_terminal_a_robot_that_a_person_must_place_is_refused(stack) -> None:
+    run = stack.run("--starts", "1")
+    assert run.wait(90) == 2
+    assert "must be put at each starting position by a person" in run.output
+    assert "--unattended" in run.output
+
+
+def test_an_unattended_run_estimates_its_distances_and_says_so(stack) -> None:
+    run = stack.run("--starts", "1", "--max-steps", "2", "--unattended")
+    assert run.wait(120) == 0, run.output
+    ((reason, source),) = stack.rows("select end_reason, distance_source from verdict")
+    assert reason == "step_limit"
+    assert source == "estimated"
+    assert stack.rows("select count(*) from step") == [(2,)]
+
+
+@pytest.mark.parametrize(("number", "limit_s"), [(signal.SIGTERM, 1.0), (signal.SIGINT, 1.0), (signal.SIGKILL, 2.0)])
+def test_a_run_that_is_ended_leaves_a_robot_that_stands(stack, number, limit_s) -> None:
+    run = stack.run("--starts", "1", "--max-steps", "100", "--unattended")
+    wait_until(lambda: stack.probe.speed > 0.05, "the robot moves", 90)
+    ended_s = time.monotonic()
+    run.signal(number)
+    assert stack.stands_still_within(limit_s, ended_s)
+    assert run.wait() == (-signal.SIGKILL if number == signal.SIGKILL else 128 + number)
+    if number != signal.SIGKILL:
+        reason = "aborted" if number == signal.SIGINT else "interrupted"
+        assert stack.rows("select end_reason from episode") == [(reason,)]
+        assert "every finished step is recorded" in run.output
+
+
+def test_a_camera_that_dies_ends_the_episode_as_void_and_the_session_says_what_to_do(stack) -> None:
+    run = stack.run("--starts", "1", "--max-steps", "100", "--unattended")
+    wait_until(lambda: stack.probe.speed > 0.05, "the robot moves", 90)
+    stack.probe.tell("/camera/fault", "silent")
+    try:
+        assert run.wait(120) == 1
+        assert "void (sensor_lost" in run.output
+        assert "is the camera driver running?" in run.output
+        assert stack.rows("select end_reason from episode") == [("sensor_lost",)]
+    finally:
+        stack.probe.tell("/camera/fault", "good")
+
+
+ACTIONS = "select action from step order by episode_id, number"
+
+
+@pytest.mark.parametrize("robot", ["turtlebot2", "lola2"])
+def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_path, robot) -> None:
+    """`vsnbench ros simulate`, `vsnbench ros discrete-move` and `vsnbench run`, on a real master in real time."""
+    with live_network(tmp_path) as network:
+
+        def run(who: str) -> Process:
+            command = ["run", "--robot", who, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
+            return network.start("-m", "vsnbench.cli.main", *command, "--results", str(tmp_path / who))
+
+        def rows(who: str, query: str) -> list[tuple]:
+            with sqlite3.connect(tmp_path / who / "vsnbench.db") as connection:
+                return connection.execute(query).fetchall()
+
+        network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--site", "apartment", "--robot", robot)
+        network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", robot)
+        compare = network.start(HERE / "nodes" / "compare_with_simulation.py", robot, "7")
+        assert compare.wait(120) == 0, compare.output
+        difference = json.loads(compare.output.splitlines()[-1])
+        assert difference["place_m"] < 0.001
+        assert difference["rgb"] < 0.02
+        assert difference["instances"] < 0.002
+        assert difference["categories"] is True
+        assert difference["depth_m"] < 0.02
+        assert difference["invalid"] < 0.01
+        assert difference["pose"] == pytest.approx([0, 0, 0], abs=1e-6)
+        in_process = run(f"simulated:{robot}")
+        assert in_process.wait(120) == 0, in_process.output
+        over_ros = run(robot)
+        assert over_ros.wait(240) == 0, over_ros.output
+        assert rows(robot, ACTIONS) == rows(f"simulated:{robot}", ACTIONS)
+        judged = rows(robot, "select success, end_reason, distance_source from verdict")
+        assert judged == [(1, "stop", "simulated")]
+        for ours, theirs in zip(
+            *(rows(who, "select distance_m from verdict") for who in (robot, f"simulated:{robot}")), strict=False
+        ):
+            assert ours[0] == pytest.approx(theirs[0], abs=0.05)

@@ -1,0 +1,201 @@
+"""A real ROS master and real ROS nodes for tests: every node a process of its own, ended and waited for."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vsnbench.ros1.master import Master, MasterError
+
+ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
+HERE = Path(__file__).parent
+PATIENCE_S = 30.0
+
+
+def wait_until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
+    """Poll until `condition()` is true; fail the test when it does not become so."""
+    give_up_s = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > give_up_s:
+            pytest.fail(f"not within {patience_s:g} s: {what}")
+        time.sleep(0.02)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclass
+class Process:
+    """A process of a test, its output in a file."""
+
+    popen: subprocess.Popen[bytes]
+    log: Path
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text(errors="replace")
+
+    def signal(self, number: signal.Signals) -> None:
+        self.popen.send_signal(number)
+
+    def wait(self, patience_s: float = PATIENCE_S) -> int:
+        return self.popen.wait(patience_s)
+
+    def end(self) -> None:
+        if self.popen.poll() is None:
+            self.popen.send_signal(signal.SIGCONT)
+            self.popen.terminate()
+            try:
+                self.popen.wait(5)
+            except subprocess.TimeoutExpired:
+                self.popen.kill()
+                self.popen.wait(5)
+
+
+@dataclass
+class RosNetwork:
+    """One ROS network on the loopback interface: a master on a port of its own, and the nodes started on it."""
+
+    directory: Path
+    port: int = field(default_factory=free_port)
+    processes: list[Process] = field(default_factory=list)
+    roscore: Process | None = None
+
+    @property
+    def uri(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def master(self) -> Master:
+        return Master(self.uri)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {
+            **os.environ,
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": str(self.directory),
+            "ROS_LOG_DIR": str(self.directory / "log"),
+            "PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), os.environ.get("PYTHONPATH", "")]),
+            "PYTHONUNBUFFERED": "1",
+        }
+
+    def start(self, *command: str | Path, python: bool = True, **environment: str) -> Process:
+        """Start a Python file, module (`-m`, name) or program on this network."""
+        log = self.directory / f"{len(self.processes):02}.log"
+        words = [sys.executable, *map(str, command)] if python else list(map(str, command))
+        with log.open("wb") as sink:
+            popen = subprocess.Popen(
+                words,
+                env=self.environment | environment,
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=subprocess.STDOUT,
+            )
+        process = Process(popen, log)
+        self.processes.append(process)
+        return process
+
+    def start_master(self) -> Process:
+        self.roscore = self.start(ROSMASTER, "--core", "-p", str(self.port))
+        pid = self.roscore.popen.pid
+
+        def answers() -> bool:
+            try:
+                return self.master.pid() == pid
+            except MasterError:
+                return False
+
+        wait_until(answers, f"the master answers at {self.uri}")
+        return self.roscore
+
+    def wait_for_service(self, name: str, patience_s: float = PATIENCE_S) -> None:
+        wait_until(lambda: name in self.master.state().services, f"service {name} is offered", patience_s)
+
+    def wait_for_publisher(self, topic: str, patience_s: float = PATIENCE_S) -> None:
+        wait_until(lambda: topic in self.master.state().publishers, f"topic {topic} is published", patience_s)
+
+    def close(self) -> None:
+        for process in reversed(self.processes):
+            process.end()
+
+
+class Probe:
+    """A ROS node of the test's own, in a process, spoken to in lines of JSON."""
+
+    def __init__(self, network: RosNetwork) -> None:
+        self._popen = subprocess.Popen(
+            [sys.executable, str(HERE / "nodes" / "probe.py")],
+            env=network.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.ask("ready")
+
+    def ask(self, word: str, *arguments: Any) -> Any:
+        """Ask the node and return its answer."""
+        assert self._popen.stdin is not None
+        assert self._popen.stdout is not None
+        self._popen.stdin.write(json.dumps([word, *arguments]) + "\n")
+        self._popen.stdin.flush()
+        return json.loads(self._popen.stdout.readline())
+
+    def tell(self, topic: str, word: str) -> float:
+        """Publish a std_msgs/String to whoever listens there, and return when (monotonic clock)."""
+        self.ask("connect", topic)
+        return float(self.ask("publish", topic, word))
+
+    @property
+    def speed(self) -> float:
+        """How fast the base really moves now: |m/s| + |rad/s|."""
+        return float(self.ask("truth")["speed"])
+
+    @property
+    def heading_deg(self) -> float:
+        return float(self.ask("truth")["heading_deg"])
+
+    @property
+    def position(self) -> tuple[float, float]:
+        truth = self.ask("truth")
+        return truth["x_m"], truth["y_m"]
+
+    def stopped_at(self, since_s: float) -> float | None:
+        """Return when the base came to rest for good after `since_s` (monotonic clock), None while it moves."""
+        when = self.ask("stopped_since", since_s)
+        return None if when is None else float(when)
+
+    def close(self) -> None:
+        self._popen.kill()
+        self._popen.wait()
+        for pipe in (self._popen.stdin, self._popen.stdout):
+            if pipe is not None:
+                pipe.close()
+
+
+@contextmanager
+def live_network(directory: Path) -> Iterator[RosNetwork]:
+    """A ROS network with a live master; its nodes are ended afterwards, and what they said is shown."""
+    ros = RosNetwork(directory)
+    try:
+        ros.start_master()
+        yield ros
+    finally:
+        ros.close()
+        for process in ros.processes:
+            sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")

@@ -1,0 +1,31 @@
+"""The address of the ROS master is checked before anybody waits for it."""
+
+import pytest
+
+from vsnbench.ros1.master import Master, MasterError
+
+
+def test_an_unset_address_is_named(monkeypatch) -> None:
+    monkeypatch.delenv("ROS_MASTER_URI", raising=False)
+    with pytest.raises(MasterError, match="ROS_MASTER_URI is not set: export ROS_MASTER_URI=http://"):
+        Master.from_environment()
+
+
+@pytest.mark.parametrize("uri", ["localhost:11311", "http://localhost", "ftp://robot:11311", "http://robot:x"])
+def test_an_address_that_is_none_is_named(monkeypatch, uri) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", uri)
+    with pytest.raises(MasterError, match="not http://<host>:<port>"):
+        Master.from_environment()
+
+
+def test_an_address_where_nobody_listens_is_named(monkeypatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
+    with pytest.raises(MasterError, match=r"no ROS master answers at http://127\.0\.0\.1:1"):
+        Master.from_environment().pid()
+
+
+@pytest.mark.ros
+def test_a_live_master_says_who_is_there(network) -> None:
+    assert network.master.pid() == network.roscore.popen.pid
+    assert network.master.live_node("/rosout") is None
+    assert network.master.state().services == {}

@@ -1,0 +1,103 @@
+"""Our hand-written messages are byte for byte those that ROS generates from their definitions."""
+
+import struct
+from io import BytesIO
+
+import genmsg
+import genmsg.gentools
+import genpy
+import pytest
+from genmsg.msg_loader import MsgContext, load_msg_from_string
+from genmsg.srvs import SrvSpec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsnbench.ros1 import messages
+
+pytestmark = pytest.mark.ros
+
+MESSAGES = [
+    messages.DiscreteServerRequest,
+    messages.DiscreteServerResponse,
+    messages.PlaceRobotRequest,
+    messages.PlaceRobotResponse,
+    messages.BumperEvent,
+    messages.CliffEvent,
+    messages.WheelDropEvent,
+]
+SERVICES = [messages.DiscreteServer, messages.PlaceRobot]
+
+
+def spec_of(message):
+    return load_msg_from_string(MsgContext.create_default(), message._full_text, message._type)
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: m.__name__)
+def test_the_md5_is_the_one_that_ros_computes_from_the_definition(message) -> None:
+    assert genmsg.gentools.compute_md5(MsgContext.create_default(), spec_of(message)) == message._md5sum
+
+
+@pytest.mark.parametrize("service", SERVICES, ids=lambda s: s.__name__)
+def test_the_md5_of_a_service_is_the_one_that_ros_computes(service) -> None:
+    request, response = spec_of(service._request_class), spec_of(service._response_class)
+    package, name = service._type.split("/")
+    spec = SrvSpec(request, response, service._request_class._full_text, service._type, package, name)
+    assert genmsg.gentools.compute_md5(MsgContext.create_default(), spec) == service._md5sum
+
+
+def test_the_md5s_are_those_of_the_released_packages() -> None:
+    assert messages.DiscreteServer._md5sum == "5b48aba823d191d65097ac88447ce907"
+    assert messages.BumperEvent._md5sum == "ffe360cd50f14f9251d9844083e72ac5"
+    assert messages.CliffEvent._md5sum == "c5b106efbb1427a94f517c5e05f06295"
+    assert messages.WheelDropEvent._md5sum == "e102837d89384d67669a0df86b63f33b"
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: m.__name__)
+def test_fields_and_types_are_those_of_the_definition(message) -> None:
+    spec = spec_of(message)
+    assert list(message.__slots__) == spec.names
+    assert message._slot_types == spec.types
+    assert {c.name: c.val for c in spec.constants}.items() <= vars(message).items()
+
+
+def written(message) -> bytes:
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def test_the_bytes_on_the_wire_are_those_of_ros() -> None:
+    assert written(messages.DiscreteServerRequest("Left", 30)) == struct.pack("<I4sq", 4, b"Left", 30)
+    assert written(messages.DiscreteServerResponse(True)) == b"\x01"
+    assert written(messages.CliffEvent(2, 1, 515)) == b"\x02\x01\x03\x02"
+
+
+@settings(deadline=None)
+@given(st.text(max_size=40), st.integers(-(2**63), 2**63 - 1))
+def test_a_request_survives_the_wire(movement: str, angle: int) -> None:
+    back = messages.DiscreteServerRequest().deserialize(written(messages.DiscreteServerRequest(movement, angle)))
+    assert (back.movement, back.angle) == (movement, angle)
+
+
+def test_fields_left_out_are_zero_and_empty() -> None:
+    request = messages.PlaceRobotRequest(x=1.5)
+    assert (request.x, request.y, request.heading, request.seed) == (1.5, 0.0, 0.0, 0)
+    assert messages.DiscreteServerRequest().movement == ""
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=12))
+def test_cut_off_bytes_are_refused_and_never_read_past(data: bytes) -> None:
+    try:
+        request = messages.DiscreteServerRequest().deserialize(data)
+    except genpy.DeserializationError:
+        return
+    assert len(data) >= 12 + len(request.movement)
+
+
+@pytest.mark.parametrize(("field", "value"), [("angle", 2**63), ("angle", "thirty"), ("movement", 7)])
+def test_a_value_that_does_not_fit_is_refused_by_name(field, value) -> None:
+    request = messages.DiscreteServerRequest()
+    setattr(request, field, value)
+    with pytest.raises(genpy.SerializationError, match=field):
+        written(request)

@@ -1,0 +1,163 @@
+"""A small made-up episode: every kind of frame, diagnostics included."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.records import (
+    CampaignPlan,
+    EpisodeEnd,
+    EpisodeStart,
+    ModelIdentity,
+    PlannedTrial,
+    RobotIdentity,
+    StepRecord,
+    StepTimings,
+)
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Box, Decision, Diagnostics, GridMap
+from vsnbench.protocol.diagnostics_json import diagnostics_to_details
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, judge
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import load_site
+from vsnbench.record.images import depth_path, rgb_path
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.robots.profiles import load_profile
+from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
+from vsnbench.viewer.recording import EpisodeRecording, RecordingSummary
+
+UUID = "6f0e9a52-0000-4000-8000-000000000017"
+
+
+def header() -> EpisodeHeader:
+    site = load_site("apartment")
+    begin = Fix(site.start(1).pose, PoseSource.SIMULATED)
+    return EpisodeHeader(17, UUID, "chair", "vlv (stand-in weights)", "turtlebot2", site, 1, begin)
+
+
+def frames(count: int, *, diagnostics: bool = True) -> Iterator[Frame]:
+    """Yield `count` steps (the second one blocked), an event and the end."""
+    told = header()
+    pose = told.begin.pose
+    rng = np.random.default_rng(0)
+    for index in range(1, count + 1):
+        blocked = index == 2
+        action = Action.STOP if index == count else Action.MOVE_FORWARD if index % 3 else Action.TURN_LEFT
+        local = {Action.MOVE_FORWARD: Pose(0.25, 0), Action.TURN_LEFT: Pose(0, 0, math.radians(30))}
+        after = pose if blocked else pose.compose(local.get(action, Pose(0, 0)))
+        yield StepFrame(
+            index=index,
+            stamp_s=100 + 1.2 * index,
+            rgb_jpeg=_picture(index),
+            depth_png=_depth(),
+            decision=Decision(action, diagnostics=_diagnostics(rng) if diagnostics else Diagnostics()),
+            result=None if blocked else MotionResult(True, 0.25, 0.0, 1.0),
+            blocked=blocked,
+            after=Fix(after, PoseSource.SIMULATED),
+            infer_s=0.031,
+        )
+        if blocked:
+            yield EventFrame(index, "blocked", "action 2: 812 pixels nearer than 0.40 m")
+        pose = after
+    distance = GoalDistance(0.62, PoseSource.SIMULATED, "chair-2")
+    yield EndFrame(judge(EndReason.STOP, count, distance, told.parameters), count, 5.25, 61.2)
+
+
+def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
+    """Write the episode into a results directory as a run does, without its Rerun file; returns its number."""
+    told = header()
+    profile = load_profile("turtlebot2")
+    model = ModelIdentity("vlv", weights_label="stand-in weights")
+    plan = CampaignPlan(
+        told.site, RobotIdentity(profile, "simulated", True), model, told.parameters, 0, [PlannedTrial("chair", 1)]
+    )
+    results.prepare()
+    with Journal.open(results.database_url) as journal:
+        trial = journal.find_or_create_campaign(plan).trials[0]
+        handle = journal.begin_episode(EpisodeStart(trial.id, 0, told.begin.pose, uuid=UUID))
+        directory = results.episode_directory(handle.images_directory)
+        for frame in frames(count):
+            match frame:
+                case StepFrame():
+                    _keep_images(directory, frame)
+                    journal.append_step(handle.id, _row(frame))
+                case EventFrame():
+                    journal.add_event(frame.kind, frame.text, episode_id=handle.id, step_number=frame.step)
+                case EndFrame() if ended:
+                    journal.end_episode(
+                        handle.id,
+                        EpisodeEnd(
+                            frame.verdict.end_reason,
+                            frame.actions,
+                            frame.verdict,
+                            path_length_m=frame.path_length_m,
+                            duration_s=frame.duration_s,
+                        ),
+                    )
+    return handle.id
+
+
+def _keep_images(directory: Path, frame: StepFrame) -> None:
+    for path, content in (
+        (rgb_path(directory, frame.index), frame.rgb_jpeg),
+        (depth_path(directory, frame.index), frame.depth_png),
+    ):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content or b"")
+
+
+def _row(frame: StepFrame) -> StepRecord:
+    told = frame.decision.diagnostics
+    return StepRecord(
+        number=frame.index,
+        action=frame.decision.action,
+        raw_action=frame.decision.raw_action,
+        result=frame.result,
+        stamp_s=frame.stamp_s,
+        world=frame.after,
+        timings=StepTimings(infer_s=frame.infer_s),
+        probabilities=told.probabilities,
+        details=diagnostics_to_details(told),
+    )
+
+
+def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> RecordingSummary:
+    with EpisodeRecording(header(), path, rebuilding=True) as recording:
+        for frame in frames(count, diagnostics=diagnostics):
+            recording.add(frame)
+    return recording.close()
+
+
+def _picture(index: int) -> bytes:
+    rows, columns = np.mgrid[0:480, 0:640]
+    picture = np.stack([rows // 2, columns // 3, np.full_like(rows, 20 * index % 255)], axis=-1).astype(np.uint8)
+    return cv2.imencode(".jpg", picture)[1].tobytes()
+
+
+def _depth() -> bytes:
+    depth_mm = np.tile(np.linspace(500, 5000, 640).astype(np.uint16), (480, 1))
+    return cv2.imencode(".png", depth_mm)[1].tobytes()
+
+
+def _diagnostics(rng: np.random.Generator) -> Diagnostics:
+    cells = np.zeros((60, 80), np.uint8)
+    cells[10:50, 10:70] = 1
+    cells[10:12, 10:70] = 2
+    return Diagnostics(
+        probabilities=dict(
+            zip(["STOP", "MOVE_FORWARD", "TURN_LEFT", "TURN_RIGHT"], rng.dirichlet([1.0] * 4).tolist(), strict=True)
+        ),
+        boxes=(Box(100, 150, 300, 400, "chair", 0.91), Box(400, 150, 500, 300, "sofa", 0.4)),
+        map=GridMap(cells, -1.5, -1.5, 0.05),
+        sub_goal=(1.0, 1.0),
+        path=((0, 0), (0.5, 0.2), (1, 1)),
+        nodes=((0, 0), (0.5, 0.5)),
+        scalars={"value": float(rng.random())},
+        note="driving to view 7 of node 2",
+    )

@@ -1,0 +1,147 @@
+"""The Rerun file is derived data: whatever happened to it, the record brings it back."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from tests.viewer.synthetic_episode import UUID, frames, header, record, write
+from vsnbench.database.journal import Journal
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.protocol.diagnostics_json import diagnostics_from_record, diagnostics_to_details
+from vsnbench.protocol.fix import PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.record.images import rgb_path
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.viewer.frames import EndFrame, StepFrame
+from vsnbench.viewer.rebuild import current_recording, recording_fault
+from vsnbench.viewer.replay import read_episode
+
+
+@pytest.fixture(autouse=True)
+def _wrong_arguments_raise() -> Iterator[None]:
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> ResultsDirectory:
+    return ResultsDirectory.locate(tmp_path / "results", environment={})
+
+
+def rows(path: Path) -> Counter[str]:
+    found: Counter[str] = Counter()
+    for chunk in RrdReader(path).stream().to_chunks():
+        found[chunk.entity_path] += chunk.num_rows
+    return found
+
+
+def test_a_rebuilt_file_holds_what_the_live_one_held(results: ResultsDirectory, tmp_path: Path) -> None:
+    number = record(results, 5)
+    write(tmp_path / "live.rrd", 5)
+    assert rows(current_recording(results, number)) == rows(tmp_path / "live.rrd")
+
+
+def test_a_good_file_is_left_alone(results: ResultsDirectory) -> None:
+    number = record(results, 3)
+    path = current_recording(results, number)
+    written = path.stat()
+    assert current_recording(results, number) == path
+    assert path.stat() == written
+
+
+@pytest.mark.parametrize(
+    ("damage", "fault"),
+    [
+        (lambda content: content[: len(content) // 2], "broken"),
+        (lambda content: content[:-40], "broken"),
+        (lambda content: b"", "not a Rerun recording"),
+        (lambda content: b"not a recording at all", "not a Rerun recording"),
+        (lambda content: content[:5] + bytes([content[5] + 1]) + content[6:], "written by Rerun 0.42"),
+    ],
+    ids=["half of it", "no footer, as after kill -9", "empty", "foreign", "a newer SDK"],
+)
+def test_a_file_that_cannot_be_shown_is_built_anew(results: ResultsDirectory, damage, fault: str) -> None:  # type: ignore[no-untyped-def]
+    number = record(results, 3)
+    path = current_recording(results, number)
+    whole = rows(path)
+    path.write_bytes(damage(path.read_bytes()))
+    assert fault in recording_fault(path, UUID, read_episode(results, number).end)
+    assert rows(current_recording(results, number)) == whole
+
+
+def test_what_a_killed_run_left_of_its_file_is_cleared_away(results: ResultsDirectory) -> None:
+    number = record(results, 3)
+    part = results.path / "episodes" / f"{number:06d}" / "episode.rrd.part"
+    part.write_bytes(b"RRF2")
+    current_recording(results, number)
+    assert [file.name for file in part.parent.glob("*rrd*")] == ["episode.rrd"]
+
+
+def test_a_later_verdict_is_shown(results: ResultsDirectory) -> None:
+    number = record(results, 3)
+    current_recording(results, number)
+    taped = Verdict(EndReason.STOP, False, "taped: 1.04 m", GoalDistance(1.04, PoseSource.TAPE, "chair-2"))
+    with Journal.open(results.database_url) as journal:
+        journal.add_verdict(number, taped, author="operator")
+    path = current_recording(results, number)
+    texts = [
+        str(chunk.to_record_batch().column("TextDocument:text").to_pylist())
+        for chunk in RrdReader(path).stream().to_chunks()
+        if chunk.entity_path == "/verdict" and chunk.is_static
+    ]
+    assert len(texts) == 1
+    assert "taped: 1.04 m" in texts[0]
+
+
+def test_an_episode_that_still_runs_is_shown_as_far_as_it_is(results: ResultsDirectory) -> None:
+    number = record(results, 4, ended=False)
+    assert rows(current_recording(results, number))["/status"] == 4
+
+
+def test_a_lost_image_costs_only_itself(results: ResultsDirectory) -> None:
+    number = record(results, 4)
+    rgb_path(results.episode_directory(f"episodes/{number:06d}"), 2).unlink()
+    found = rows(current_recording(results, number))
+    assert (found["/camera/rgb"], found["/status"]) == (3, 4)
+
+
+def test_an_unknown_episode_is_a_mistake_of_the_command(results: ResultsDirectory) -> None:
+    record(results, 2)
+    with pytest.raises(UsageError, match="no episode 99"):
+        current_recording(results, 99)
+
+
+def test_a_directory_without_a_record_says_so(results: ResultsDirectory) -> None:
+    with pytest.raises(RecordError, match="no record"):
+        current_recording(results, 1)
+
+
+def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory) -> None:
+    replay = read_episode(results, record(results, 4))
+    given = list(frames(4))
+    assert replay.header == replace(header(), episode_id=replay.header.episode_id, robot=replay.header.robot)
+    assert [type(frame) for frame in replay.frames] == [type(frame) for frame in given]
+    assert replay.end == next(frame for frame in given if isinstance(frame, EndFrame))
+    for was, now in zip(given, replay.frames, strict=True):
+        if isinstance(was, StepFrame) and isinstance(now, StepFrame):
+            assert (now.rgb_jpeg, now.depth_png, now.result) == (was.rgb_jpeg, was.depth_png, was.result)
+            assert (now.decision.action, now.after, now.blocked) == (was.decision.action, was.after, was.blocked)
+
+
+def test_diagnostics_survive_the_record() -> None:
+    told = next(frame for frame in frames(3) if isinstance(frame, StepFrame)).decision.diagnostics
+    told = replace(told, details={"logits": [1.0, 2.0]})
+    back = diagnostics_from_record(told.probabilities, diagnostics_to_details(told))
+    assert told.map is not None
+    assert back.map is not None
+    np.testing.assert_array_equal(back.map.cells, told.map.cells)
+    assert (back.map.origin_x_m, back.map.origin_y_m, back.map.resolution_m) == (-1.5, -1.5, 0.05)
+    assert (back.boxes, back.path, back.nodes, back.sub_goal) == (told.boxes, told.path, told.nodes, told.sub_goal)
+    assert (back.scalars, back.note, back.details) == (told.scalars, told.note, told.details)

@@ -1,0 +1,188 @@
+"""The Rerun copy of an episode: whole, in the site's frame, and never in the robot's way."""
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import Chunk, RrdReader
+
+from tests.viewer.synthetic_episode import UUID, frames, header, write
+from vsnbench.protocol.decision import Diagnostics
+from vsnbench.viewer import recording as recording_module
+from vsnbench.viewer.frames import StepFrame
+from vsnbench.viewer.recording import EpisodeRecording
+from vsnbench.viewer.viewers import WebViewer
+
+PER_STEP = (
+    "/camera/rgb",
+    "/camera/rgb/detections",
+    "/camera/depth",
+    "/plan/robot/shell",
+    "/plan/robot/heading",
+    "/plan/policy/map",
+    "/plan/policy/nodes",
+    "/plan/policy/path",
+    "/plan/policy/sub_goal",
+    "/actions/action",
+    "/actions/outcome",
+    "/distance/to_goal",
+    "/decision/text",
+    "/decision/scores/p\\(STOP\\)",
+    "/status",
+)
+STATIC = ("/plan/site", "/plan/goal/instances", "/plan/goal/success_zone", "/plan/start", "/verdict")
+
+
+@pytest.fixture(autouse=True)
+def _wrong_arguments_raise() -> Iterator[None]:
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def chunks(path: Path) -> list[Chunk]:
+    return RrdReader(path).stream().to_chunks()
+
+
+def steps_of(path: Path, entity: str) -> list[int]:
+    found: list[int] = []
+    for chunk in chunks(path):
+        if chunk.entity_path == entity and not chunk.is_static:
+            found += chunk.to_record_batch().column("step").to_pylist()
+    return sorted(found)
+
+
+def column(path: Path, entity: str, component: str) -> list[object]:
+    rows: list[object] = []
+    for chunk in chunks(path):
+        if chunk.entity_path == entity:
+            batch = chunk.to_record_batch()
+            rows += [row for name in batch.schema.names if name == component for row in batch.column(name).to_pylist()]
+    return rows
+
+
+def test_every_entity_has_every_step(tmp_path: Path) -> None:
+    path = tmp_path / "episode.rrd"
+    summary = write(path, count=6)
+    assert (summary.path, summary.steps, summary.dropped, summary.error) == (path, 6, 0, "")
+    missing = {entity: set(range(1, 7)) - set(steps_of(path, entity)) for entity in PER_STEP}
+    assert not any(missing.values()), missing
+    assert steps_of(path, "/plan/end") == [7], "after the last action"
+    assert set(STATIC) <= {chunk.entity_path for chunk in chunks(path) if chunk.is_static}
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_recording_carries_its_own_layout_and_the_episodes_name(tmp_path: Path) -> None:
+    write(tmp_path / "episode.rrd", count=2)
+    reader = RrdReader(tmp_path / "episode.rrd")
+    (recording,) = reader.recordings()
+    assert (recording.application_id, recording.recording_id) == ("vsnbench", UUID)
+    assert reader.blueprints()
+
+
+def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> None:
+    write(tmp_path / "episode.rrd", count=4)
+    first = column(tmp_path / "episode.rrd", "/plan/trajectory", "LineStrips2D:strips")[0]
+    begin = header().begin.pose
+    after = next(frame for frame in frames(4) if isinstance(frame, StepFrame)).after
+    assert after is not None
+    np.testing.assert_allclose(first, [[begin.position, after.pose.position]], atol=1e-5)
+
+
+def test_an_image_is_stored_as_the_bytes_that_lie_in_the_record(tmp_path: Path) -> None:
+    write(tmp_path / "episode.rrd", count=3)
+    stored = column(tmp_path / "episode.rrd", "/camera/rgb", "EncodedImage:blob")
+    given = [frame.rgb_jpeg for frame in frames(3) if isinstance(frame, StepFrame)]
+    assert [np.asarray(blob, np.uint8).tobytes() for [blob] in stored] == given  # type: ignore[misc]
+
+
+def test_a_policy_without_diagnostics_is_shown_too(tmp_path: Path) -> None:
+    summary = write(tmp_path / "episode.rrd", count=3, diagnostics=False)
+    assert summary.error == ""
+    assert not any(chunk.entity_path.startswith("/decision/scores") for chunk in chunks(tmp_path / "episode.rrd"))
+
+
+def test_a_full_queue_costs_the_copy_and_not_the_robots_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on = threading.Event()
+    really_open = recording_module.open_recording
+
+    def held_up(*arguments: object) -> rr.RecordingStream:
+        assert go_on.wait(30)
+        return really_open(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(recording_module, "open_recording", held_up)
+    monkeypatch.setattr(recording_module, "QUEUE_FRAMES", 4)
+    recording = EpisodeRecording(header(), tmp_path / "episode.rrd")
+    step = next(frames(2))
+    longest_s = 0.0
+    for _ in range(10):
+        began = time.perf_counter()
+        recording.add(step)
+        longest_s = max(longest_s, time.perf_counter() - began)
+    go_on.set()
+    summary = recording.close()
+    assert summary.dropped == 6
+    assert summary.path is None, "a recording with a hole must not pass for the episode"
+    assert longest_s < 0.1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "file" / "episode.rrd"
+    path.parent.write_text("a file where the episode's directory should be")
+    with caplog.at_level(logging.WARNING), EpisodeRecording(header(), path) as recording:
+        for frame in frames(5):
+            recording.add(frame)
+    assert recording.close().path is None
+    assert "FileExistsError" in recording.close().error
+    assert len([record for record in caplog.records if "Rerun recording stopped" in record.message]) == 1
+
+
+def test_an_episode_that_has_not_ended_gets_no_final_name(tmp_path: Path) -> None:
+    with EpisodeRecording(header(), tmp_path / "episode.rrd") as recording:
+        recording.add(next(frames(3)))
+    assert recording.close().path is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_adding_after_the_end_is_ignored(tmp_path: Path) -> None:
+    recording = EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True)
+    for frame in frames(2):
+        recording.add(frame)
+    assert recording.close().path is not None
+    recording.add(next(frames(2)))
+    assert steps_of(tmp_path / "episode.rrd", "/status") == [1, 2]
+
+
+def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None:
+    first, second = [frame for frame in frames(4) if isinstance(frame, StepFrame)][:2]
+    bare = replace(second, decision=replace(second.decision, diagnostics=Diagnostics()))
+    with EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True) as recording:
+        recording.add(first)
+        recording.add(bare)
+        recording.add(replace(bare, index=3))
+    boxes = column(tmp_path / "episode.rrd", "/camera/rgb/detections", "Boxes2D:half_sizes")
+    assert [len(row) for row in boxes] == [2, 0]  # type: ignore[arg-type]
+    goals = column(tmp_path / "episode.rrd", "/plan/policy/sub_goal", "Points2D:positions")
+    assert [len(row) for row in goals] == [1, 0]  # type: ignore[arg-type]
+
+
+def test_a_viewer_that_is_closed_under_way_costs_only_the_live_view(tmp_path: Path) -> None:
+    viewer = WebViewer(port=0)
+    with EpisodeRecording(header(), tmp_path / "episode.rrd", viewer.grpc_url) as recording:
+        for number, frame in enumerate(frames(20)):
+            if number == 5:
+                viewer.close()
+            recording.add(frame)
+        began = time.perf_counter()
+    assert time.perf_counter() - began < 5
+    assert recording.close().path is not None
+    assert steps_of(tmp_path / "episode.rrd", "/status") == list(range(1, 21))

@@ -1,0 +1,1 @@
+"""The results directory: image files, whole-file writes, hashes."""

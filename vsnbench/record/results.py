@@ -1,0 +1,83 @@
+"""The results directory: where the database and the episodes' files lie, and whether they can be written."""
+
+import os
+import shlex
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from vsnbench.database_url import shown_url, sqlite_url
+from vsnbench.errors import RecordError
+
+ENVIRONMENT_VARIABLE = "VSNBENCH_RESULTS"
+DEFAULT_DIRECTORY = "results"
+DATABASE_NAME = "vsnbench.db"
+LOW_SPACE_BYTES = 200 * 2**20
+"""Some six full episodes of 640 x 480 images (31 MB each): with less, a run does not begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResultsDirectory:
+    """One unit that can be copied: the database and the files of the episodes."""
+
+    path: Path
+    database_url: str
+
+    @classmethod
+    def locate(
+        cls, path: Path | None = None, database_url: str | None = None, environment: Mapping[str, str] = os.environ
+    ) -> Self:
+        """Return the results directory that a command means; nothing is touched.
+
+        Args:
+            path: as given with --results; else $VSNBENCH_RESULTS, else ./results.
+            database_url: as given with --db: a database elsewhere; else `vsnbench.db` in the directory.
+            environment: the environment's variables.
+        """
+        where = Path(path or environment.get(ENVIRONMENT_VARIABLE) or DEFAULT_DIRECTORY).expanduser()
+        return cls(where, database_url or sqlite_url(where / DATABASE_NAME))
+
+    @property
+    def options(self) -> str:
+        """What another command needs to be told to find the same record, each option after a blank."""
+        words = "" if self.path == Path(DEFAULT_DIRECTORY) else f" --results {shlex.quote(str(self.path))}"
+        elsewhere = self.database_url != sqlite_url(self.path / DATABASE_NAME)
+        return words + (f" --db {shlex.quote(self.shown_database)}" if elsewhere else "")
+
+    @property
+    def shown_database(self) -> str:
+        """The database as it may be printed, without a password."""
+        return shown_url(self.database_url)
+
+    def prepare(self) -> None:
+        """Make the directory and see that it can be written and has room.
+
+        Raises:
+            RecordError: it cannot be used; the message says why.
+        """
+        try:
+            (self.path / "episodes").mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=self.path, prefix=".writable-") as probe:
+                probe.write(b"vsnbench")
+                probe.flush()
+        except OSError as error:
+            raise RecordError(
+                f"cannot write the results directory {self.path}: {error.strerror or error}; choose another with "
+                f"--results or ${ENVIRONMENT_VARIABLE}"
+            ) from error
+        if (free := self.free_bytes()) < LOW_SPACE_BYTES:
+            raise RecordError(
+                f"the disk of {self.path} has only {free / 2**20:.0f} MiB left, a run needs "
+                f"{LOW_SPACE_BYTES / 2**20:.0f}: free some space or choose another directory with --results"
+            )
+
+    def free_bytes(self) -> int:
+        """Return the space left for an ordinary user on the directory's disk."""
+        return shutil.disk_usage(self.path).free
+
+    def episode_directory(self, images_directory: str) -> Path:
+        """Return the directory of an episode's files, from what the database says (`episodes/000017`)."""
+        return self.path / images_directory

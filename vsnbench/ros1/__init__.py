@@ -1,0 +1,1 @@
+"""All that speaks ROS 1: link, nodes, messages, services."""

@@ -1,0 +1,5 @@
+"""The message types that `rostopic echo` looks for by name."""
+
+from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
+
+__all__ = ["BumperEvent", "CliffEvent", "WheelDropEvent"]

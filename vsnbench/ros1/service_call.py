@@ -1,0 +1,237 @@
+"""A ROS 1 service call that cannot outlive its deadline.
+
+rospy's own call waits for ever on a server that is wedged, so this one speaks TCPROS itself: look up, connect, shake
+hands, send, wait; every stage under the call's deadline, the first ones under a shorter one of their own.
+"""
+
+import select
+import socket
+import struct
+import time
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any, Self
+from urllib.parse import urlparse
+
+from vsnbench.errors import RobotError
+from vsnbench.ros1.master import Master
+
+_STAGE_TIMEOUT_S = 2.0
+"""A live server connects and shakes hands at once; only its answer may take as long as the motion."""
+_WATCH_PERIOD_S = 0.05
+_LARGEST_ANSWER = 1 << 20
+
+
+class ServiceError(RobotError):
+    """A service call that brought no answer."""
+
+
+class ServiceTimeoutError(ServiceError):
+    """The server did not answer within the deadline: it may be wedged."""
+
+
+class ServiceUnavailableError(ServiceError):
+    """Nobody serves it, or its server went away."""
+
+
+class ServiceRefusedError(ServiceError):
+    """The server is there and refuses: another service type, or its handler failed."""
+
+
+class ServiceClient:
+    """Calls one service; remembers where it is served, so that a master that died later is no obstacle.
+
+    Safe to use from several threads.
+    """
+
+    def __init__(self, name: str, service_class: Any, master: Master, caller: str) -> None:
+        self.name = name
+        self._class = service_class
+        self._master = master
+        self._caller = caller
+        self._address: tuple[str, int] | None = None
+
+    def locate(self) -> tuple[str, int]:
+        """Look the service up, remember its address and return it.
+
+        Raises:
+            ServiceUnavailableError: nobody serves it.
+            MasterError: the master does not answer.
+        """
+        try:
+            uri = urlparse(self._master.service_uri(self.name))
+            found = socket.getaddrinfo(uri.hostname, uri.port, type=socket.SOCK_STREAM)
+        except LookupError as error:
+            raise ServiceUnavailableError(f"nobody serves {self.name}: is the node that offers it running?") from error
+        except (OSError, ValueError) as error:
+            raise ServiceUnavailableError(
+                f"{self.name} is served at {uri.geturl()}, and that host is not known here ({error}): "
+                "set ROS_IP or ROS_HOSTNAME on the robot (docs/robot.md)"
+            ) from error
+        self._address = (str(found[0][4][0]), int(found[0][4][1]))
+        return self._address
+
+    def probe(self, timeout_s: float = _STAGE_TIMEOUT_S) -> float:
+        """Shake hands without calling, and return the seconds it took.
+
+        Raises:
+            ServiceError: it is not there, refuses our type, or does not answer in time.
+            MasterError: the master does not answer.
+        """
+        began_s = time.monotonic()
+        with _Call(self.name, self._connect, began_s + timeout_s, timeout_s) as call:
+            call.shake_hands(self._header(probe="1"))
+        return time.monotonic() - began_s
+
+    def call(self, request: Any, timeout_s: float, watch: Callable[[], None] | None = None) -> Any:
+        """Send `request` and return the response.
+
+        Args:
+            request: a message of the service's request class.
+            timeout_s: the whole call ends within this time.
+            watch: called every 50 ms while waiting for the answer; what it raises ends the call.
+
+        Raises:
+            ServiceError: no answer came; the message says at which stage.
+            MasterError: the service had to be looked up and the master does not answer.
+        """
+        body = BytesIO()
+        request.serialize(body)
+        with _Call(self.name, self._connect, time.monotonic() + timeout_s, timeout_s) as call:
+            call.shake_hands(self._header())
+            return self._class._response_class().deserialize(call.exchange(body.getvalue(), watch))  # noqa: SLF001
+
+    def _header(self, **extra: str) -> dict[str, str]:
+        return {
+            "callerid": self._caller,
+            "service": self.name,
+            "md5sum": self._class._md5sum,  # noqa: SLF001
+            "type": self._class._type,  # noqa: SLF001
+            **extra,
+        }
+
+    def _connect(self, timeout_s: float) -> socket.socket:
+        """Connect to the remembered address; look up a fresh one when there is none or nobody listens there."""
+        if self._address is not None:
+            try:
+                return socket.create_connection(self._address, timeout_s)
+            except TimeoutError:
+                raise
+            except OSError:
+                self._address = None
+        return socket.create_connection(self.locate(), timeout_s)
+
+
+class _Call:
+    """One connection to a server, under one deadline; the stages of a call in their order."""
+
+    def __init__(
+        self, name: str, connect: Callable[[float], socket.socket], deadline_s: float, timeout_s: float
+    ) -> None:
+        self._name = name
+        self._deadline_s = deadline_s
+        self._timeout_s = timeout_s
+        self._stage = "connecting"
+        self._stage_deadline_s = min(deadline_s, time.monotonic() + _STAGE_TIMEOUT_S)
+        self._socket: socket.socket | None = None
+        self._open = connect
+
+    def __enter__(self) -> Self:
+        try:
+            self._socket = self._open(self._remaining())
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except OSError as error:
+            self.__exit__(None, None, None)
+            raise self._failure(error) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._socket is not None:
+            self._socket.close()
+
+    def shake_hands(self, header: dict[str, str]) -> None:
+        """Send our header and read the server's."""
+        self._begin("shaking hands")
+        fields = b"".join(_frame(f"{key}={value}".encode()) for key, value in header.items())
+        try:
+            self._send(_frame(fields))
+            answer = self._receive(self._length(), None)
+        except OSError as error:
+            raise self._failure(error) from error
+        if (reason := _fields(answer).get("error")) is not None:
+            raise ServiceRefusedError(f"{self._name} refuses our call: {reason}")
+
+    def exchange(self, body: bytes, watch: Callable[[], None] | None) -> bytes:
+        """Send the request and return the body of the answer."""
+        self._begin("waiting for the answer", whole=True)
+        try:
+            self._send(_frame(body))
+            succeeded = self._receive(1, watch)[0]
+            answer = self._receive(self._length(), watch)
+        except OSError as error:
+            raise self._failure(error) from error
+        if not succeeded:
+            raise ServiceRefusedError(f"{self._name} failed: {answer.decode('utf-8', 'replace')}")
+        return answer
+
+    def _begin(self, stage: str, *, whole: bool = False) -> None:
+        self._stage = stage
+        limit_s = self._deadline_s if whole else time.monotonic() + _STAGE_TIMEOUT_S
+        self._stage_deadline_s = min(self._deadline_s, limit_s)
+
+    def _remaining(self) -> float:
+        left_s = self._stage_deadline_s - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError
+        return left_s
+
+    def _connected(self) -> socket.socket:
+        if self._socket is None:
+            raise ConnectionError("not connected")
+        return self._socket
+
+    def _send(self, data: bytes) -> None:
+        self._connected().settimeout(self._remaining())
+        self._connected().sendall(data)
+
+    def _length(self) -> int:
+        (length,) = struct.unpack("<I", self._receive(4, None))
+        if length > _LARGEST_ANSWER:
+            raise ConnectionError(f"announces an answer of {length} bytes")
+        return int(length)
+
+    def _receive(self, count: int, watch: Callable[[], None] | None) -> bytes:
+        data = b""
+        while len(data) < count:
+            while not select.select([self._connected()], [], [], min(self._remaining(), _WATCH_PERIOD_S))[0]:
+                if watch is not None:
+                    watch()
+            chunk = self._connected().recv(count - len(data))
+            if not chunk:
+                raise ConnectionError("it closed the connection")
+            data += chunk
+        return data
+
+    def _failure(self, error: OSError) -> ServiceError:
+        if isinstance(error, TimeoutError):
+            return ServiceTimeoutError(
+                f"{self._name} did not answer within {self._timeout_s:.1f} s ({self._stage}): its server is wedged "
+                "or unreachable; restart it"
+            )
+        return ServiceUnavailableError(f"{self._name} went away while {self._stage}: {error}; restart its server")
+
+
+def _frame(payload: bytes) -> bytes:
+    return struct.pack("<I", len(payload)) + payload
+
+
+def _fields(header: bytes) -> dict[str, str]:
+    """Return the fields of a TCPROS header."""
+    found: dict[str, str] = {}
+    offset = 0
+    while offset + 4 <= len(header):
+        (length,) = struct.unpack_from("<I", header, offset)
+        key, _, value = header[offset + 4 : offset + 4 + length].decode("utf-8", "replace").partition("=")
+        found[key] = value
+        offset += 4 + length
+    return found

@@ -1,5 +1,0 @@
-"""The service type that `rosservice call /discrete_move` looks for by name."""
-
-from vsnbench.ros4vsn.messages import DiscreteServer, DiscreteServerRequest, DiscreteServerResponse
-
-__all__ = ["DiscreteServer", "DiscreteServerRequest", "DiscreteServerResponse"]

@@ -1,5 +1,0 @@
-"""The message types that `rostopic echo` looks for by name."""
-
-from vsnbench.ros4vsn.messages import BumperEvent, CliffEvent, WheelDropEvent
-
-__all__ = ["BumperEvent", "CliffEvent", "WheelDropEvent"]

@@ -1,0 +1,1 @@
+"""Episodes in Rerun, live and from the record."""

@@ -1,0 +1,81 @@
+"""How the viewer lays an episode out, so that nobody has to click."""
+
+from typing import TYPE_CHECKING
+
+from vsnbench.viewer.frames import EpisodeHeader
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+TIMELINE = "step"
+FLOOR_MARGIN_M = 0.35
+
+
+def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Blueprint":
+    """Return the layout of one episode.
+
+    Args:
+        header: the episode; the floor plan is framed to its site.
+        with_scores: whether the policy gave numbers worth a plot of their own.
+    """
+    import rerun.blueprint as rrb
+    from rerun.blueprint import encodings
+
+    x_m = [x for room in header.site.rooms for x, _ in room.polygon]
+    y_m = [y for room in header.site.rooms for _, y in room.polygon]
+    bounds = rrb.VisualBounds2D(
+        x_range=(min(x_m) - FLOOR_MARGIN_M, max(x_m) + FLOOR_MARGIN_M),
+        y_range=(-max(y_m) - FLOOR_MARGIN_M, -min(y_m) + FLOOR_MARGIN_M),
+    )
+    whole_episode = rrb.VisibleTimeRange(
+        TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()
+    )
+    so_far = rrb.VisibleTimeRange(
+        TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    seen = rrb.Vertical(
+        rrb.TextDocumentView(origin="status", name="Now"),
+        rrb.Spatial2DView(origin="camera/rgb", name="RGB"),
+        rrb.Spatial2DView(origin="camera/depth", name="Depth"),
+        row_shares=[2, 6, 5],
+    )
+    plan = rrb.Spatial2DView(
+        origin="/",
+        contents="plan/**",
+        name="Floor plan",
+        visual_bounds=bounds,
+        background=[250, 250, 248],
+        overrides={"plan/trajectory": [rrb.VisibleTimeRanges([so_far])]},
+    )
+    # The free corner of a curve that falls towards the goal.
+    legend = rrb.PlotLegend(corner="righttop")
+    middle = rrb.Vertical(
+        plan,
+        rrb.StateTimelineView(origin="actions", name="Actions"),
+        rrb.TimeSeriesView(
+            origin="distance", name="Distance to the goal (m)", plot_legend=legend, time_ranges=[whole_episode]
+        ),
+        row_shares=[9, 2, 3],
+    )
+    documents: list[rrb.View | rrb.Container] = [
+        rrb.TextDocumentView(origin="verdict", name="Verdict"),
+        rrb.TextDocumentView(origin="decision/text", name="Decision"),
+    ]
+    if with_scores:
+        documents.append(
+            rrb.TimeSeriesView(origin="decision/scores", name="Scores", plot_legend=legend, time_ranges=[whole_episode])
+        )
+    columns = rrb.TextLogColumns(
+        timeline_columns=[encodings.TimelineColumn(timeline=TIMELINE, visible=True)],
+        text_log_columns=[encodings.TextLogColumn(kind="body", visible=True)],
+    )
+    documents.append(rrb.TextLogView(origin="events", name="Events", columns=columns))
+    told = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
+    return rrb.Blueprint(
+        rrb.Horizontal(seen, middle, told, column_shares=[5, 7, 5]),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )

@@ -1,0 +1,260 @@
+"""What of an episode goes to which Rerun entity, frame by frame.
+
+Entities: `camera/rgb` (with `detections`), `camera/depth`, `plan/**`, `actions/**` (state lanes), `distance/**`,
+`decision/**`, `status`, `events`, `verdict`. Timelines: `step` (the action's number) and `robot_time`.
+"""
+
+import collections
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Box
+from vsnbench.viewer.blueprint import TIMELINE, episode_blueprint
+from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
+from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+ACTION_RGBA = {
+    Action.MOVE_FORWARD: 0x3C8DD9FF,
+    Action.TURN_LEFT: 0xF2A93BFF,
+    Action.TURN_RIGHT: 0x8E6FC1FF,
+    Action.MOVE_BACKWARD: 0x5FB3A8FF,
+    Action.STOP: 0xD43F3AFF,
+}
+OUTCOME_RGBA = {
+    "moved": 0x9CCC9CFF,
+    "stopped": 0xB8B8B8FF,
+    "blocked": 0xE0B040FF,
+    "collision": 0xCE2C28FF,
+    "failed": 0x7A1F1BFF,
+}
+ALARMING = frozenset({"collision", "motion_failed", "sensor_lost", "model_error", "aborted", "interrupted"})
+DEPTH_UNITS_PER_METRE = 1000.0
+
+
+class EpisodeDrawing:
+    """Logs the frames of one episode in their order."""
+
+    def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
+        self._recording = recording
+        self._header = header
+        self._plan = FloorPlan(recording, header)
+        self._counts: collections.Counter[str] = collections.Counter()
+        self._blocked = 0
+        self._first_stamp_s: float | None = None
+        self._with_scores = False
+        self._boxes_shown = False
+        self._begin()
+
+    def draw(self, frame: Frame) -> None:
+        """Log one frame."""
+        match frame:
+            case StepFrame():
+                self._step(frame)
+            case EventFrame():
+                self._event(frame)
+            case EndFrame():
+                self._end(frame)
+
+    def _begin(self) -> None:
+        import rerun as rr
+
+        header, recording = self._header, self._recording
+        recording.send_recording_name(
+            f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
+        )
+        recording.send_blueprint(episode_blueprint(header, with_scores=False))
+        self._plan.draw_site()
+        recording.log(
+            "actions/action",
+            rr.StateConfiguration(
+                values=[action.value for action in ACTION_RGBA],
+                labels=[action.value.replace("_", " ").lower() for action in ACTION_RGBA],
+                colors=np.array(list(ACTION_RGBA.values()), np.uint32),
+            ),
+            static=True,
+        )
+        recording.log(
+            "actions/outcome",
+            rr.StateConfiguration(
+                values=list(OUTCOME_RGBA),
+                labels=list(OUTCOME_RGBA),
+                colors=np.array(list(OUTCOME_RGBA.values()), np.uint32),
+            ),
+            static=True,
+        )
+        recording.log(
+            "distance/to_goal",
+            rr.SeriesLines(names="to the nearest instance", colors=[40, 100, 200], widths=2),
+            static=True,
+        )
+        limit = f"success under {header.parameters.success_distance_m:g} m"
+        recording.log("distance/success_under", rr.SeriesLines(names=limit, colors=SUCCESS_RGB, widths=1), static=True)
+        self._set_time(0, None)
+        recording.log("verdict", _markdown(_running_text(header)))
+
+    def _set_time(self, step: int, stamp_s: float | None) -> None:
+        self._recording.set_time(TIMELINE, sequence=step)
+        if stamp_s is not None:
+            if self._first_stamp_s is None:
+                self._first_stamp_s = stamp_s
+            self._recording.set_time("robot_time", duration=stamp_s - self._first_stamp_s)
+
+    def _step(self, frame: StepFrame) -> None:
+        import rerun as rr
+
+        log = self._recording.log
+        self._set_time(frame.index, frame.stamp_s)
+        told = frame.decision.diagnostics
+        self._counts[frame.decision.action.value] += 1
+        self._blocked += frame.blocked
+        if frame.rgb_jpeg is not None:
+            log("camera/rgb", rr.EncodedImage(contents=frame.rgb_jpeg, media_type="image/jpeg"))
+        self._detections(told.boxes)
+        if frame.depth_png is not None:
+            log(
+                "camera/depth",
+                rr.EncodedDepthImage(
+                    frame.depth_png, media_type="image/png", meter=DEPTH_UNITS_PER_METRE, depth_range=[0, 6000]
+                ),
+            )
+        log("actions/action", rr.StateChange(state=frame.decision.action.value))
+        log("actions/outcome", rr.StateChange(state=_outcome(frame)))
+        distance = self._plan.draw_step(frame)
+        if distance is not None:
+            log("distance/to_goal", rr.Scalars(distance))
+            log("distance/success_under", rr.Scalars(self._header.parameters.success_distance_m))
+        self._decision(frame)
+        log("status", _markdown(self._status_text(frame, distance)))
+
+    def _detections(self, boxes: tuple[Box, ...]) -> None:
+        import rerun as rr
+
+        if boxes or self._boxes_shown:
+            self._recording.log(
+                "camera/rgb/detections",
+                rr.Boxes2D(
+                    mins=[(box.left, box.top) for box in boxes],
+                    sizes=[(box.right - box.left, box.bottom - box.top) for box in boxes],
+                    labels=[f"{box.label} {box.score:.2f}" for box in boxes],
+                    colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in boxes],
+                ),
+            )
+        self._boxes_shown = bool(boxes)
+
+    def _decision(self, frame: StepFrame) -> None:
+        import rerun as rr
+
+        told = frame.decision.diagnostics
+        numbers = {f"p({name})": value for name, value in told.probabilities.items()} | dict(told.scalars)
+        if numbers and not self._with_scores:
+            self._with_scores = True
+            self._recording.send_blueprint(episode_blueprint(self._header, with_scores=True))
+        for name, value in numbers.items():
+            self._recording.log(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars(float(value)))
+        self._recording.log("decision/text", _markdown(_decision_text(frame)))
+
+    def _status_text(self, frame: StepFrame, distance_m: float | None) -> str:
+        header = self._header
+        action = frame.decision.action.value
+        said = "" if frame.decision.raw_action == action else f" (model: {frame.decision.raw_action})"
+        far = "" if distance_m is None else f" · {distance_m:.2f} m away"
+        return (
+            f"### Looking for: {header.goal}{far}\n"
+            f"action {frame.index} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(frame)}"
+        )
+
+    def _event(self, frame: EventFrame) -> None:
+        import rerun as rr
+
+        self._set_time(frame.step, None)
+        level = rr.TextLogLevel.WARN if frame.kind in ALARMING else rr.TextLogLevel.INFO
+        self._recording.log("events", rr.TextLog(f"{frame.kind}: {frame.text}", level=level))
+
+    def _end(self, frame: EndFrame) -> None:
+        import rerun as rr
+
+        # One past the last action: that one gets its width in the lanes, and the plan shows where it ended.
+        self._set_time(frame.actions + 1, None)
+        for lane in ("actions/action", "actions/outcome"):
+            self._recording.log(lane, rr.StateChange(state=[None]))
+        self._plan.draw_end(frame.verdict)
+        failed = frame.verdict.success is False
+        self._recording.log(
+            "events",
+            rr.TextLog(
+                frame.verdict.text, level="WARN" if failed else "INFO", color=FAILURE_RGB if failed else SUCCESS_RGB
+            ),
+        )
+        self._recording.log("verdict", _markdown(self._verdict_text(frame)), static=True)
+
+    def _verdict_text(self, frame: EndFrame) -> str:
+        header, verdict = self._header, frame.verdict
+        word = {True: "Success", False: "Failure", None: "Void"}[verdict.success]
+        rows = [
+            ("model", header.model),
+            ("robot", header.robot),
+            ("start", f"{header.start_number} of {header.site.title or header.site.name}"),
+            ("end", verdict.end_reason.value.replace("_", " ")),
+        ]
+        if verdict.distance is not None:
+            near = verdict.distance
+            rows.append(("distance", f"{near.distance_m:.3f} m from {near.instance} ({near.source.value})"))
+        rows.append(("actions", f"{frame.actions}: {self._counted()}"))
+        if frame.path_length_m is not None:
+            rows.append(("path", f"{frame.path_length_m:.2f} m"))
+        if frame.duration_s is not None:
+            rows.append(("duration", f"{frame.duration_s:.1f} s of the robot's time"))
+        if frame.error:
+            rows.append(("error", frame.error))
+        return f"# {word}: {header.goal}\n\n{verdict.text}\n\n" + _table([("episode", str(header.episode_id)), *rows])
+
+    def _counted(self) -> str:
+        counted = [f"{count} {name.lower().replace('_', ' ')}" for name, count in self._counts.most_common()]
+        return ", ".join([*counted, f"{self._blocked} blocked"] if self._blocked else counted)
+
+
+def _outcome(frame: StepFrame) -> str:
+    if frame.blocked:
+        return "blocked"
+    if frame.result is not None and frame.result.collision is not None:
+        return "collision"
+    if frame.result is not None and not frame.result.completed:
+        return "failed"
+    return "stopped" if frame.decision.action is Action.STOP else "moved"
+
+
+def _running_text(header: EpisodeHeader) -> str:
+    rows = [("episode", str(header.episode_id)), ("model", header.model), ("robot", header.robot)]
+    return f"# Running: {header.goal}\n\n" + _table([*rows, ("start", str(header.start_number))])
+
+
+def _decision_text(frame: StepFrame) -> str:
+    told = frame.decision.diagnostics
+    lines = [
+        f"**{frame.decision.raw_action}**" + (f" in {frame.infer_s * 1e3:.0f} ms" if frame.infer_s is not None else "")
+    ]
+    if told.note:
+        lines.append(told.note)
+    if told.probabilities:
+        lines.append(_table([(name, f"{p:.3f}", "█" * round(p * 16)) for name, p in told.probabilities.items()]))
+    if told.scalars:
+        lines.append(_table([(name, f"{value:.4g}") for name, value in told.scalars.items()]))
+    return "\n\n".join(lines)
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Return a Markdown table; its first row serves as the heading that Markdown insists on."""
+    lines = [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def _markdown(text: str) -> "rr.TextDocument":
+    import rerun as rr
+
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

@@ -1,0 +1,63 @@
+"""The viewer of `vsnbench run --live`: opened late, when nothing can be refused any more, and kept for a last look."""
+
+import logging
+import signal
+import sys
+import threading
+from types import TracebackType
+from typing import Self
+
+from vsnbench.errors import UsageError
+from vsnbench.viewer.viewers import Viewer, WebViewer, has_display, open_window
+
+logger = logging.getLogger(__name__)
+
+
+class LiveView:
+    """A viewer that may never be opened; a context manager that ends it."""
+
+    def __init__(self) -> None:
+        self._viewer: Viewer | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._viewer is not None:
+            self._viewer.close()
+
+    def open(self) -> str:
+        """Open Rerun's window, or serve it to a browser where there is no display; returns where episodes are sent.
+
+        Raises:
+            VsnbenchError: Rerun's program is missing or does not start.
+        """
+        if has_display():
+            self._viewer = open_window()
+        else:
+            try:
+                served = WebViewer()
+            except UsageError:  # the usual port is taken, perhaps by another robot's run
+                served = WebViewer(0)
+            self._viewer = served
+            logger.warning("no display here: watch live at %s", served.address)
+        return self._viewer.grpc_url
+
+    def linger(self) -> None:
+        """Let a person look at the last episode for as long as they like; a script does not wait."""
+        if self._viewer is None or not sys.stderr.isatty():
+            return
+        how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
+        asked = threading.Event()
+        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the viewer is ended with this process
+        before = {number: signal.signal(number, lambda *_: asked.set()) for number in signals}
+        try:
+            sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
+            while self._viewer.is_open and not asked.wait(0.2):
+                pass
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        sys.stderr.write("\n")

@@ -1,0 +1,212 @@
+"""The floor plan of an episode in Rerun: the site, the goal's success zone, the robot, and what the policy believes.
+
+Everything under `plan` is logged in the site's frame (metres, y up). The entity itself carries the flip that makes
+up be up, because a 2D view of Rerun draws y downwards.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.metrics import distance_to_goal
+from vsnbench.protocol.pose import Pose
+from vsnbench.viewer.frames import EpisodeHeader, StepFrame
+from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
+
+if TYPE_CHECKING:
+    import rerun as rr
+    from shapely.geometry.base import BaseGeometry
+
+START_RGB = (60, 60, 64)
+ROBOT_RGB = (24, 92, 190)
+SUCCESS_RGB = (22, 140, 62)
+FAILURE_RGB = (206, 44, 40)
+VOID_RGB = (150, 120, 30)
+POLICY_RGB = (150, 60, 170)
+MAP_CLASSES = [(0, "unknown", (0, 0, 0, 0)), (1, "free", (110, 180, 250, 255)), (2, "occupied", (*POLICY_RGB, 255))]
+
+
+class FloorPlan:
+    """Draws one episode's plan into a recording."""
+
+    def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
+        self._recording = recording
+        self._header = header
+        self._here = header.begin
+        self._showing: frozenset[str] = frozenset()
+
+    def draw_site(self) -> None:
+        """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
+        import rerun as rr
+        from shapely.ops import unary_union
+
+        header, log = self._header, self._recording.log
+        site, goal = header.site, header.goal
+        log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
+        log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
+        picture, corner = paint_site(site, goal)
+        height = picture.shape[0] * PLAN_PIXEL_M
+        # The picture's rows run down: flipped back, its corner is the upper left one.
+        log(
+            "plan/site",
+            rr.Transform3D(translation=[corner[0], corner[1] + height, 0.0], scale=[PLAN_PIXEL_M, -PLAN_PIXEL_M, 1.0]),
+            rr.Image(picture, draw_order=-10.0).compress(jpeg_quality=95),
+            static=True,
+        )
+        goals = site.instances(goal)
+        log(
+            "plan/goal/instances",
+            rr.LineStrips2D([outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
+            static=True,
+        )
+        log(
+            "plan/goal/labels",
+            rr.Points2D(
+                [thing.position for thing in goals],
+                labels=[thing.id for thing in goals],
+                colors=GOAL_EDGE_RGB,
+                radii=0.03,
+            ),
+            static=True,
+        )
+        zone = unary_union([thing.shape.buffer(header.parameters.success_distance_m) for thing in goals])
+        log(
+            "plan/goal/success_zone",
+            rr.LineStrips2D(_rings(zone), colors=GOAL_EDGE_RGB, radii=0.012),
+            static=True,
+        )
+        log(
+            "plan/start",
+            *_heading_arrow(header.begin.pose, START_RGB, f"start {header.start_number}", 0.35),
+            static=True,
+        )
+
+    def draw_step(self, frame: StepFrame) -> float | None:
+        """Log the robot where the image was taken, the way it then went, and the policy's picture of the world.
+
+        Returns:
+            The distance from there to the goal, metres; None when the site has none.
+        """
+        import rerun as rr
+
+        log, header = self._recording.log, self._header
+        here = self._here.pose
+        self._draw_robot(here)
+        if frame.after is not None:
+            there = frame.after.pose
+            progress = min(1.0, frame.index / header.parameters.max_actions)
+            if here.distance_to(there) > 1e-4:
+                log(
+                    "plan/trajectory",
+                    rr.LineStrips2D([[here.position, there.position]], colors=_warming(progress), radii=0.03),
+                )
+        self._mark_trouble(frame)
+        self._draw_beliefs(frame)
+        distance = distance_to_goal(header.site, header.goal, self._here).distance_m
+        if frame.after is not None:
+            self._here = frame.after
+        return distance
+
+    def draw_end(self, verdict: Verdict) -> None:
+        """Log where it ended, in the colour of the verdict."""
+        import rerun as rr
+
+        here = self._here.pose
+        self._draw_robot(here)
+        color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
+        label = verdict.end_reason.value.replace("_", " ")
+        self._recording.log(
+            "plan/end", rr.Points2D([here.position], colors=color, radii=0.08, labels=[label], draw_order=50.0)
+        )
+
+    def _draw_robot(self, here: Pose) -> None:
+        import rerun as rr
+
+        shell = _circle(here, self._header.robot_radius_m)
+        self._recording.log("plan/robot/shell", rr.LineStrips2D([shell], colors=ROBOT_RGB, radii=0.025))
+        self._recording.log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
+
+    def _mark_trouble(self, frame: StepFrame) -> None:
+        import rerun as rr
+
+        collided = frame.result is not None and frame.result.collision is not None
+        if not (frame.blocked or collided):
+            return
+        pose = frame.after.pose if frame.after is not None and collided else self._here.pose
+        nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
+        self._recording.log(
+            f"plan/{'collision' if collided else 'blocked'}",
+            rr.Points2D([nose], colors=FAILURE_RGB if collided else VOID_RGB, radii=0.08 if collided else 0.05),
+        )
+
+    def _draw_beliefs(self, frame: StepFrame) -> None:
+        """Log the policy's map, nodes, path and sub-goal, carried from the start's frame into the site's."""
+        import rerun as rr
+
+        log, begin = self._recording.log, self._header.begin.pose
+        told = frame.decision.diagnostics
+        if told.map is not None:
+            corner = begin.compose(Pose(told.map.origin_x_m, told.map.origin_y_m))
+            resolution = told.map.resolution_m
+            turn = np.array(
+                [
+                    [math.cos(begin.heading_rad), -math.sin(begin.heading_rad), 0.0],
+                    [math.sin(begin.heading_rad), math.cos(begin.heading_rad), 0.0],
+                    [0.0, 0.0, 1.0],
+                ]
+            )
+            log(
+                "plan/policy/map",
+                rr.Transform3D(
+                    translation=[*corner.position, 0.0], mat3x3=turn @ np.diag([resolution, resolution, 1.0])
+                ),
+                rr.SegmentationImage(told.map.cells, opacity=0.55, draw_order=-5.0),
+            )
+        points = [begin.compose(Pose(*point)).position for point in told.nodes]
+        self._show("plan/policy/nodes", points, lambda: rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
+        way = [[begin.compose(Pose(*point)).position for point in told.path]] if len(told.path) > 1 else []
+        self._show("plan/policy/path", way, lambda: rr.LineStrips2D(way, colors=POLICY_RGB, radii=0.02))
+        target = [] if told.sub_goal is None else [begin.compose(Pose(*told.sub_goal)).position]
+        self._show("plan/policy/sub_goal", target, lambda: rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
+
+    def _show(self, entity: str, what: Sequence[object], draw: "Callable[[], rr.AsComponents]") -> None:
+        """Log what there is, and nothing at all for a policy that never has any."""
+        if what or entity in self._showing:
+            self._recording.log(entity, draw())
+        self._showing = self._showing | {entity} if what else self._showing - {entity}
+
+
+def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:
+    parts = getattr(zone, "geoms", [zone])
+    return [
+        [(float(x), float(y)) for x, y in ring.coords]
+        for part in parts
+        if not part.is_empty
+        for ring in (part.exterior, *part.interiors)
+    ]
+
+
+def _circle(pose: Pose, radius_m: float) -> list[tuple[float, float]]:
+    angles = np.linspace(0.0, math.tau, 33)
+    return [(pose.x_m + radius_m * math.cos(a), pose.y_m + radius_m * math.sin(a)) for a in angles]
+
+
+def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], label: str, length_m: float) -> "list[rr.Arrows2D]":
+    import rerun as rr
+
+    vector = (length_m * math.cos(pose.heading_rad), length_m * math.sin(pose.heading_rad))
+    return [
+        rr.Arrows2D(
+            origins=[pose.position], vectors=[vector], colors=rgb, radii=0.03, labels=[label] if label else None
+        )
+    ]
+
+
+def _warming(progress: float) -> tuple[int, int, int]:
+    """Blue at the start of an episode, red at the action cap."""
+    cold, warm = np.array([30, 100, 220]), np.array([225, 60, 40])
+    red, green, blue = (cold + (warm - cold) * progress).round().astype(int)
+    return int(red), int(green), int(blue)
