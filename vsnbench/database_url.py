@@ -1,11 +1,18 @@
-"""The address of a database: the URL of an SQLite file, and any URL as it may be printed."""
+"""The address of a database: the URL of an SQLite file, and any URL as it may be printed, kept or handed over."""
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
 from vsnbench.errors import UsageError
+
+HIDDEN = "***"
+_SECRET_PARAMETER = re.compile(r"pass(word|wd)?$|secret|token", re.IGNORECASE)
+_PASSWORD_IN_TEXT = re.compile(r"(?P<before>[a-z][\w+.-]*://[^/\s:@]*:)[^\s]*(?=@)", re.IGNORECASE)
+_PARAMETER_IN_TEXT = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=)[^&\s]*", re.IGNORECASE)
 
 
 def sqlite_url(path: Path) -> str:
@@ -22,7 +29,45 @@ def sqlite_path(url: str) -> Path | None:
 def shown_url(url: str) -> str:
     """Return the database as it may be printed: SQLite's file, or the URL without its password."""
     file = sqlite_path(url)
-    return str(file) if file else parse_url(url).render_as_string(hide_password=True)
+    if file:
+        return str(file)
+    parsed = parse_url(url)
+    secrets = [name for name in parsed.query if _SECRET_PARAMETER.search(name)]
+    return parsed.difference_update_query(secrets).render_as_string(hide_password=True)
+
+
+def without_passwords(text: str) -> str:
+    """Return a text, such as a command line, with the password of every URL in it hidden."""
+    text = _PASSWORD_IN_TEXT.sub(rf"\g<before>{HIDDEN}", text)
+    return _PARAMETER_IN_TEXT.sub(rf"\g<before>{HIDDEN}", text)
+
+
+def libpq_connection(url: str) -> tuple[str, Mapping[str, str]]:
+    """Return how PostgreSQL's own programs reach a database: a connection string, and environment variables.
+
+    The password travels in the environment, which only the same user can read: everybody sees a command line. With
+    none in the URL, `~/.pgpass` and `PGPASSWORD` are libpq's own to find.
+
+    Args:
+        url: `postgresql://` with any driver's spelling (`postgresql+psycopg2://`).
+
+    Raises:
+        UsageError: it is another kind of database.
+    """
+    parsed = parse_url(url)
+    if parsed.get_backend_name() != "postgresql":
+        raise UsageError(f"{shown_url(url)} is neither SQLite nor PostgreSQL: back it up with its own tools")
+    query = {name: value if isinstance(value, str) else ",".join(value) for name, value in parsed.query.items()}
+    password = parsed.password or query.get("password")
+    named = {"host": parsed.host, "port": parsed.port, "user": parsed.username, "dbname": parsed.database}
+    settings = {name: str(value) for name, value in named.items() if value is not None}
+    settings |= {name: value for name, value in query.items() if not _SECRET_PARAMETER.search(name)}
+    string = " ".join(f"{name}='{_escaped(value)}'" for name, value in settings.items())
+    return string, {} if password is None else {"PGPASSWORD": str(password)}
+
+
+def _escaped(value: str) -> str:
+    return value.replace("\\", "\\\\").replace("'", "\\'")
 
 
 def parse_url(url: str) -> URL:
@@ -33,7 +78,8 @@ def parse_url(url: str) -> URL:
     """
     try:
         return make_url(url)
-    except ArgumentError as error:
+    except (ArgumentError, ValueError) as error:  # ValueError: a port that is no number
         raise UsageError(
-            f"{url!r} is not a database URL: write sqlite:///path/vsnbench.db or postgresql+psycopg://user@host/name"
+            f"{without_passwords(url)!r} is not a database URL: write sqlite:///path/vsnbench.db or "
+            "postgresql+psycopg://user@host/name"
         ) from error

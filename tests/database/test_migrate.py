@@ -1,3 +1,4 @@
+import os
 import shutil
 import sqlite3
 import threading
@@ -236,6 +237,23 @@ def test_a_backup_of_postgresql_is_an_archive(postgresql: str, tmp_path: Path) -
     migrate.upgrade(open_engine(postgresql))
     migrate.backup(postgresql, tmp_path / "copy.dump")
     assert (tmp_path / "copy.dump").read_bytes().startswith(b"PGDMP")
+
+
+def test_a_backup_shows_the_password_to_nobody(
+    postgresql: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Journal.open(postgresql).close()
+    real, words = shutil.which("pg_dump"), tmp_path / "words"
+    program = tmp_path / "bin" / "pg_dump"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\necho "$@" > {words}\nexec {real} "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    with_password = postgresql.replace("postgresql+psycopg://lab@", "postgresql+psycopg2://lab:s3cret%40@")
+    migrate.backup(with_password, tmp_path / "copy.dump")
+    assert (tmp_path / "copy.dump").read_bytes()[:5] == b"PGDMP"
+    assert "--dbname" in words.read_text()
+    assert "s3cret" not in words.read_text()
 
 
 def test_a_backup_never_overwrites_and_never_appears_half_written(sqlite: str, tmp_path: Path) -> None:

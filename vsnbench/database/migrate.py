@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import Connection, Engine, inspect, text
 
 from vsnbench.database.engine import open_engine, record_errors, shown_database
-from vsnbench.database_url import sqlite_path
+from vsnbench.database_url import libpq_connection, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
 
@@ -211,13 +211,14 @@ def _copy_sqlite(source: Path, target: Path) -> None:
 
 
 def _dump_postgresql(url: str, target: Path) -> None:
-    plain = url.replace("postgresql+psycopg", "postgresql", 1)
+    connection, secrets = libpq_connection(url)
     try:
         done = subprocess.run(
-            ["pg_dump", "--format=custom", f"--file={target}", f"--dbname={plain}"],
+            ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"],
             capture_output=True,
             text=True,
             check=False,
+            env={**os.environ, **secrets},
         )
     except FileNotFoundError as error:
         raise RecordError("a backup of PostgreSQL needs its program pg_dump: install postgresql-client") from error

@@ -3,6 +3,7 @@
 import getpass
 import os
 import platform
+import shlex
 import socket
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from importlib import metadata
 from pathlib import Path
 
 from vsnbench import __version__
+from vsnbench.database_url import without_passwords
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ def gather_provenance(operator: str | None = None) -> Provenance:
         identity=this_process(),
         started_at=datetime.now(UTC),
         operator=operator or os.environ.get("VSNBENCH_OPERATOR") or _login(),
-        command=" ".join(sys.argv),
+        command=without_passwords(shlex.join(sys.argv)),
         vsnbench_version=__version__,
         git_commit=commit,
         git_dirty=dirty,

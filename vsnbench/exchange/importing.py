@@ -28,6 +28,8 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.record.confined import read_confined
+from vsnbench.record.picture_decoding import decode_picture
 
 NO_NUMBER = 0
 """Starting position of an episode that does not say from which it started."""
@@ -166,7 +168,8 @@ def _end(actions: int, stopped: bool, protocol: ProtocolParameters) -> EndReason
 def _keep_picture(source: Path, directory: Path, number: int) -> None:
     import cv2
 
-    picture = cv2.imread(str(source), cv2.IMREAD_COLOR)
+    content = read_confined(source.parent, source.name)
+    picture = decode_picture(content, cv2.IMREAD_COLOR) if content else None
     if picture is None:
         raise RecordError(f"{source} is not a picture")
     written, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])

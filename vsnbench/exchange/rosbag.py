@@ -9,6 +9,9 @@ from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
 from vsnbench.exchange.files import whole_file
 from vsnbench.protocol.pose import Pose
+from vsnbench.record.confined import confined, read_confined
+from vsnbench.record.images import depth_path, rgb_path
+from vsnbench.record.picture_decoding import decode_picture
 
 COLOR, DEPTH = "/camera/color/image_raw/compressed", "/camera/depth/image_raw"
 ODOMETRY, ACTION, GOAL = "/odom", "/vsnbench/action", "/vsnbench/goal"
@@ -21,15 +24,17 @@ def write_bag(
 
     Raises:
         UsageError: the library is not installed.
-        RecordError: the bag cannot be written.
+        RecordError: the bag cannot be written, or the record leads out of its directory.
     """
+    import numpy as np
+
     try:
         from rosbags.rosbag1 import Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise UsageError("bags need the library rosbags: pip install 'vsnbench[bags]'") from error
     store = get_typestore(Stores.ROS1_NOETIC)
-    directory = _inside(results_directory, episode.images_directory)
+    directory = confined(results_directory, episode.images_directory) if episode.images_directory else None
     messages = {COLOR: 0, DEPTH: 0, ODOMETRY: 0, ACTION: 0, GOAL: 0}
     kinds = {
         COLOR: "sensor_msgs/msg/CompressedImage",
@@ -50,21 +55,14 @@ def write_bag(
         for step in steps:
             time_ns = _nanoseconds(step.time_s)
             header = _header(types, step.number, time_ns, "camera_color_optical_frame")
-            if directory and (color := directory / "rgb" / f"{step.number:04d}.jpg").is_file():
-                put(COLOR, time_ns, types[kinds[COLOR]](header, "jpeg", _bytes(color)))
-            if directory and (depth := directory / "depth" / f"{step.number:04d}.png").is_file():
-                put(DEPTH, time_ns, _depth_image(types, header, depth))
+            if directory and (color := read_confined(directory, rgb_path(Path(), step.number))):
+                put(COLOR, time_ns, types[kinds[COLOR]](header, "jpeg", np.frombuffer(color, np.uint8)))
+            if directory and (depth := read_confined(directory, depth_path(Path(), step.number))):
+                put(DEPTH, time_ns, _depth_image(types, header, depth, depth_path(directory, step.number)))
             put(ACTION, time_ns, types[kinds[ACTION]]("BLOCKED" if step.blocked else step.action))
             if step.odometry:
                 put(ODOMETRY, time_ns, _odometry(types, step, time_ns))
     return messages
-
-
-def _inside(results_directory: Path, images_directory: str) -> Path | None:
-    """Return the episode's directory; None where it is outside the results, whatever the database says."""
-    root = results_directory.resolve()
-    directory = (root / images_directory).resolve()
-    return directory if images_directory and directory.is_relative_to(root) else None
 
 
 def _nanoseconds(time_s: float) -> int:
@@ -76,17 +74,11 @@ def _header(types: Any, sequence: int, time_ns: int, frame: str) -> Any:
     return types["std_msgs/msg/Header"](sequence, stamp, frame)
 
 
-def _bytes(path: Path) -> Any:
-    import numpy as np
-
-    return np.frombuffer(path.read_bytes(), np.uint8)
-
-
-def _depth_image(types: Any, header: Any, path: Path) -> Any:
+def _depth_image(types: Any, header: Any, png: bytes, path: Path) -> Any:
     import cv2
     import numpy as np
 
-    depth_mm = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    depth_mm = decode_picture(png, cv2.IMREAD_UNCHANGED)
     if depth_mm is None or depth_mm.ndim != 2:
         raise RecordError(f"{path} is not a depth image")
     height, width = depth_mm.shape

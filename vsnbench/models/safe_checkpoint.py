@@ -1,7 +1,8 @@
 """Loads PyTorch checkpoints of unknown origin: no code from the file runs, and memory is bounded by the file's size.
 
-The file's outside (a zip archive of plain records) and its declared sizes are checked first; then PyTorch's own list of
-names is consulted; only then PyTorch's weights-only reader loads it, with the permitted classes mapped to a dictionary.
+The file's outside (a zip archive of plain records), its declared sizes and its checksums are checked first; then
+PyTorch's own list of names is consulted; only then PyTorch's weights-only reader loads it, with the permitted classes
+mapped to a dictionary.
 """
 
 import struct
@@ -86,6 +87,11 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
                         f"{origin}: storage {storage.key[:20]} should have {storage.size_bytes} bytes, the file has "
                         f"{has}; damaged or forged, nothing was loaded"
                     )
+            # PyTorch's reader does not look at the checksums that its writer leaves.
+            if (broken := archive.testzip()) is not None:
+                raise ModelError(
+                    f"{origin}: the record {broken[:80]} differs from its checksum; damaged, download it again"
+                )
     except (zipfile.BadZipFile, struct.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         # All that zipfile raises for a damaged archive, and nothing is hidden by it: the file is refused either way.
         # NotImplementedError is a compression that it lacks, RuntimeError an encrypted entry, ValueError a directory

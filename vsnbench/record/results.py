@@ -11,6 +11,7 @@ from typing import Self
 
 from vsnbench.database_url import shown_url, sqlite_url
 from vsnbench.errors import RecordError
+from vsnbench.record.confined import confined
 
 ENVIRONMENT_VARIABLE = "VSNBENCH_RESULTS"
 DEFAULT_DIRECTORY = "results"
@@ -79,5 +80,10 @@ class ResultsDirectory:
         return shutil.disk_usage(self.path).free
 
     def episode_directory(self, images_directory: str) -> Path:
-        """Return the directory of an episode's files, from what the database says (`episodes/000017`)."""
+        """Return the directory of an episode's files, from what the database says (`episodes/000017`).
+
+        Raises:
+            RecordError: what it says leads out of the results directory.
+        """
+        confined(self.path, images_directory)
         return self.path / images_directory

@@ -2,6 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vsnbench.errors import RecordError
+from vsnbench.record.confined import confined, read_confined
+from vsnbench.record.picture_decoding import decode_picture
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 FRAMES = 5
 _WIDTH_PX = 176
@@ -25,17 +34,20 @@ def strip_of(results_directory: Path, images_directory: str) -> Strip | None:
     import cv2
     import numpy as np
 
-    root = results_directory.resolve()
-    directory = (root / images_directory).resolve()
-    if not images_directory or not directory.is_relative_to(root) or not (directory / "rgb").is_dir():
+    if not images_directory:
         return None
-    files = sorted(path for path in (directory / "rgb").iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    try:
+        directory = confined(results_directory, Path(images_directory) / "rgb")
+    except RecordError:
+        return None
+    if not directory.is_dir():
+        return None
+    files = sorted(path for path in directory.iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
     if not files:
         return None
     frames = []
     for place in np.unique(np.linspace(0, len(files) - 1, FRAMES).round().astype(int)):
-        # A quarter of the size is enough, and JPEG decodes to it directly.
-        picture = cv2.imread(str(files[place]), cv2.IMREAD_REDUCED_COLOR_4)
+        picture = _picture(directory, files[place].name)
         if picture is None:
             continue  # cut off by a crash: the others still tell the story
         height = round(_WIDTH_PX * picture.shape[0] / picture.shape[1])
@@ -47,3 +59,14 @@ def strip_of(results_directory: Path, images_directory: str) -> Strip | None:
     row = [piece for frame in frames for piece in (frame, gap)][:-1]
     written, jpeg = cv2.imencode(".jpg", np.concatenate(row, axis=1), [cv2.IMWRITE_JPEG_QUALITY, 72])
     return Strip(jpeg.tobytes(), len(frames)) if written else None
+
+
+def _picture(directory: Path, name: str) -> "npt.NDArray[np.uint8] | None":
+    import cv2
+
+    try:
+        content = read_confined(directory, name)
+    except RecordError:
+        return None
+    # A quarter of the size is enough, and JPEG decodes to it directly.
+    return decode_picture(content, cv2.IMREAD_REDUCED_COLOR_4) if content else None

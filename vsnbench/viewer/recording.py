@@ -119,6 +119,7 @@ class EpisodeRecording:
         from vsnbench.viewer.drawing import EpisodeDrawing
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
+        self._part.unlink(missing_ok=True)  # a symbolic link that lies there must not lead the stream elsewhere
         recording = open_recording(self._header, self._part)
         live = _open_live(self._header, self._viewer_url)
         try:

@@ -23,6 +23,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site as SurveyedSite
+from vsnbench.record.confined import read_confined
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
@@ -123,8 +124,8 @@ class _Reader:
             yield _event(event)
 
     def _step(self, row: Step) -> StepFrame:
-        rgb = _bytes(rgb_path(self._directory, row.number)) if self._has_images else None
-        depth = _bytes(depth_path(self._directory, row.number)) if self._has_images else None
+        rgb = self._image(rgb_path(Path(), row.number))
+        depth = self._image(depth_path(Path(), row.number))
         told = diagnostics_from_record(row.probabilities, row.details)
         return StepFrame(
             index=row.number,
@@ -137,6 +138,9 @@ class _Reader:
             after=_fix(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
             infer_s=row.infer_s,
         )
+
+    def _image(self, name: Path) -> bytes | None:
+        return read_confined(self._directory, name) if self._has_images else None
 
     def _end(self) -> Iterator[EndFrame]:
         episode = self._episode
@@ -185,10 +189,3 @@ def _fix(x_m: float | None, y_m: float | None, heading_rad: float | None, source
 
 def _event(row: Event) -> EventFrame:
     return EventFrame(row.step_number or 0, row.kind, row.text)
-
-
-def _bytes(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return None

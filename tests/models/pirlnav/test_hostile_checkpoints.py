@@ -217,6 +217,17 @@ def test_a_checkpoint_without_its_configuration_is_refused(tmp_path: Path) -> No
     assert "no configuration" in refusal(path)
 
 
+@pytest.mark.parametrize("bit", [0, 5, 7])
+def test_one_flipped_bit_in_the_weights_is_noticed(small_checkpoint: Path, tmp_path: Path, bit: int) -> None:
+    with zipfile.ZipFile(small_checkpoint) as archive:
+        record = max(archive.infolist(), key=lambda entry: entry.file_size)
+        content = archive.read(record)
+    whole = bytearray(small_checkpoint.read_bytes())
+    whole[whole.index(content) + len(content) // 2] ^= 1 << bit
+    (tmp_path / "flipped.ckpt").write_bytes(whole)
+    assert "differs from its checksum" in refusal(tmp_path / "flipped.ckpt")
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())

@@ -1,0 +1,73 @@
+"""Somebody else's results directory is data: nothing outside it is read or written, and nothing in it is run."""
+
+import os
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from tests.viewer.synthetic_episode import record
+from vsnbench.record.results import ResultsDirectory
+
+
+def vsnbench(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the console script, as a user who stands in `cwd`."""
+    program = "import sys; sys.path.pop(0); from vsnbench.cli.main import main; main()"  # -c puts the directory first
+    inherited = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(
+        [sys.executable, "-c", program, *words], cwd=cwd, env=inherited, capture_output=True, text=True, timeout=120
+    )
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    path = tmp_path / "archive"
+    record(ResultsDirectory.locate(path, environment={}), 2)
+    return path
+
+
+def say(archive: Path, images_directory: str) -> None:
+    with closing(sqlite3.connect(archive / "vsnbench.db")) as database, database:
+        database.execute("UPDATE episode SET images_directory = ?", [images_directory])
+
+
+@pytest.mark.parametrize("elsewhere", ["../elsewhere", "/tmp/../{0}/elsewhere", "episodes/link"])
+def test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written(archive: Path, elsewhere: str) -> None:
+    outside = archive.parent / "elsewhere"
+    (outside / "rgb").mkdir(parents=True)
+    (archive / "episodes" / "link").symlink_to(outside)
+    say(archive, elsewhere.format(archive.parent))
+    for words in (["view", "1", "--path"], ["episodes", "show", "1"], ["export", "bag", "1", "x.bag"]):
+        done = vsnbench(*words, "--results", str(archive), cwd=archive.parent)
+        assert done.returncode == 1, done.stdout + done.stderr
+        assert "leads out of it" in done.stderr
+        assert "Traceback" not in done.stderr
+    done = vsnbench("report", "--results", str(archive), "--output", "report", cwd=archive.parent)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in outside.rglob("*")) == ["rgb"]
+
+
+def test_a_link_that_waits_where_a_recording_is_written_is_not_followed(archive: Path) -> None:
+    precious = archive.parent / "precious"
+    precious.write_text("kept")
+    folder = archive / "episodes" / "000001"
+    for name in ("episode.rrd", "episode.rrd.part", ".episode.rrd.part"):
+        (folder / name).symlink_to(precious)
+    done = vsnbench("view", "1", "--path", "--results", str(archive), cwd=archive.parent)
+    assert done.returncode == 0, done.stderr
+    assert precious.read_text() == "kept"
+    assert not (folder / "episode.rrd").is_symlink()
+
+
+def test_a_picture_that_is_a_link_is_not_shown(archive: Path) -> None:
+    secret = archive.parent / "secret"
+    secret.write_bytes(b"the key")
+    picture = archive / "episodes" / "000001" / "rgb" / "0001.jpg"
+    picture.unlink()
+    picture.symlink_to(secret)
+    done = vsnbench("view", "1", "--path", "--results", str(archive), cwd=archive.parent)
+    assert done.returncode == 1
+    assert "leads out of it" in done.stderr
