@@ -11,7 +11,8 @@ from vsnbench.database.interventions import INTERVENTION, interventions
 from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial, Verdict
 from vsnbench.database.validity import counts, standing_verdict_id
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.record import RUNNING, Record, Selection, read_conditions, trial_filter
+from vsnbench.report.conditions import read_conditions
+from vsnbench.report.record import RUNNING, Record, Selection, trial_filter
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import UsageError
-from vsnbench.report.record import Condition, Record, goal_order
+from vsnbench.report.conditions import Condition
+from vsnbench.report.record import Record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 from vsnbench.report.text import harmless
 from vsnbench.statistics.rates import (
@@ -302,7 +303,7 @@ def _by_start(rows: "pd.DataFrame", column: str, starts: Sequence[int] | None) -
 
 
 def _verdict(comparison: Comparison, rate: RateComparison) -> str:
-    a, b = harmless(comparison.first.title), harmless(comparison.second.title)
+    a, b = harmless(comparison.first.name), harmless(comparison.second.name)
     where = f"On {rate.scope}" if rate.scope in (ALL, SHARED) else f"On {harmless(rate.scope)}"
     caveat = " Their goals differ: the difference may be the goals' and not the models'." if rate.scope == ALL else ""
     if not rate.first.episodes or not rate.second.episodes:
@@ -328,7 +329,7 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
         p += f", {_compared(rate.adjusted_p)} after Holm's correction for {comparison.asked} questions"
     for one in (comparison.first, comparison.second):
         if one.surveyed:
-            caveat += f" {harmless(one.title)} is handed the site: an upper bound, not a competitor."
+            caveat += f" {harmless(one.name)} is handed the site: an upper bound, not a competitor."
     if rate.significant:
         better, worse = (a, b) if rate.difference > 0 else (b, a)
         return f"{where}: {better} succeeds more often than {worse}: {numbers}, {p}.{caveat}"

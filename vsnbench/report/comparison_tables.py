@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from vsnbench.report.compare import ALL, SHARED, Comparison, RateComparison
+from vsnbench.report.conditions import footnotes
 from vsnbench.report.forms.plain import condition_fields
 from vsnbench.report.sheets import (
     UNKNOWN,
@@ -25,7 +26,7 @@ from vsnbench.report.sheets import (
 
 def comparison_sheets(comparison: Comparison) -> list[Sheet]:
     """Return the rates with their tests, and the effects on actions and SPL."""
-    a, b = comparison.first.title, comparison.second.title
+    a, b = comparison.first.name, comparison.second.name
     name = f"{comparison.first.number}-{comparison.second.number}"
     rates = Sheet(
         name=f"compare-{name}",
@@ -47,7 +48,7 @@ def comparison_sheets(comparison: Comparison) -> list[Sheet]:
             Column("Holm p", rank=2),
         ),
         rows=tuple(_rate_row(rate, comparison.asked) for rate in comparison.rates),
-        notes=comparison.verdicts,
+        notes=(*comparison.verdicts, *footnotes([comparison.first, comparison.second])),
     )
     if not comparison.effects:
         return [kept(rates)]

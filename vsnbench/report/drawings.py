@@ -10,13 +10,14 @@ from vsnbench.database.migrate import open_record
 from vsnbench.errors import SiteError
 from vsnbench.protocol.site import Site
 from vsnbench.report.build import Report, build
+from vsnbench.report.conditions import Condition
 from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.courses import mileage, survival
 from vsnbench.report.figures.plans import success_map, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.published import published_results
-from vsnbench.report.record import Condition, Selection
+from vsnbench.report.record import Selection
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
 from vsnbench.workers import end_with_parent

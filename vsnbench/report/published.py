@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
-from vsnbench.report.record import Condition
+from vsnbench.report.conditions import Condition
 from vsnbench.report.summary import ConditionSummary, GoalSummary, Results, Summary
 
 
@@ -93,7 +93,7 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
     condition = Condition(
         number=-place,  # never one of the record's
         model=model.name,
-        weights_label="as published",
+        weights_label="",
         weights_sha256="",
         surveyed=False,
         robot=paper.robot,
@@ -102,11 +102,9 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         simulated=False,
         site=paper.site,
         site_sha256="",
-        max_actions=paper.max_actions,
-        success_distance_m=paper.success_distance_m,
-        noisy=False,
         campaigns=(),
-        name=model.title,
+        protocol={"max_actions": paper.max_actions, "success_distance_m": paper.success_distance_m},
+        name=f"{model.title} (paper)",
         published=True,
     )
     summaries = {goal: _summary(*numbers) for goal, numbers in model.goals.items()}

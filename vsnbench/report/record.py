@@ -4,7 +4,7 @@ A row is 200 bytes or so: the 10 million steps of a large record stay in the dat
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +12,10 @@ from sqlalchemy import Connection, Engine, Select, and_, case, func, select, typ
 from sqlalchemy.types import NullType
 
 from vsnbench.database.engine import record_errors
-from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial, Verdict
+from vsnbench.database.tables import Episode, Site, Trial, Verdict
 from vsnbench.database.validity import is_result, standing_verdict_id
 from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.report.conditions import Condition, read_conditions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,44 +61,6 @@ class Selection:
     sites: Sequence[str] = ()
     robots: Sequence[str] = ()
     campaigns: Sequence[int] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """What was tested: one model on one robot in one site under one protocol; only like is pooled with like."""
-
-    number: int
-    """From 1, in the order of the first campaign."""
-    model: str
-    weights_label: str
-    weights_sha256: str
-    surveyed: bool
-    """The model is handed the site: an upper bound, not a competitor."""
-    robot: str
-    robot_title: str
-    backend: str
-    """What carried out the actions; the tool it came from where the results were imported."""
-    simulated: bool
-    site: str
-    site_sha256: str
-    max_actions: int | None
-    success_distance_m: float | None
-    noisy: bool
-    campaigns: tuple[int, ...]
-    name: str = ""
-    """The model's name, made unique among the conditions of a report by what tells them apart."""
-    published: bool = False
-    """Printed in the paper, not measured here."""
-
-    @property
-    def environment(self) -> str:
-        """`simulated` or `real`."""
-        return "simulated" if self.simulated else "real"
-
-    @property
-    def title(self) -> str:
-        """Name and weights: how every table names the model."""
-        return f"{self.name} ({self.weights_label})" if self.weights_label else self.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,95 +115,6 @@ def read_record(engine: Engine, selection: Selection | None = None, results_dire
         rows = connection.execute(select(Site.sha256, Site.content).where(Site.sha256.in_(hashes)))
         sites: dict[str, Mapping[str, Any]] = {row.sha256: row.content for row in rows}
     return Record(conditions, episodes, planned, sites, results_directory)
-
-
-def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
-    """Return the conditions and campaign id -> number of its condition."""
-    rows = connection.execute(
-        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.noise, Campaign.model_id)
-        .add_columns(Model.name.label("model"), Model.weights_label, Model.weights_sha256, Model.surveyed)
-        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.backend, Robot.simulated)
-        .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .where(*_campaign_filter(chosen))
-        .order_by(Campaign.id)
-    ).all()
-    groups: dict[tuple[object, ...], list[Any]] = {}
-    for row in rows:
-        noise = repr(sorted((row.noise or {}).items(), key=repr))
-        key = (row.model_id, row.robot_id, row.site_sha256, row.protocol_sha256, noise)
-        groups.setdefault(key, []).append(row)
-    conditions = []
-    condition_of: dict[int, int] = {}
-    for number, members in enumerate(groups.values(), start=1):
-        first = members[0]
-        protocol = first.protocol or {}
-        condition_of |= {row.id: number for row in members}
-        conditions.append(
-            Condition(
-                number=number,
-                model=first.model,
-                weights_label=first.weights_label,
-                weights_sha256=first.weights_sha256,
-                surveyed=first.surveyed,
-                robot=first.robot,
-                robot_title=first.title,
-                simulated=first.simulated,
-                site=first.site,
-                site_sha256=first.site_sha256,
-                max_actions=protocol.get("max_actions"),
-                success_distance_m=protocol.get("success_distance_m"),
-                noisy=bool(first.noise),
-                backend=first.backend,
-                campaigns=tuple(row.id for row in members),
-            )
-        )
-    return name_apart(conditions), condition_of
-
-
-def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
-    """Give each condition a name that no other has, from as little as tells them apart."""
-    chosen = [one.model for one in conditions]
-    for index, one in enumerate(conditions):
-        twins = [other for other in conditions if other.model == one.model]
-        if len(twins) == 1:
-            continue
-        mine = _distinctions(one)
-        telling = [
-            word for place, word in enumerate(mine) if any(_distinctions(other)[place] != word for other in twins)
-        ]
-        chosen[index] = " ".join([one.model, *telling])
-    for index, one in enumerate(conditions):
-        if chosen.count(chosen[index]) > 1:
-            chosen[index] = f"{chosen[index]} #{one.number}"
-    return tuple(replace(one, name=name) for one, name in zip(conditions, chosen, strict=True))
-
-
-def _distinctions(condition: Condition) -> list[str]:
-    return [
-        condition.environment,
-        f"on {condition.robot}",
-        f"in {condition.site}",
-        "with noise" if condition.noisy else "without noise",
-        f"within {condition.max_actions} actions",
-        f"under {condition.success_distance_m:g} m" if condition.success_distance_m is not None else "",
-        f"weights {condition.weights_sha256[:8]}" if condition.weights_sha256 else "no weights",
-    ]
-
-
-def _campaign_filter(chosen: Selection) -> list[Any]:
-    wanted: list[Any] = []
-    if chosen.models:
-        wanted.append(Model.name.in_(chosen.models))
-    if chosen.sites:
-        wanted.append(Site.name.in_(chosen.sites))
-    if chosen.robots:
-        wanted.append(Robot.name.in_(chosen.robots))
-    if chosen.campaigns:
-        wanted.append(Campaign.id.in_(chosen.campaigns))
-    return wanted
 
 
 def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:

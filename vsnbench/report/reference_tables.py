@@ -2,6 +2,7 @@
 
 from vsnbench.report.compare import Comparison, compare
 from vsnbench.report.comparison_tables import comparison_sheets
+from vsnbench.report.conditions import footnotes
 from vsnbench.report.published import published, published_results
 from vsnbench.report.record import empty_record
 from vsnbench.report.sheets import (
@@ -84,7 +85,7 @@ def beside_sheet(results: Results) -> Sheet:
                 Column("95 % interval", note="Newcombe's interval of that difference, points"),
             ),
             rows=tuple(rows),
-            notes=(f"Published: {published().source}.",),
+            notes=(f"Published: {published().source}.", *footnotes([one.condition for one in results.conditions])),
         )
     )
 
@@ -107,7 +108,7 @@ def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Resul
         )
     return row(
         word(goal),
-        word(one.condition.title),
+        word(one.condition.name),
         word(f"{one.condition.environment}, {one.condition.site}"),
         of(mine.successes, mine.episodes),
         percent(mine.success_rate),
@@ -131,7 +132,7 @@ def _real_against_virtual(results: Results) -> Sheet:
         ),
         rows=tuple(
             row(
-                word(one.condition.title),
+                word(one.condition.name),
                 of(one.total.successes, one.total.episodes),
                 percent(one.total.success_rate),
                 interval_percent(one.total.interval.low, one.total.interval.high),

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.record import COUNTED, RUNNING, UNJUDGED, VOID, Condition, Record, goal_order
+from vsnbench.report.conditions import Condition
+from vsnbench.report.record import COUNTED, RUNNING, UNJUDGED, VOID, Record, goal_order
 from vsnbench.statistics.rates import Interval, Proportion, wilson
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.activity import ActionCount, RobotActivity
-from vsnbench.report.record import Condition
+from vsnbench.report.conditions import footnotes
 from vsnbench.report.sheets import (
     Cell,
     Column,
@@ -50,10 +50,10 @@ def goal_sheet(one: ConditionSummary, shared_goals: Iterable[str] = ()) -> Sheet
         rows.append(_summary_row(f"shared: {listed(shared_goals)}", one.shared, total=True))
     return Sheet(
         name=f"goals-{one.condition.number}",
-        title=f"{one.condition.title}: success by goal",
+        title=f"{one.condition.name}: success by goal",
         columns=(Column("goal", number=False), *_RATES, *_MEASURES, *_COVERAGE),
         rows=tuple(rows),
-        notes=(described(one.condition), *_caveats(one.total)),
+        notes=(one.condition.description, *_caveats(one.total)),
     )
 
 
@@ -62,7 +62,7 @@ def start_sheet(one: ConditionSummary) -> Sheet:
     never = one.never_succeeding
     return Sheet(
         name=f"starts-{one.condition.number}",
-        title=f"{one.condition.title}: success by starting position",
+        title=f"{one.condition.name}: success by starting position",
         columns=(Column("start"), *_RATES, *_MEASURES, *_COVERAGE),
         rows=tuple(
             Row((count(start.start), *_rates(start.summary), *_measures(start.summary), *_coverage(start.summary)))
@@ -77,7 +77,7 @@ def end_sheet(results: Results) -> Sheet:
     """Why episodes ended, by condition."""
     rows = [
         row(
-            word(one.condition.title),
+            word(one.condition.name),
             word(end.end_reason),
             count(end.attempts),
             count(end.counted),
@@ -99,6 +99,7 @@ def end_sheet(results: Results) -> Sheet:
             Column("kind", number=False),
         ),
         rows=tuple(rows),
+        notes=footnotes([one.condition for one in results.conditions]),
     )
 
 
@@ -117,7 +118,7 @@ def real_sheet(results: Results) -> Sheet | None:
             gap = newcombe(a.proportion, b.proportion)
             rows.append(
                 row(
-                    word(_model_title(real.condition)),
+                    word(real.condition.model),
                     word(f"{real.condition.robot_title}, {real.condition.site}"),
                     of(a.successes, a.episodes),
                     percent(a.success_rate),
@@ -155,10 +156,6 @@ def real_sheet(results: Results) -> Sheet | None:
         rows=tuple(rows),
         notes=("Totals over all goals of each; the goals may differ.",),
     )
-
-
-def _model_title(condition: Condition) -> str:
-    return f"{condition.model} ({condition.weights_label})" if condition.weights_label else condition.model
 
 
 def stability_sheet(robots: Sequence[RobotActivity]) -> Sheet:
@@ -211,7 +208,7 @@ def action_sheet(results: Results, actions: Sequence[ActionCount]) -> Sheet:
         whole = sum(each.steps for each in mine)
         rows += [
             row(
-                word(one.condition.title),
+                word(one.condition.name),
                 word(each.raw_action),
                 word("blocked by the depth guard" if each.blocked else each.action),
                 count(each.steps),
@@ -230,24 +227,11 @@ def action_sheet(results: Results, actions: Sequence[ActionCount]) -> Sheet:
             Column("%"),
         ),
         rows=tuple(rows),
-        notes=("Over the episodes that count.",),
+        notes=("Over the episodes that count.", *footnotes([one.condition for one in results.conditions])),
     )
 
 
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
-
-
-def described(condition: Condition) -> str:
-    """Say in one line what was tested, and how."""
-    words = [
-        f"{condition.robot_title or condition.robot}, {condition.environment}",
-        f"site {condition.site}",
-        f"at most {condition.max_actions} actions" if condition.max_actions is not None else "",
-        f"success under {condition.success_distance_m:g} m" if condition.success_distance_m is not None else "",
-        "sensor noise on" if condition.noisy else "",
-        "the model is handed the site: an upper bound, not a competitor" if condition.surveyed else "",
-    ]
-    return "; ".join(each for each in words if each) + "."
 
 
 def _caveats(total: Summary) -> list[str]:

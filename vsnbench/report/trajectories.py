@@ -8,7 +8,8 @@ from sqlalchemy import Engine, select
 from vsnbench.database.engine import record_errors
 from vsnbench.database.tables import Episode, Step
 from vsnbench.protocol.pose import Pose
-from vsnbench.report.record import Condition, Record
+from vsnbench.report.conditions import Condition
+from vsnbench.report.record import Record
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawin
             axes.set_xlim(0, 128)
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("% of the model's actions")
-            axes.set_title(f"{shown(one.condition.title, 40)}\n{one.total.episodes} episodes", loc="left", color=INK)
+            axes.set_title(f"{shown(one.condition.name, 40)}\n{one.total.episodes} episodes", loc="left", color=INK)
             light_grid(axes, "x")
         handles, labels = grid.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
@@ -95,5 +95,5 @@ def _alt(panels: Sequence[tuple[ConditionSummary, Sequence[ActionCount]]]) -> st
         shares = ", ".join(
             f"{shown(name)} {count} ({_share(100 * count / whole)} %)" for name, count in raw.most_common()
         )
-        parts.append(f"{shown(one.condition.title, 80)}: {shares}")
+        parts.append(f"{shown(one.condition.name, 80)}: {shares}")
     return f"Histogram of actions. {'; '.join(parts)}."

@@ -41,7 +41,7 @@ def survival(record: Record, results: Results) -> Drawing | None:
                 color=COLORS[index],
                 linestyle=DASHES[index],
                 linewidth=1.1,
-                label=f"{shown(one.condition.title)} (n = {len(actions)})",
+                label=f"{shown(one.condition.name)} (n = {len(actions)})",
             )
         axes.set_xlim(0, longest * 1.02)
         axes.set_ylim(0, 102)
@@ -49,7 +49,7 @@ def survival(record: Record, results: Results) -> Drawing | None:
         axes.set_ylabel("episodes still going (%)")
         light_grid(axes, "both")
         figure.legend(loc="outside lower center", handlelength=3)
-    words = "; ".join(f"{shown(one.condition.title, 80)}: mean {one.total.mean_actions:.0f} actions" for one in drawn)
+    words = "; ".join(f"{shown(one.condition.name, 80)}: mean {one.total.mean_actions:.0f} actions" for one in drawn)
     return Drawing("survival", "Episodes still going", f"Share of episodes going on by action count. {words}.", figure)
 
 

@@ -58,11 +58,11 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) 
             rate = f"{whole.successes}/{whole.episodes}" if whole else ""
             axes.set_title(f"{shown(goal, 20)} {rate}{sample}", pad=2)
         _legend(figure)
-        figure.suptitle(f"{shown(one.condition.title, 60)}", fontsize=7.5, color=INK)
+        figure.suptitle(f"{shown(one.condition.name, 60)}", fontsize=7.5, color=INK)
     return Drawing(
         f"trajectories-{one.condition.number}",
-        f"Trajectories of {shown(one.condition.title, 80)}",
-        f"Floor plans with the trajectories of {shown(one.condition.title, 80)}, one plan a goal, by outcome.",
+        f"Trajectories of {shown(one.condition.name, 80)}",
+        f"Floor plans with the trajectories of {shown(one.condition.name, 80)}, one plan a goal, by outcome.",
         figure,
     )
 
@@ -96,12 +96,12 @@ def success_map(site: Site, one: ConditionSummary) -> Drawing | None:
                 zorder=13,
                 path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
             )
-        axes.set_title(f"{shown(one.condition.title, 48)}\nsuccess by starting position", pad=3)
+        axes.set_title(f"{shown(one.condition.name, 48)}\nsuccess by starting position", pad=3)
         never = ", ".join(map(str, one.never_succeeding))
         figure.supxlabel(f"never a success: {never or 'none of them'}; filled part = success rate", fontsize=6)
     return Drawing(
         f"success-map-{one.condition.number}",
-        f"Success by starting position of {shown(one.condition.title, 80)}",
+        f"Success by starting position of {shown(one.condition.name, 80)}",
         f"Floor plan with the success rate at each starting position. Never a success from: {never or 'none'}.",
         figure,
     )

@@ -65,7 +65,7 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
                 linewidth=0.9,
                 capsize=1.8,
                 capthick=0.7,
-                label=f"{shown(one.condition.title)} ({one.total.successes}/{one.total.episodes})",
+                label=f"{shown(one.condition.name)} ({one.total.successes}/{one.total.episodes})",
             )
         middles = [(top + bottom) / 2 for top, bottom in itertools.pairwise(tops)]
         axes.set_yticks(middles, [shown(row, 24) for row in rows])
@@ -82,7 +82,7 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
 
 def _alt(conditions: tuple[ConditionSummary, ...]) -> str:
     rates = [
-        f"{shown(one.condition.title, 80)} {one.total.successes} of {one.total.episodes}"
+        f"{shown(one.condition.name, 80)} {one.total.successes} of {one.total.episodes}"
         for one in conditions
         if one.total.episodes
     ]

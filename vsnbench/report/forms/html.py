@@ -150,7 +150,7 @@ def _card(one: ConditionSummary) -> _Card:
     if total.void:
         words += f", {total.void} void beside"
     return _Card(
-        title=harmless(one.condition.title),
+        title=harmless(one.condition.name),
         rate=rate,
         interval=span,
         bar_label=f"success rate {rate}, interval {span}" if known else "no trial is done",
@@ -173,7 +173,7 @@ def _figure(drawing: Drawing) -> _Figure:
 
 
 def _episodes(record: Record) -> Iterator[_Episode]:
-    titles = {one.number: harmless(one.title) for one in record.conditions}
+    titles = {one.number: harmless(one.name) for one in record.conditions}
     where = f" --results {shlex.quote(str(record.results_directory))}" if record.results_directory else ""
     strips = 0
     columns = (

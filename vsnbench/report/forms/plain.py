@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from vsnbench.report.record import Condition
+from vsnbench.report.conditions import Condition
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 from vsnbench.report.text import harmless
 
@@ -67,14 +67,17 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
 def condition_fields(condition: Condition) -> dict[str, Any]:
     """Return what was tested, under the names that scripts rely on."""
     return {
+        "name": condition.name,
         "model": condition.model,
         "weights_label": condition.weights_label,
         "weights_sha256": condition.weights_sha256,
         "surveyed": condition.surveyed,
         "robot": condition.robot,
+        "backend": condition.backend,
         "environment": condition.environment,
         "published": condition.published,
         "site": condition.site,
+        "site_sha256": condition.site_sha256,
         "max_actions": condition.max_actions,
         "success_distance_m": condition.success_distance_m,
         "noise": condition.noisy,
