@@ -19,7 +19,6 @@ from vsnbench.report.forms.plain import to_csv, to_json
 from vsnbench.report.forms.terminal import fitted, print_sheets
 from vsnbench.report.record import Selection
 from vsnbench.report.reference_tables import reference_sheets
-from vsnbench.report.text import harmless
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 
@@ -147,8 +146,3 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
 def test_columns_without_a_rank_stay(hostile: Report) -> None:
     sheet = fitted(hostile.sheets()[0], 1)
     assert [column.heading for column in sheet.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]
-
-
-def test_harmless_text_is_one_printable_line() -> None:
-    assert harmless("a\x1b[0m\nb\u202ec\x00") == "a\\x1b[0m b\\x202ec\\x00"
-    assert harmless("Gutiérrez 椅子 ²") == "Gutiérrez 椅子 ²"

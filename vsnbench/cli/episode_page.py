@@ -46,9 +46,9 @@ def safe(text: object) -> str:
     """Return text from the record for rich: neither its markup nor terminal escapes act."""
     from rich.markup import escape
 
-    from vsnbench.cli.printable import printable
+    from vsnbench.harmless_text import harmless
 
-    return escape(printable(str(text)))
+    return escape(harmless(str(text)))
 
 
 def _print_summary(console: "Console", details: "EpisodeDetails", directory: Path | None) -> None:

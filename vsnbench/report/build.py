@@ -9,13 +9,13 @@ from pathlib import Path
 from vsnbench.database.migrate import open_record
 from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.harmless_text import harmless
 from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
 from vsnbench.report.record import Record, Selection, goal_order, read_record
 from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
 from vsnbench.report.sheets import Sheet
 from vsnbench.report.summary import Results, summarise
 from vsnbench.report.tables import action_sheet, end_sheet, goal_sheet, real_sheet, stability_sheet, start_sheet
-from vsnbench.report.text import harmless
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import UsageError
+from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
 from vsnbench.report.record import Record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.report.text import harmless
 from vsnbench.statistics.rates import (
     CONFIDENCE,
     ClusterSums,

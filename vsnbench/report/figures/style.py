@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
-from vsnbench.report.text import harmless
+from vsnbench.harmless_text import harmless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

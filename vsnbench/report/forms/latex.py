@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
+from vsnbench.harmless_text import harmless
 from vsnbench.report.sheets import Column, Sheet
-from vsnbench.report.text import harmless
 
 PREAMBLE = r"""% \usepackage[T1]{fontenc}
 % \usepackage{booktabs}

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterable
 
+from vsnbench.harmless_text import harmless
 from vsnbench.report.sheets import Cell, Row, Sheet
-from vsnbench.report.text import harmless
 
 
 def markdown(sheets: Iterable[Sheet]) -> str:

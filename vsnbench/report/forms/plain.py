@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
 from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.report.text import harmless
 
 
 def to_json(results: Results) -> str:

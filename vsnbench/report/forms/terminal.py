@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from vsnbench.harmless_text import harmless
 from vsnbench.report.sheets import Sheet
-from vsnbench.report.text import harmless
 
 if TYPE_CHECKING:
     from rich.console import Console
