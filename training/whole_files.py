@@ -1,4 +1,4 @@
-"""Writes files whole or not at all: to a temporary name, flushed to the disk, then renamed."""
+"""Writes what training keeps: whole or not at all, and flushed to the disk before it gets its name."""
 
 import os
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from vsnbench.errors import VsnbenchError
+from vsnbench.whole_files import whole_file
 
 
 class TrainingError(VsnbenchError):
@@ -18,25 +19,11 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     Raises:
         TrainingError: the disk is full or cannot be written; whatever was at `path` before is still there.
     """
-    half = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with half.open("wb") as file:
-                write(file)
-                file.flush()
-                os.fsync(file.fileno())
-            half.replace(path)
-        finally:
-            half.unlink(missing_ok=True)
-    except (OSError, RuntimeError) as error:  # PyTorch's writer reports a full disk as a RuntimeError
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error).partition("\n")[0]
+        with whole_file(path, TrainingError) as part, part.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+    except RuntimeError as error:  # PyTorch's writer reports a full disk as one
+        reason = str(error).partition("\n")[0]
         raise TrainingError(f"cannot write {path}: {reason}; make room and run the same command again") from error
-
-
-def sweep(directory: Path) -> None:
-    """Remove what killed processes left half written."""
-    for half in directory.rglob(".*.*"):
-        owner = half.name.rpartition(".")[2]
-        if half.is_file() and owner.isdigit() and not Path(f"/proc/{owner}").exists():
-            half.unlink(missing_ok=True)

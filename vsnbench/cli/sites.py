@@ -228,10 +228,7 @@ def generate(
     if output == "-":
         typer.echo(site_yaml(site), nl=False)
         return
-    try:
-        write_site(site, path)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+    write_site(site, path)
     typer.echo(str(path))
 
 

@@ -1,6 +1,5 @@
 """Brings a database to this version's schema with Alembic, refuses one from a newer vsnbench, and makes backups."""
 
-import os
 import sqlite3
 import subprocess
 from contextlib import closing
@@ -14,6 +13,7 @@ from vsnbench.database.engine import open_engine, record_errors, shown_database
 from vsnbench.database_url import libpq_connection, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
+from vsnbench.whole_files import whole_file
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -121,18 +121,15 @@ def backup(url: str, target: Path) -> None:
         raise RecordError(f"{target} exists already: name a new file for the backup")
     if not target.parent.is_dir():
         raise RecordError(f"there is no directory {target.parent} for the backup")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    source = sqlite_path(url)
     try:
-        source = sqlite_path(url)
-        if source is None:
-            _dump_postgresql(url, temporary)
-        else:
-            _copy_sqlite(source, temporary)
-        temporary.replace(target)
-    except (sqlite3.Error, OSError) as error:
+        with whole_file(target) as part:
+            if source is None:
+                _dump_postgresql(url, part)
+            else:
+                _copy_sqlite(source, part)
+    except sqlite3.Error as error:
         raise RecordError(f"cannot write the backup {target}: {error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 _ADVISORY_LOCK = 7_305_514_013

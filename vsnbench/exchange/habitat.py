@@ -9,8 +9,8 @@ from typing import Any
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.episodes import ExportedEpisode
-from vsnbench.exchange.files import whole_file
 from vsnbench.protocol.metrics import soft_spl, spl
+from vsnbench.whole_files import whole_file
 
 _GOAL = ("object_category", "goal", "target", "category")
 _STEPS = ("num_steps", "steps", "actions")

@@ -30,6 +30,7 @@ from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.record.confined import read_confined
 from vsnbench.record.picture_decoding import decode_picture
+from vsnbench.whole_files import write_whole
 
 NO_NUMBER = 0
 """Starting position of an episode that does not say from which it started."""
@@ -175,11 +176,4 @@ def _keep_picture(source: Path, directory: Path, number: int) -> None:
     written, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])
     if not written:
         raise RecordError(f"{source} cannot be kept as JPEG")
-    try:
-        target = directory / "rgb" / f"{number:04d}.jpg"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = target.with_name(f".{target.name}.part")
-        part.write_bytes(jpeg.tobytes())
-        part.replace(target)
-    except OSError as error:
-        raise RecordError(f"cannot keep {source} in {directory}: {error.strerror or error}") from error
+    write_whole(directory / "rgb" / f"{number:04d}.jpg", jpeg.tobytes())

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
-from vsnbench.exchange.files import whole_file
+from vsnbench.whole_files import whole_file
 
 COLUMNS = (
     *("episode", "model", "robot", "environment", "site", "goal", "start", "repetition", "end_reason", "success"),

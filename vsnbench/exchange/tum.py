@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
-from vsnbench.exchange.files import whole_file
+from vsnbench.whole_files import whole_file
 
 
 def write_tum(episode: ExportedEpisode, steps: Iterable[ExportedStep], path: Path) -> int:

@@ -3,7 +3,6 @@
 A step's row is committed after its images are in place: a killed process leaves no committed step without them.
 """
 
-import contextlib
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from vsnbench.errors import RecordError
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
+from vsnbench.whole_files import write_whole
 
 JPEG_QUALITY = 95
 
@@ -58,36 +58,6 @@ def rgb_path(directory: Path, number: int) -> Path:
 def depth_path(directory: Path, number: int) -> Path:
     """Return where the depth image of a step lies."""
     return directory / "depth" / f"{number:04d}.png"
-
-
-def read_rgb(path: Path) -> npt.NDArray[np.uint8]:
-    """Read a colour image: (H, W, 3) uint8 RGB.
-
-    Raises:
-        RecordError: it is missing or damaged.
-    """
-    import cv2
-
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise RecordError(f"cannot read image {path}: it is missing or damaged")
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
-
-
-def read_depth(path: Path) -> npt.NDArray[np.float32]:
-    """Read a depth image: (H, W) float32 metres, NaN where invalid.
-
-    Raises:
-        RecordError: it is missing or damaged.
-    """
-    import cv2
-
-    millimetres = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if millimetres is None:
-        raise RecordError(f"cannot read depth image {path}: it is missing or damaged")
-    depth_m = np.asarray(millimetres, np.float32) / np.float32(1000)
-    depth_m[millimetres == 0] = np.nan
-    return depth_m
 
 
 class EpisodeImages:
@@ -167,22 +137,6 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
             f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
         )
     write_whole(path, "".join(lines).encode())
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it: readers see all of it or nothing.
-
-    Raises:
-        RecordError: it cannot be written; nothing is left behind.
-    """
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise _cannot_write(path, error) from error
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:

@@ -11,6 +11,7 @@ from vsnbench.report.forms.html import html_page
 from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.markdown import markdown
 from vsnbench.report.forms.plain import to_csv, to_json
+from vsnbench.whole_files import write_whole
 
 
 def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -> tuple[Path, ...]:
@@ -35,18 +36,9 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         files[f"figures/{drawing.name}.svg"] = drawing.svg()
         files[f"figures/{drawing.name}.pdf"] = drawing.pdf()
         files[f"figures/{drawing.name}.png"] = drawing.png()
-    written = []
-    try:
-        (directory / "figures").mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            path = directory / name
-            part = path.with_name(f".{path.name}.part")
-            part.write_bytes(content)
-            part.replace(path)
-            written.append(path)
-    except OSError as error:
-        raise RecordError(f"cannot write the report to {directory}: {error.strerror or error}") from error
-    return tuple(written)
+    for name, content in files.items():
+        write_whole(directory / name, content)
+    return tuple(directory / name for name in files)
 
 
 def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:

@@ -94,7 +94,7 @@ def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) 
     for _ in range(2):
         try:
             graph = exported_graph(network, checkpoint.sha256)
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ModelError) as error:
             problem = str(error).partition("\n")[0]
             break
         try:

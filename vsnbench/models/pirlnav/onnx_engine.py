@@ -3,7 +3,6 @@
 import io
 import logging
 import os
-import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from vsnbench.errors import ModelError
 from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
+from vsnbench.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -36,16 +36,12 @@ def exported_graph(network: PIRLNavNetwork, weights_sha256: str) -> Path:
         weights_sha256: hash of the checkpoint it was built from.
 
     Raises:
-        OSError: the cache cannot be written.
+        ModelError: the cache cannot be written.
     """
     path = cache_directory() / f"pirlnav-{weights_sha256}-v{_EXPORT_FORMAT}.onnx"
     if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
         logger.info("exporting the network to %s", path)
-        content = _export(network)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            file.write(content)
-        Path(file.name).replace(path)
+        write_whole(path, _export(network), ModelError)
     return path
 
 

@@ -1,12 +1,13 @@
 """Writes a site as the YAML file that `load_site` reads back to the same content."""
 
-import os
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from vsnbench.errors import SiteError
 from vsnbench.protocol.site import Site
+from vsnbench.whole_files import write_whole
 
 
 def site_yaml(site: Site) -> str:
@@ -28,14 +29,9 @@ def write_site(site: Site, path: Path) -> None:
     """Write a site's file whole or not at all.
 
     Raises:
-        OSError: it cannot be written.
+        SiteError: it cannot be written.
     """
-    half = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        half.write_text(site_yaml(site), encoding="utf-8")
-        half.replace(path)
-    finally:
-        half.unlink(missing_ok=True)
+    write_whole(path, site_yaml(site).encode(), SiteError)
 
 
 def _one_line(entry: dict[str, Any]) -> str:

@@ -1,0 +1,74 @@
+"""Files that appear whole or not at all: written under a temporary name beside their own, then renamed.
+
+Every file that the package makes and somebody may read later is written here. A name that ends in `PART` is never
+anybody's: what a killed process leaves under one can be removed.
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vsnbench.errors import RecordError, VsnbenchError
+
+PART = ".part"
+
+
+def part_path(path: Path) -> Path:
+    """Return what this process calls a file until it is whole: hidden, beside it, and no other process's."""
+    return path.with_name(f".{path.name}.{os.getpid()}{PART}")
+
+
+@contextmanager
+def whole_file(path: Path, error: type[VsnbenchError] = RecordError) -> Iterator[Path]:
+    """Give a temporary path beside `path` to write to; it takes its name when the block ends without an error.
+
+    Folders that are missing are made. Whatever was at `path` stays there until then.
+
+    Args:
+        path: the file.
+        error: what is raised where the disk refuses.
+
+    Raises:
+        VsnbenchError: of the kind `error`, when it cannot be written; nothing is left behind.
+    """
+    part = part_path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.unlink(missing_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as refused:
+        raise error(
+            f"cannot write {path}: {refused.strerror or refused}; free some space or look at the permissions"
+        ) from refused
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes, error: type[VsnbenchError] = RecordError) -> None:
+    """Write a file's content; readers see all of it or nothing.
+
+    Raises:
+        VsnbenchError: of the kind `error`, when it cannot be written; nothing is left behind.
+    """
+    with whole_file(path, error) as part:
+        part.write_bytes(content)
+
+
+def sweep_parts(directory: Path, of: str = "*", *, below: bool = False) -> None:
+    """Remove what dead processes of this machine left half written; live ones keep theirs.
+
+    Args:
+        directory: where to look.
+        of: name, or pattern of names, of the files that were being written.
+        below: look in its sub-directories too.
+    """
+    pattern = f".{of}.*{PART}"
+    with contextlib.suppress(OSError):
+        for part in directory.rglob(pattern) if below else directory.glob(pattern):
+            owner = part.name.removesuffix(PART).rpartition(".")[2]
+            if owner.isdecimal() and not Path(f"/proc/{owner}").exists():
+                part.unlink(missing_ok=True)
