@@ -1,5 +1,6 @@
 """Brings a database to this version's schema with Alembic, refuses one from a newer vsnbench, and makes backups."""
 
+import os
 import sqlite3
 import subprocess
 from contextlib import closing
