@@ -25,11 +25,12 @@ from sqlalchemy import inspect
 from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import upgrade
-from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial, RobotIdentity
+from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial
 from vsnbench.database.tables import Base
 from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import load_site
 from vsnbench.robots.profiles import load_profile
 

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import CampaignPlan, ModelIdentity, RobotIdentity
+from vsnbench.database.records import CampaignPlan, ModelIdentity
 from vsnbench.models.random_walk import RandomWalk
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
@@ -101,7 +101,7 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
     results.prepare()
     plan = CampaignPlan(
         site=site,
-        robot=RobotIdentity(robot.profile, "simulated", simulated=True),
+        robot=robot.identity,
         model=ModelIdentity("wanderer"),
         protocol=PARAMETERS,
         seed=0,

@@ -8,7 +8,6 @@ from vsnbench.database.records import (
     EpisodeStart,
     ModelIdentity,
     PlannedTrial,
-    RobotIdentity,
     StepRecord,
 )
 from vsnbench.protocol.actions import Action
@@ -17,6 +16,7 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site, parse_site
 

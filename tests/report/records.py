@@ -12,7 +12,6 @@ from vsnbench.database.records import (
     EpisodeStart,
     ModelIdentity,
     PlannedTrial,
-    RobotIdentity,
     StepRecord,
 )
 from vsnbench.database_url import sqlite_url
@@ -22,6 +21,7 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site, load_site
 from vsnbench.robots.profiles import load_profile
 

@@ -8,8 +8,9 @@ import pytest
 from tests.simulator.places import square_room
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
-from vsnbench.robots.profiles import embedded_profiles
+from vsnbench.robots.profiles import embedded_profiles, load_profile
 from vsnbench.robots.registry import DEFAULT_ROBOT, known_robots, open_robot
 from vsnbench.robots.simulated import SimulatedRobot
 
@@ -21,8 +22,6 @@ class OutsideRobot(SimulatedRobot):
     """What a third party might bring: made from the site alone."""
 
     def __init__(self, site: Site) -> None:
-        from vsnbench.robots.profiles import load_profile
-
         super().__init__(site, load_profile("lola2"))
 
 
@@ -43,6 +42,12 @@ class BrokenRobot:
 
     def __init__(self) -> None:
         raise OSError("no such serial port")
+
+
+class PassesForOurs(OutsideRobot):
+    """Would be pooled with the simulated robot."""
+
+    identity = RobotIdentity(load_profile("lola2"), "simulated", simulated=True)
 
 
 HERE = __name__
@@ -104,6 +109,7 @@ def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pyte
         (f"{HERE}:Missing", RobotError, "cannot import"),
         (f"{HERE}:HERE", RobotError, "neither a class nor a function"),
         (f"{HERE}:NoRobot", RobotError, "is no robot"),
+        (f"{HERE}:PassesForOurs", RobotError, "says that it is 'simulated': .*test_registry:PassesForOurs"),
         (f"{HERE}:BrokenRobot", RobotError, "could not be made: OSError: no such serial port"),
     ],
 )
@@ -115,3 +121,32 @@ def test_what_is_no_robot_is_refused_in_words(name: str, kind: type[Exception], 
 def test_a_robot_that_is_not_simulated_has_no_noise_to_turn_on() -> None:
     with pytest.raises(UsageError, match="not simulated"):
         open_robot(f"{HERE}:OutsideRobot", SITE, PAPER, noise=True)
+
+
+def test_a_profile_counts_by_its_content_wherever_its_file_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tb.yaml").write_text("# a copy\n" + embedded_profiles()["turtlebot2"].read_text())
+    monkeypatch.chdir(tmp_path)
+    names = ["simulated", "simulated:turtlebot2", "simulated:tb.yaml", f"simulated:{tmp_path / 'tb.yaml'}"]
+    assert len({open_robot(name, SITE, PAPER).identity.sha256 for name in names}) == 1
+
+
+def test_two_classes_of_one_module_are_two_robots() -> None:
+    ours, theirs, others = (
+        open_robot(name, SITE, PAPER).identity
+        for name in ("simulated:lola2", f"{HERE}:OutsideRobot", f"{HERE}:GreedyRobot")
+    )
+    assert ours.profile.sha256 == theirs.profile.sha256 == others.profile.sha256
+    assert len({ours.sha256, theirs.sha256, others.sha256}) == 3
+    assert theirs.kind == f"{HERE}:OutsideRobot"
+
+
+def test_a_rehearsal_and_the_real_robot_are_not_one() -> None:
+    profile = load_profile("turtlebot2")
+    assert RobotIdentity(profile, "ros1", simulated=True).sha256 != RobotIdentity(profile, "ros1", False).sha256
+
+
+def test_profiles_keep_the_hash_by_which_older_records_know_them() -> None:
+    assert load_profile("turtlebot2").sha256 == "8e520b9cdb3ae97f59e8c396156fefb69694d5f67075bbb87164e749d48f09f6"
+    assert load_profile("lola2").sha256 == "0c3a03a568222b36a836cf08ab077e81a94eb246489be3a97a8f662b364a039a"

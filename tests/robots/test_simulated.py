@@ -143,7 +143,8 @@ def test_of_500_actions_all_are_reported_as_completed_with_what_was_measured(hik
 
 def test_it_is_a_robot(furnished: SimulatedRobot) -> None:
     assert isinstance(furnished, Robot)
-    assert furnished.simulated
+    assert furnished.identity.simulated
+    assert furnished.identity.site_sha256 == furnished.site.sha256
 
 
 def test_a_wall_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:
@@ -310,5 +311,5 @@ def test_noise_makes_odometry_drift_and_depth_lose_pixels(furnished: SimulatedRo
     assert np.isnan(rough).sum() > np.isnan(clean).sum()
     both = np.isfinite(clean) & np.isfinite(rough)
     assert 0.001 < float(np.std((clean - rough)[both])) < 0.05
-    assert furnished.conditions == {}
-    assert "odometry" in noisy.conditions
+    assert set(furnished.conditions) == {"simulator"}
+    assert set(noisy.conditions["noise"]) == {"odometry", "depth"}

@@ -15,6 +15,7 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition, load_site
 from vsnbench.runner.episode import EpisodePlan
@@ -56,6 +57,10 @@ class StandInRobot:
     executed: list[Action] = field(default_factory=list)
     halts: int = 0
     begun_with: tuple[int, int] | None = None
+
+    @property
+    def identity(self) -> RobotIdentity:
+        return RobotIdentity(self.profile, kind_of_class(type(self)), self.simulated)
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         self.place = start.pose

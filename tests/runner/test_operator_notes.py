@@ -10,11 +10,12 @@ from sqlalchemy import select
 from tests.runner.stand_ins import PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
-from vsnbench.database.records import CampaignPlan, EpisodeStart, ModelIdentity, PlannedTrial, RobotIdentity
+from vsnbench.database.records import CampaignPlan, EpisodeStart, ModelIdentity, PlannedTrial
 from vsnbench.database.tables import Event
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.report.build import build
 from vsnbench.report.record import Selection

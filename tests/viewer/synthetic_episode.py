@@ -14,7 +14,6 @@ from vsnbench.database.records import (
     EpisodeStart,
     ModelIdentity,
     PlannedTrial,
-    RobotIdentity,
     StepRecord,
     StepTimings,
 )
@@ -25,6 +24,7 @@ from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import load_site
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.record.results import ResultsDirectory

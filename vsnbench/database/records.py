@@ -13,7 +13,7 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
 
 
@@ -28,21 +28,6 @@ def _sorted(content: object) -> object:
     if isinstance(content, list | tuple):
         return [_sorted(item) for item in content]
     return content
-
-
-@dataclass(frozen=True, slots=True)
-class RobotIdentity:
-    """A robot's profile and what carries out its actions."""
-
-    profile: RobotProfile
-    backend: str
-    """`simulated`, `ros`, or `package.module:Class`."""
-    simulated: bool
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the profile."""
-        return content_sha256(self.profile.model_dump(mode="json"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +111,7 @@ class CampaignPlan:
         return content_sha256(
             [
                 self.site.sha256,
-                [self.robot.sha256, self.robot.backend],
+                self.robot.sha256,
                 self.model.sha256,
                 self.protocol_sha256,
                 dict(self.noise),

@@ -5,9 +5,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from vsnbench.database.provenance import Provenance
-from vsnbench.database.records import CampaignPlan, EpisodeEnd, EpisodeStart, ModelIdentity, RobotIdentity, StepRecord
+from vsnbench.database.records import CampaignPlan, EpisodeEnd, EpisodeStart, ModelIdentity, StepRecord
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
 
 Row = dict[str, Any]
@@ -61,11 +62,11 @@ def robot_row(robot: RobotIdentity) -> Row:
     """Return the row of a robot."""
     return {
         "sha256": robot.sha256,
-        "backend": robot.backend,
+        "backend": robot.kind,
         "name": robot.profile.name,
         "title": robot.profile.title,
         "simulated": robot.simulated,
-        "profile": robot.profile.model_dump(mode="json"),
+        "profile": robot.profile.content(),
     }
 
 

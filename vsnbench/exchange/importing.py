@@ -15,7 +15,6 @@ from vsnbench.database.records import (
     EpisodeStart,
     ModelIdentity,
     PlannedTrial,
-    RobotIdentity,
     StepRecord,
     TrialRecord,
 )
@@ -26,6 +25,7 @@ from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.record.confined import read_confined

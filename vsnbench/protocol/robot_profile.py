@@ -1,6 +1,9 @@
 """What kind of robot it is: base, speeds, camera and ROS names. The YAML files live in `vsnbench/robots/profiles`."""
 
-from typing import Annotated, Literal
+import hashlib
+import json
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -74,3 +77,13 @@ class RobotProfile(BaseModel):
     speeds: Speeds = Field(default_factory=Speeds)
     camera: Camera
     ros: RosNames = Field(default_factory=RosNames)
+
+    def content(self) -> dict[str, Any]:
+        """Return the profile as plain values, every default filled in."""
+        return self.model_dump(mode="json")
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the content, independent of comments, formatting and the file's name."""
+        text = json.dumps(self.content(), sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()

@@ -8,7 +8,7 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import StartingPosition
 
 
@@ -19,11 +19,24 @@ class Robot(Protocol):
     Every method may raise RobotError. `halt` must be safe to call at any time, more than once, and on every way out.
     """
 
-    profile: RobotProfile
-    sensors: frozenset[Sensor]
-    simulated: bool
-    conditions: Mapping[str, Any]
-    """What else results depend on, as JSON: noise settings, filters; empty for nothing."""
+    @property
+    def identity(self) -> RobotIdentity:
+        """Who the robot is: what it, or the thing at the other end, says of itself; constant while it is open."""
+        ...
+
+    @property
+    def sensors(self) -> frozenset[Sensor]:
+        """What its observations carry."""
+        ...
+
+    @property
+    def conditions(self) -> Mapping[str, Any]:
+        """What else results depend on, as JSON by name; empty for nothing.
+
+        `noise` holds the settings of simulated noise where there is some; others are `simulator` (its version),
+        `command_lag_s`, `odometry_rate_hz`, `rate_factor`, `depth_frames`.
+        """
+        ...
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start` with odometry zeroed there; a real robot waits until a person has put it there."""

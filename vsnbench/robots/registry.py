@@ -15,6 +15,7 @@ from typing import Any
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
 from vsnbench.plugins import import_factory, plug_ins
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_identity import kind_of_class
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import embedded_profiles, load_profile
@@ -80,8 +81,20 @@ def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Rob
     except Exception as error:
         raise RobotError(f"robot {name}: {where} could not be made: {type(error).__name__}: {error}") from error
     if not isinstance(robot, Robot):
-        raise RobotError(f"robot {name}: {where} is no robot: see vsnbench.robots.contract.Robot for what it needs")
+        raise RobotError(f"robot {name}: {where} is no robot: see docs/robots.md for what it needs")
+    _check_kind(name, where, robot)
     return robot
+
+
+def _check_kind(name: str, where: str, robot: Robot) -> None:
+    """Refuse a third party's robot that would be pooled with ours."""
+    said, robot_class = robot.identity.kind, type(robot)
+    ours = robot_class.__module__.startswith("vsnbench.")
+    if not ours and said != kind_of_class(robot_class):
+        raise RobotError(
+            f"robot {name}: {where} says that it is {said!r}: the kind of a robot of one's own is "
+            f"kind_of_class(type(self)), here {kind_of_class(robot_class)!r}"
+        )
 
 
 def _taken(factory: Any, offered: dict[str, Any]) -> dict[str, Any]:

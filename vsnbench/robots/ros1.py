@@ -20,6 +20,7 @@ from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionRe
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import ROS1, RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
@@ -104,6 +105,11 @@ class RosRobot:
             | ({Sensor.INSTANCES} if self._camera.labelled else set())
         )
         self.conditions: Mapping[str, Any] = {"depth_frames": self._camera.depth_frames}
+
+    @property
+    def identity(self) -> RobotIdentity:
+        """Who it is; whether it is simulated is what the network says."""
+        return RobotIdentity(self.profile, ROS1, simulated=self.simulated)
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start`, placed by the simulator or by a person, with every part of the robot answering.

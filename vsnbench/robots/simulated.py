@@ -17,11 +17,12 @@ from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionRe
 from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose, wrap_angle
+from vsnbench.protocol.robot_identity import SIMULATED, RobotIdentity, kind_of_class
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.simulator.noise import NoiseSettings, OdometryDrift, noisy_depth
 from vsnbench.simulator.odometry import WheelOdometry
-from vsnbench.simulator.physics import CONTROL_PERIOD_S, Physics, Touch
+from vsnbench.simulator.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
 from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.renderer import Renderer
 from vsnbench.simulator.scene import build_scene
@@ -34,7 +35,6 @@ class SimulatedRobot:
     bit by bit. Without `noise` the only error of odometry is the wheels' slip.
     """
 
-    simulated = True
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
 
     def __init__(
@@ -47,7 +47,9 @@ class SimulatedRobot:
         self.site = site
         self.profile = profile
         self.noise = noise
-        self.conditions: Mapping[str, Any] = {} if noise is None else noise.model_dump(mode="json")
+        self.conditions: Mapping[str, Any] = {"simulator": simulator_version()} | (
+            {} if noise is None else {"noise": noise.model_dump(mode="json")}
+        )
         self.settings = MotionSettings.for_robot(profile, parameters)
         scene = build_scene(site)
         self._physics = Physics(scene, profile.base)
@@ -55,6 +57,12 @@ class SimulatedRobot:
         self._shininess = _shininess_of_objects(scene, len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._begun = False
+
+    @property
+    def identity(self) -> RobotIdentity:
+        """Who it is; a subclass is a robot of its own."""
+        kind = SIMULATED if type(self) is SimulatedRobot else kind_of_class(type(self))
+        return RobotIdentity(self.profile, kind, simulated=True, site_sha256=self.site.sha256)
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start` with odometry, time and heading target at zero.

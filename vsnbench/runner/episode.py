@@ -152,7 +152,7 @@ def run_episode(
     outcome = _judged(robot, plan, reason, actions, time.monotonic() - began, error)
     if error:
         recorder.event(outcome.verdict.end_reason.value, error)
-    if stopped is not None and stopped.by_person and not robot.simulated:
+    if stopped is not None and stopped.by_person and not robot.identity.simulated:
         recorder.intervention(stopped.words)
     recorder.end(outcome)
     if stopped is not None:
@@ -167,7 +167,7 @@ class _PolicyError(Exception):
 def _reset(robot: Robot, policy: Policy, plan: EpisodePlan, start: Fix) -> None:
     try:
         if isinstance(policy, SurveyedPolicy):
-            policy.survey(plan.site, start.pose, robot.profile.base, plan.parameters)
+            policy.survey(plan.site, start.pose, robot.identity.profile.base, plan.parameters)
         policy.reset(plan.goal, plan.seed)
     except (Exception, SystemExit) as error:
         raise _policy_error(policy, "reset", error) from error
@@ -204,7 +204,7 @@ def _take_step(
     result: MotionResult | None = None
     after = before
     if decision.action is Action.MOVE_FORWARD:
-        guard = look_ahead(observation, robot.profile.base, plan.parameters.depth_guard)
+        guard = look_ahead(observation, robot.identity.profile.base, plan.parameters.depth_guard)
     if guard is None or not guard.blocked:
         result = robot.execute(decision.action)
         after = robot.locate()

@@ -9,7 +9,7 @@ from typing import Any
 
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import gather_provenance
-from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity, RobotIdentity
+from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.registry import create_policy
@@ -90,15 +90,15 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
             _warn_of_site_faults(site, robot, parameters)
         by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
         if by_hand:
-            require_operator(robot.profile, unattended=request.unattended)
+            require_operator(robot.identity.profile, unattended=request.unattended)
         plan = CampaignPlan(
             site=site,
-            robot=RobotIdentity(robot.profile, request.robot.partition(":")[0], robot.simulated),
+            robot=robot.identity,
             model=_identity(policy),
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
-            noise=robot.conditions,
+            noise=robot.conditions.get("noise", {}),
             shuffled=request.shuffle,
         )
         request.results.prepare()
@@ -106,7 +106,7 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
         campaign = journal.find_or_create_campaign(plan)
         viewer_url = view.open() if request.live else None
         operator = gather_provenance().operator
-        target = RecordingTarget(journal, request.results, _title(policy), robot.profile, viewer_url, operator)
+        target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer_url, operator)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
         watcher: SessionWatcher = progress
@@ -152,20 +152,22 @@ def _title(policy: Policy) -> str:
 
 def _check_sensors(policy: Policy, robot: Robot) -> None:
     missing = policy.card.sensors - robot.sensors
+    who = robot.identity.profile.name
     if missing:
         labels = Sensor.INSTANCES in missing
         raise UsageError(
-            f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {robot.profile.name} does not "
+            f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {who} does not "
             f"have; it has {', '.join(sorted(robot.sensors))}"
             + ("; instances are the simulator's own labels: give the model a real detector's weights" if labels else "")
         )
 
 
 def _check_weights(policy: Policy, robot: Robot) -> None:
-    if policy.card.stand_in and not robot.simulated:
+    if policy.card.stand_in and not robot.identity.simulated:
         raise UsageError(
-            f"model {policy.card.name}: robot {robot.profile.name} is real, and nothing was named to drive it but the "
-            f"{policy.card.weights_label}; name your weights with --weights FILE, or these with --weights embedded"
+            f"model {policy.card.name}: robot {robot.identity.profile.name} is real, and nothing was named to drive "
+            f"it but the {policy.card.weights_label}; name your weights with --weights FILE, or these with "
+            "--weights embedded"
         )
     if policy.card.stand_in:
         logger.warning("%s runs on %s; name others with --weights FILE", policy.card.name, policy.card.weights_label)
@@ -173,7 +175,7 @@ def _check_weights(policy: Policy, robot: Robot) -> None:
 
 def _warn_of_site_faults(site: Site, robot: Robot, parameters: ProtocolParameters) -> None:
     """Say what `vsnbench sites check` would say, before an afternoon is spent on it."""
-    for finding in check_site(site, robot.profile.base.radius_m, parameters):
+    for finding in check_site(site, robot.identity.profile.base.radius_m, parameters):
         logger.warning("site %s: %s: %s", site.name, finding.severity, finding.message)
 
 

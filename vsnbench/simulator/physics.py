@@ -28,6 +28,15 @@ _STOPPING_STEPS = 100
 _NEAR_M = 0.02
 """Solids nearer than this to the shell take part in the physics."""
 _BUILT_IN = frozenset({"floor", "ceiling"})
+_EDITION = 1
+"""Counted up whenever the same trial would move or look different; pixels and physics alike."""
+
+
+def simulator_version() -> str:
+    """Return the edition of the simulator and the version of MuJoCo, on which trajectories depend too."""
+    import mujoco
+
+    return f"{_EDITION} (mujoco {mujoco.__version__})"
 
 
 @dataclass(frozen=True, slots=True)

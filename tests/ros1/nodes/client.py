@@ -32,7 +32,11 @@ class Client:
     def begin(self) -> dict:
         self.person.asked.clear()
         self.robot.begin(StartingPosition(number=7, position=(2.0, 1.0), heading_deg=90), 5)
-        return {"asked": self.person.asked, "simulated": self.robot.simulated, "sensors": sorted(self.robot.sensors)}
+        return {
+            "asked": self.person.asked,
+            "simulated": self.robot.identity.simulated,
+            "sensors": sorted(self.robot.sensors),
+        }
 
     def observe(self) -> dict:
         seen = self.robot.observe()
