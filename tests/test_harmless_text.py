@@ -1,9 +1,10 @@
 """Text from outside: one printable line, whatever was in it."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.harmless_text import harmless
+from vsnbench.harmless_text import LONGEST_LINE, error_line, harmless
 
 
 def test_what_a_terminal_or_a_browser_would_act_on_is_shown() -> None:
@@ -16,3 +17,27 @@ def test_what_a_terminal_or_a_browser_would_act_on_is_shown() -> None:
 def test_any_text_becomes_one_printable_line(text: str) -> None:
     assert harmless(text).isprintable()
     assert harmless(harmless(text)) == harmless(text)
+
+
+class UnreadableError(Exception):
+    def __str__(self) -> str:
+        raise SystemExit("gone")
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (ValueError("bad\n  news"), "ValueError: bad news"),
+        (KeyboardInterrupt(), "KeyboardInterrupt"),
+        (UnreadableError(), "UnreadableError: (its message cannot be read: SystemExit)"),
+        (ValueError("\ud800"), r"ValueError: \ud800"),
+    ],
+)
+def test_an_error_is_one_line(error: BaseException, line: str) -> None:
+    assert error_line(error) == line
+
+
+def test_an_error_with_a_message_of_megabytes_is_cut() -> None:
+    line = error_line(ValueError("\x00" * 10_000_000))
+    assert len(line) == LONGEST_LINE
+    assert line.endswith("…")

@@ -29,6 +29,14 @@ class ModelError(VsnbenchError):
     """A policy or its weights cannot be used."""
 
 
+class DecisionError(ModelError):
+    """A decision, or a part of it, that is not one: wrong types, numbers that are none, more than may be kept."""
+
+
+class SensorNotDeclaredError(ModelError, AttributeError):
+    """A policy reads a sensor that its card does not name."""
+
+
 class RecordError(VsnbenchError):
     """The results directory or its database cannot be used."""
 

@@ -1,7 +1,9 @@
-"""Makes text from the record harmless: names can come from anywhere, and a reader must see them as text."""
+"""Makes text of unknown origin harmless: names can come from anywhere, and a reader must see them as text."""
 
 import unicodedata
 
+LONGEST_LINE = 500
+"""Characters of an error's line; what somebody else's code says can be megabytes long."""
 _SPACES = {"\t", "\n", "\r"}
 
 
@@ -11,6 +13,20 @@ def harmless(text: str) -> str:
     A terminal obeys control characters, and the bidirectional ones make a name read as another in a browser.
     """
     return text if text.isprintable() else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+
+
+def error_line(error: BaseException) -> str:
+    """Return what somebody else's code raised as one bounded line: `ValueError: no such layer`.
+
+    Whatever the exception is: its `__str__` may raise or answer with megabytes, escapes or lone surrogates.
+    """
+    try:
+        words = str(error)[: 4 * LONGEST_LINE]
+    except BaseException as second:  # also an exit raised there, which is not this process's own
+        words = f"(its message cannot be read: {type(second).__name__})"
+    words = " ".join(words.split())
+    line = harmless(f"{type(error).__name__}: {words}" if words else type(error).__name__)
+    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
 
 
 def _visible(mark: str) -> str:

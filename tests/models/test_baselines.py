@@ -54,12 +54,12 @@ def test_forward_turns_to_one_side_until_the_depth_image_is_free() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_forward_turns_when_its_move_did_not_move(seed: int) -> None:
-    """Without a depth camera a refused move shows in odometry alone."""
+    """What the depth image does not show, odometry does: the robot stood still."""
     policy = ForwardUntilBlocked()
     policy.reset("chair", seed)
-    assert policy.act(look()).action is Action.MOVE_FORWARD
-    assert policy.act(look()).action.turns
-    later = [policy.act(look()).action for _ in range(8)]
+    assert policy.act(look(depth_m=3.0)).action is Action.MOVE_FORWARD
+    assert policy.act(look(depth_m=3.0)).action.turns
+    later = [policy.act(look(depth_m=3.0)).action for _ in range(8)]
     assert Action.MOVE_FORWARD in later
 
 

@@ -20,7 +20,7 @@ class ModelCard:
     goals: frozenset[str] | None = None
     """The goal categories it knows; None for any."""
     sensors: frozenset[Sensor] = frozenset()
-    """The sensors it cannot do without."""
+    """The sensors it needs: a robot must have them all, and the policy is shown these and no others."""
     weights_sha256: str = ""
     weights_label: str = ""
     """What the weights are, in words, for every table that shows the model."""
@@ -41,7 +41,12 @@ class Policy(Protocol):
         ...
 
     def act(self, observation: Observation) -> Decision:
-        """Return the next action."""
+        """Return the next action.
+
+        Args:
+            observation: the sensors on the card, in read-only arrays of the policy's own; another is not there, and
+                reading it is an error that says so.
+        """
         ...
 
 

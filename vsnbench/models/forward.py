@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics
@@ -23,7 +24,8 @@ class ForwardUntilBlocked:
     def __init__(self, look_ahead_m: float = 0.55, half_width_m: float = 0.25) -> None:
         """Take the size of the box ahead of the camera that must be free, metres."""
         settings = {"look_ahead_m": look_ahead_m, "half_width_m": half_width_m}
-        self.card = ModelCard(name="forward", sensors=frozenset({Sensor.ODOMETRY}), settings=settings)
+        sensors = frozenset({Sensor.DEPTH, Sensor.ODOMETRY})
+        self.card = ModelCard(name="forward", sensors=sensors, settings=settings)
         self._look_ahead_m = look_ahead_m
         self._half_width_m = half_width_m
         self.reset("", 0)
@@ -55,7 +57,7 @@ class ForwardUntilBlocked:
     def _sees_obstacle(self, observation: Observation) -> bool:
         """Whether enough of the depth image lies in the box ahead, between ankle height and a metre."""
         if observation.depth_m is None:
-            return False
+            raise ModelError("forward was handed no depth image")
         points = observation.camera.points_in_base(observation.depth_m)
         ahead, left, up = points[..., 0], points[..., 1], points[..., 2]
         with np.errstate(invalid="ignore"):

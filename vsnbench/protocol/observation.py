@@ -1,14 +1,19 @@
-"""What a robot senses before each action, and nothing that a real one could not know."""
+"""What a robot senses before each action, and what of it a policy is shown: the sensors on its card, nothing else."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.errors import SensorLostError, SensorNotDeclaredError
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 class Sensor(StrEnum):
@@ -35,6 +40,9 @@ class InstanceImage:
 class Observation:
     """One look at the world.
 
+    A robot's own has everything that the robot has. A policy is handed what `shown_to_policy` makes of it: private
+    copies, in which reading a sensor that is not on the policy's card raises SensorNotDeclaredError.
+
     Raises:
         ValueError: an array has the wrong shape or type.
     """
@@ -59,3 +67,80 @@ class Observation:
             raise ValueError(f"rgb must be (H, W, 3) uint8, not {self.rgb.shape} {self.rgb.dtype}")
         if self.depth_m is not None and (self.depth_m.ndim != 2 or self.depth_m.dtype != np.float32):
             raise ValueError(f"depth must be (H, W) float32, not {self.depth_m.shape} {self.depth_m.dtype}")
+
+    @property
+    def sensors(self) -> frozenset[Sensor]:
+        """The sensors of which there is a measurement here."""
+        return frozenset(sensor for sensor, name in FIELD_OF.items() if getattr(self, name, None) is not None)
+
+    def __repr__(self) -> str:
+        """Return a line, not the pixels."""
+        return f"Observation({', '.join(sorted(self.sensors)) or 'nothing'} at {self.stamp_s:.3f} s)"
+
+    # What is not shown has no value in its slot: pickling carries what there is, and reading the rest says why.
+
+    def __getstate__(self) -> dict[str, Any]:
+        state: dict[str, Any] = {}
+        for each in fields(self):
+            try:
+                state[each.name] = getattr(self, each.name)
+            except SensorNotDeclaredError:
+                continue
+        return state
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            sensor = next((sensor for sensor, field_name in FIELD_OF.items() if field_name == name), None)
+            if sensor is None:
+                raise AttributeError(f"an observation has no {name!r}")
+            raise SensorNotDeclaredError(
+                f"observation.{name} is not shown to this model, because its card does not name {sensor.value}: add "
+                f"Sensor.{sensor.name} to the card's sensors"
+            )
+
+
+FIELD_OF: Final = MappingProxyType(
+    {Sensor.RGB: "rgb", Sensor.DEPTH: "depth_m", Sensor.ODOMETRY: "pose", Sensor.INSTANCES: "instances"}
+)
+"""Where in an observation each sensor's measurement lies."""
+
+
+def shown_to_policy(observation: Observation, sensors: frozenset[Sensor]) -> Observation:
+    """Return what a policy with these sensors on its card may see: copies that share nothing with the robot's own.
+
+    Whatever the policy, or a thread of its, does with them changes neither what the depth guard looks at nor what is
+    recorded. The arrays are read-only, so that a slip is noticed.
+
+    Raises:
+        SensorLostError: there is no measurement of one of the sensors.
+    """
+    if missing := sensors - observation.sensors:
+        raise SensorLostError(f"no {' and no '.join(sorted(missing))} in this observation, and the model needs it")
+    shown = object.__new__(Observation)
+    show = object.__setattr__
+    show(shown, "stamp_s", observation.stamp_s)
+    show(shown, "camera", observation.camera.model_copy())
+    show(shown, "depth_stamp_s", observation.depth_stamp_s if Sensor.DEPTH in sensors else None)
+    show(shown, "sensing", {})
+    if Sensor.RGB in sensors:
+        show(shown, "rgb", _private(observation.rgb))
+    if Sensor.DEPTH in sensors and observation.depth_m is not None:
+        show(shown, "depth_m", _private(observation.depth_m))
+    if Sensor.ODOMETRY in sensors:
+        pose = observation.pose
+        show(shown, "pose", Pose(pose.x_m, pose.y_m, pose.heading_rad))
+    if Sensor.INSTANCES in sensors and observation.instances is not None:
+        labels = observation.instances
+        show(shown, "instances", InstanceImage(_private(labels.ids), dict(labels.categories)))
+    return shown
+
+
+def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
+    copy = np.array(array, order="C", copy=True)
+    copy.flags.writeable = False
+    return copy

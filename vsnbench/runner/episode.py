@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.errors import RobotError, SensorLostError
-from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.models.contract import Policy
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix
@@ -18,6 +18,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping import Stopped, StopSignals
 
 logger = logging.getLogger(__name__)
@@ -114,6 +115,7 @@ def run_episode(
         RecordError: the record cannot be written.
     """
     began = time.monotonic()
+    calls = PolicyCalls(policy, passes=Stopped)
     actions = 0
     began_recording = False
     stopped: Stopped | None = None
@@ -124,11 +126,12 @@ def run_episode(
             here = robot.locate()
         recorder.begin(plan, here)
         began_recording = True
-        _reset(robot, policy, plan, here)
+        with stop.interruptible():
+            calls.reset(plan.site, plan.goal, here.pose, robot.identity.profile.base, plan.seed, plan.parameters)
         reason: EndReason | None = None
         while reason is None:
             with stop.interruptible():
-                step, reason = _take_step(robot, policy, plan, actions + 1, here)
+                step, reason = _take_step(robot, calls, plan, actions + 1, here)
             recorder.step(step)
             actions, here = actions + 1, step.after
             if step.blocked and step.guard is not None:
@@ -137,7 +140,7 @@ def run_episode(
         stopped = request
         reason = EndReason.ABORTED if request.by_person else EndReason.INTERRUPTED
         error = request.words
-    except _PolicyError as failure:
+    except PolicyFailedError as failure:
         reason, error = EndReason.MODEL_ERROR, str(failure)
     except SensorLostError as failure:
         reason, error = EndReason.SENSOR_LOST, str(failure)
@@ -160,45 +163,13 @@ def run_episode(
     return outcome
 
 
-class _PolicyError(Exception):
-    """The policy raised, or answered with something that is no decision."""
-
-
-def _reset(robot: Robot, policy: Policy, plan: EpisodePlan, start: Fix) -> None:
-    try:
-        if isinstance(policy, SurveyedPolicy):
-            policy.survey(plan.site, start.pose, robot.identity.profile.base, plan.parameters)
-        policy.reset(plan.goal, plan.seed)
-    except (Exception, SystemExit) as error:
-        raise _policy_error(policy, "reset", error) from error
-
-
-def _policy_error(policy: Policy, where: str, error: BaseException) -> _PolicyError:
-    """Log the traceback, which is for the policy's author, and return the line that goes into the record."""
-    logger.error("model %s failed in %s", policy.card.name, where, exc_info=error)
-    words = " ".join(str(error).split())
-    return _PolicyError(f"{where}: {type(error).__name__}{f': {words}' if words else ''}")
-
-
-def _act(policy: Policy, observation: Observation) -> Decision:
-    try:
-        decision = policy.act(observation)
-    except RobotError:  # what a policy finds missing in the robot's sensors is not the policy's own fault
-        raise
-    except (Exception, SystemExit) as error:
-        raise _policy_error(policy, "act", error) from error
-    if not isinstance(decision, Decision) or not isinstance(decision.action, Action):
-        raise _PolicyError(f"act answered {decision!r:.80}, which is not a Decision with an Action")
-    return decision
-
-
 def _take_step(
-    robot: Robot, policy: Policy, plan: EpisodePlan, index: int, before: Fix
+    robot: Robot, calls: PolicyCalls, plan: EpisodePlan, index: int, before: Fix
 ) -> tuple[Step, EndReason | None]:
     t0 = time.perf_counter()
     observation = robot.observe()
     t1 = time.perf_counter()
-    decision = _act(policy, observation)
+    decision = calls.act(observation)
     t2 = time.perf_counter()
     guard: GuardReading | None = None
     result: MotionResult | None = None

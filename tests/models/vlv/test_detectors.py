@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from tests.models.vlv.looks import look
-from vsnbench.errors import ModelError, SensorLostError, UsageError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
@@ -66,7 +66,7 @@ def test_the_seed_decides_what_is_missed() -> None:
 def test_it_says_what_it_needs_where_there_is_no_simulator() -> None:
     seen = look(*THINGS)
     real = Observation(seen.rgb, seen.depth_m, seen.pose, 0.0, seen.camera)
-    with pytest.raises(SensorLostError, match="simulated robots only"):
+    with pytest.raises(ModelError, match="simulated robots only"):
         simulated().detect(real)
 
 

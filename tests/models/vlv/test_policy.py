@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.models.vlv.looks import look
-from vsnbench.errors import ModelError, SensorLostError, UsageError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.registry import create_policy
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
@@ -163,7 +163,7 @@ def test_diagnostics_can_be_kept() -> None:
 
 
 def test_no_depth_camera_is_said(tmp_path: Path) -> None:
-    with pytest.raises(SensorLostError, match="depth"):
+    with pytest.raises(ModelError, match="depth"):
         policy().act(look(depth=False))
 
 

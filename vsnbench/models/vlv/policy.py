@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from vsnbench.errors import ModelError, SensorLostError, UsageError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.description import ModelCheck
 from vsnbench.models.safe_checkpoint import require_torch
@@ -109,13 +109,12 @@ class VLV:
         """Return the next action.
 
         Raises:
-            ModelError: no episode was begun.
-            SensorLostError: there is no depth image.
+            ModelError: no episode was begun, or it was handed no depth image.
         """
         if self._search is None:
             raise ModelError("vlv was asked to act before an episode began; call reset first")
         if observation.depth_m is None:
-            raise SensorLostError("vlv needs a depth image, and this observation has none")
+            raise ModelError("vlv was handed no depth image")
         detections = self._detector.detect(observation)
         wanted = tuple(
             each for each in detections if each.label == self._class and each.score >= self.settings.detector_threshold

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.errors import SensorLostError
+from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL
 from vsnbench.models.vlv.settings import VLVSettings
@@ -50,11 +50,11 @@ class SimulatedDetector:
         """Return what it finds.
 
         Raises:
-            SensorLostError: the observation has no instance image; only simulated robots have one.
+            ModelError: the observation has no instance image; only simulated robots have one.
         """
         image = observation.instances
         if image is None:
-            raise SensorLostError("the simulated detector got no instance image: it works on simulated robots only")
+            raise ModelError("the simulated detector got no instance image: it works on simulated robots only")
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []
         for instance, category in _visible(image):
