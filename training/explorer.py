@@ -16,8 +16,9 @@ import shapely
 
 from training.expert import UNREACHED, Lattice, guide_to_instance, guide_to_place
 from vsnbench.protocol.actions import Action
-from vsnbench.protocol.free_space import RESOLUTION_M, wall_shapes
+from vsnbench.protocol.free_space import RESOLUTION_M
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.walls import wall_shapes
 
 _PITCH_M: Final = 0.4
 """Between the patches of floor that are counted as seen or not."""

@@ -11,11 +11,12 @@ from vsnbench.errors import ModelError
 from vsnbench.models.oracle import Oracle
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.free_space import free_space, wall_shapes
+from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.walls import wall_shapes
 
 TURTLEBOT = {"radius_m": 0.177, "height_m": 0.6, "mass_kg": 6.3, "track_m": 0.23, "wheel_radius_m": 0.035}
 BASE = Base(**TURTLEBOT, max_linear_m_s=0.7, max_angular_rad_s=3.1, odometry_rate_hz=50)

@@ -1,7 +1,6 @@
 """Where a robot can stand, and how far it is from there to a goal."""
 
 import functools
-import itertools
 import math
 
 import numpy as np
@@ -10,9 +9,10 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace, distance_field_m, free_space, wall_shapes
+from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace, distance_field_m, free_space
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
+from vsnbench.protocol.walls import wall_shapes
 
 RADIUS_M = 0.177
 
@@ -56,7 +56,6 @@ def test_the_way_through_an_open_door_is_straight() -> None:
 def test_there_is_no_way_through_a_wall_or_a_closed_door(door: Door | None) -> None:
     space = free_space(two_rooms(door), RADIUS_M)
     assert space.geodesic_to_goal_m(Pose(1, 2), "sofa") == math.inf
-    assert space.shortest_path(Pose(1, 2), "sofa").points == ()
 
 
 def test_a_door_narrower_than_the_robot_is_no_way() -> None:
@@ -79,8 +78,8 @@ def test_what_hangs_high_is_no_obstacle_and_a_rug_is_none() -> None:
     rug = SiteObject(id="rug", category="rug", position=(2, 2), size_m=(1, 1, 0.01), solid=False)
     table = SiteObject(id="table", category="table", position=(2, 2), size_m=(1, 1, 0.7))
     for thing in (cabinet, rug):
-        assert free_space(two_rooms(DOOR, thing), RADIUS_M).is_free(2, 2)
-    assert not free_space(two_rooms(DOOR, table), RADIUS_M).is_free(2, 2)
+        assert free_space(two_rooms(DOOR, thing), RADIUS_M).clearance_at_m(2, 2) > RADIUS_M
+    assert free_space(two_rooms(DOOR, table), RADIUS_M).clearance_at_m(2, 2) == 0
 
 
 def test_a_goal_that_does_not_exist_is_infinitely_far() -> None:
@@ -122,31 +121,11 @@ goals = st.sampled_from(GOALS)
 @given(positions, goals)
 def test_no_way_is_shorter_than_the_straight_line(position: tuple[float, float], goal: str) -> None:
     space = apartment_space()
-    assume(space.is_free(*position))
+    assume(space.clearance_at_m(*position) >= RADIUS_M)
     nearest = min(thing.shape.distance(shapely.Point(position)) for thing in space.site.instances(goal))
     length = space.geodesic_to_goal_m(Pose(*position), goal)
     assume(math.isfinite(length))  # beside the wardrobe is a pocket that a robot can stand in but not drive to
     assert length >= max(0.0, nearest - 1.0) - RESOLUTION_M
-
-
-@settings(deadline=None, max_examples=40)
-@given(positions, goals, st.floats(-math.pi, math.pi))
-def test_a_path_is_drivable_as_long_as_its_distance_and_ends_at_the_goal(
-    position: tuple[float, float], goal: str, heading_rad: float
-) -> None:
-    space = apartment_space()
-    assume(space.is_free(*position))
-    start = Pose(*position, heading_rad)
-    path = space.shortest_path(start, goal)
-    assume(path.points)
-    assert path.length_m == space.geodesic_to_goal_m(Pose(*position), goal)
-    walked = sum(math.dist(one, other) for one, other in itertools.pairwise(path.points))
-    assert walked == pytest.approx(path.length_m, abs=0.06 + 0.03 * path.length_m)
-    if len(path.points) > 1:
-        line = shapely.LineString(path.points)
-        assert line.distance(shapely.union_all(wall_shapes(space.site))) >= RADIUS_M - 2 * RESOLUTION_M
-    end = shapely.Point(path.points[-1])
-    assert min(thing.shape.distance(end) for thing in space.site.instances(goal)) <= 1.0 + RESOLUTION_M
 
 
 @settings(deadline=None, max_examples=40)

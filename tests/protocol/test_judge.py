@@ -3,13 +3,10 @@
 import pytest
 
 from vsnbench.protocol.actions import Action
-from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, end_after, judge
-from vsnbench.protocol.metrics import distance_to_goal
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Room, Site, SiteObject, StartingPosition, Wall
 
 PAPER = ProtocolParameters()
 DONE = MotionResult(completed=True)
@@ -99,58 +96,7 @@ def test_the_verdict_says_how_the_distance_was_measured() -> None:
     assert "0.520 m from chair-1 (tape)" in text
 
 
-def site_with(*objects: SiteObject) -> Site:
-    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
-    return Site(
-        name="hall",
-        rooms=[Room(name="hall", polygon=corners)],
-        walls=[Wall(start=corners[0], end=corners[1])],
-        objects=list(objects),
-        starts=[StartingPosition(number=1, position=(1, 1), heading_deg=0)],
-    )
-
-
-def chair(number: int, x_m: float, y_m: float, size_m: float = 0.5, category: str = "chair") -> SiteObject:
-    return SiteObject(id=f"{category}-{number}", category=category, position=(x_m, y_m), size_m=(size_m, size_m, 1.0))
-
-
-def standing_at(x_m: float, y_m: float) -> Fix:
-    return Fix(Pose(x_m, y_m, 1.0), PoseSource.SIMULATED)
-
-
-def test_distance_is_measured_to_the_footprint_and_not_to_the_centre() -> None:
-    measured = distance_to_goal(site_with(chair(1, 5, 5, size_m=2.0)), "chair", standing_at(3.1, 5))
-    assert measured.distance_m == pytest.approx(0.9)
-
-
-def test_distance_is_measured_to_a_turned_footprint() -> None:
-    thing = chair(1, 5, 5, size_m=2.0).model_copy(update={"heading_deg": 45.0})
-    measured = distance_to_goal(site_with(thing), "chair", standing_at(3, 5))
-    assert measured.distance_m == pytest.approx(2 - 2**0.5)
-
-
-def test_distance_is_measured_to_a_surveyed_outline_before_the_box() -> None:
-    outlined = chair(1, 5, 5).model_copy(update={"footprint": [(4.0, 4.0), (6.0, 4.0), (5.0, 6.0)]})
-    measured = distance_to_goal(site_with(outlined), "chair", standing_at(5, 3))
-    assert measured.distance_m == pytest.approx(1.0)
-
-
-def test_the_nearest_of_several_instances_counts_and_is_named() -> None:
-    measured = distance_to_goal(site_with(chair(1, 8, 8), chair(2, 3, 1)), "chair", standing_at(1, 1))
-    assert (measured.instance, measured.distance_m) == ("chair-2", pytest.approx(1.75))
-
-
-def test_an_object_of_another_category_does_not_count() -> None:
-    measured = distance_to_goal(
-        site_with(chair(1, 1.5, 1, category="table"), chair(1, 5, 1)), "chair", standing_at(1, 1)
-    )
-    assert measured.distance_m == pytest.approx(3.75)
-
-
-def test_a_robot_inside_the_footprint_is_at_no_distance() -> None:
-    assert distance_to_goal(site_with(chair(1, 5, 5)), "chair", standing_at(5, 5)).distance_m == 0
-
-
-def test_a_goal_that_the_site_lacks_has_no_distance() -> None:
-    with pytest.raises(ValueError, match="no toilet"):
-        distance_to_goal(site_with(chair(1, 5, 5)), "toilet", standing_at(1, 1))
+def test_a_stop_near_a_goal_that_a_wall_hides_fails_and_says_so() -> None:
+    verdict = judge(EndReason.STOP, 12, GoalDistance(0.4, PoseSource.SIMULATED, "chair-1", in_sight=False), PAPER)
+    assert verdict.success is False
+    assert "0.400 m from chair-1 (simulated), behind a wall" in verdict.text

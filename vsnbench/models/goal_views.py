@@ -8,8 +8,10 @@ import numpy.typing as npt
 import shapely
 
 from vsnbench.models.lattice_planner import LatticePlanner
-from vsnbench.protocol.free_space import BoolGrid, FreeSpace, wall_shapes
+from vsnbench.protocol.free_space import BoolGrid, FreeSpace
+from vsnbench.protocol.sight import sight
 from vsnbench.protocol.site import Site, SiteObject
+from vsnbench.protocol.walls import wall_shapes
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,8 @@ class ViewWish:
     eye_height_m: float
     in_sight: bool = True
     """Nothing stands between the camera and the footprint."""
+    walls_hide: bool = True
+    """Where furniture may stand between them, walls may not: the protocol measures distance in sight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,11 +53,15 @@ def instance_view_points(space: FreeSpace, instance: SiteObject, wish: ViewWish)
     """Return from where one instance is as near and as visible as `wish` asks for."""
     rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < wish.within_m))
     if wish.in_sight and rows.size:
-        sight = shapely.shortest_line(space.points[rows, columns], instance.shape)
+        lines = shapely.shortest_line(space.points[rows, columns], instance.shape)
         screens = _screens(space.site, instance, wish.eye_height_m)
         shapely.prepare(screens)
-        hidden = shapely.intersects(screens, sight)
+        hidden = shapely.intersects(screens, lines)
         rows, columns = rows[~hidden], columns[~hidden]
+    elif wish.walls_hide and rows.size:
+        region = sight(space.site).region(instance.shape, wish.within_m)
+        seen = shapely.contains_xy(region, space.x_m[rows, columns], space.y_m[rows, columns])
+        rows, columns = rows[seen], columns[seen]
     middle = instance.shape.centroid
     bearing = np.arctan2(middle.y - space.y_m[rows, columns], middle.x - space.x_m[rows, columns])
     return ViewPoints(rows, columns, bearing)

@@ -128,7 +128,7 @@ class Oracle:
         comforts = (
             (0.06, half_view_rad, ViewWish(near_m, eye_height_m)),
             (0.02, half_view_rad, ViewWish(near_m, eye_height_m)),
-            (0.01, math.pi, ViewWish(farther_m, eye_height_m, in_sight=False)),
+            (0.01, math.pi, ViewWish(farther_m, eye_height_m, in_sight=False, walls_hide=parameters.in_sight)),
         )
         memories = (self._refused, []) if self._refused else ([],)
         for refused, (spare_m, half_view_rad, wish) in itertools.product(memories, comforts):

@@ -1,63 +1,29 @@
 """Where a round robot can stand in a site, and how far it is from there to a goal: the shortest path that SPL needs."""
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
+from vsnbench.protocol.goal_distance import success_regions
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site
-
-if TYPE_CHECKING:
-    from vsnbench.protocol.site import Point, Wall
+from vsnbench.protocol.walls import TOUCH_HEIGHT_M, solid_shapes
 
 RESOLUTION_M = 0.025
 """Side of a grid cell."""
-TOUCH_HEIGHT_M = 1.2
-"""What hangs higher passes above every robot that we know of; the depth guard looks no higher either."""
 _REACH_CELLS = 4
 """A start this near to the free space (in cells) counts as standing in it: surveys are not exact to a centimetre."""
 
+_PAPER = ProtocolParameters()
+
+_OUTLINE_M = 1e-3
+"""Outlines of regions are polygons: nearer than this to one is in it."""
+
 FloatGrid = npt.NDArray[np.float64]
 BoolGrid = npt.NDArray[np.bool_]
-
-
-def wall_shapes(site: Site) -> list[BaseGeometry]:
-    """Return the footprint of each wall with the open doors cut out of it, metres."""
-    cut = [_opening(door.start, door.end) for door in site.doors if not door.closed]
-    openings = shapely.union_all(cut) if cut else shapely.Polygon()
-    return [wall.shape.difference(openings) for wall in site.walls]
-
-
-def solid_shapes(site: Site, below_m: float = TOUCH_HEIGHT_M) -> list[BaseGeometry]:
-    """Return everything on the floor plan that a robot of height `below_m` can touch: walls and solid objects."""
-    objects = [thing.shape for thing in site.objects if thing.solid and thing.elevation_m < below_m]
-    return [*wall_shapes(site), *objects]
-
-
-def walls_of(site: Site, start: "Point", end: "Point", tolerance_m: float = 0.02) -> list["Wall"]:
-    """Return the walls on whose centre line both points lie: where a door or window between them is cut."""
-    line = shapely.LineString([start, end])
-    return [wall for wall in site.walls if wall.centre_line.buffer(tolerance_m, cap_style="square").covers(line)]
-
-
-def _opening(start: "Point", end: "Point") -> BaseGeometry:
-    """Return the doorway as a strip wide enough to cut through any wall that it is on."""
-    return shapely.LineString([start, end]).buffer(0.3, cap_style="flat")
-
-
-@dataclass(frozen=True, slots=True)
-class ShortestPath:
-    """The shortest way from a pose to where a goal is within the success distance; metres, the site's frame."""
-
-    length_m: float
-    """Infinite when there is no way."""
-    points: "tuple[Point, ...]"
-    """From the start on; empty when there is no way."""
 
 
 class FreeSpace:
@@ -88,7 +54,7 @@ class FreeSpace:
         """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
         self.cells: BoolGrid = self.clearance_m >= robot_radius_m
         """(rows, columns): whether the robot's centre can be there."""
-        self._goal_fields: dict[tuple[str, float], FloatGrid] = {}
+        self._goal_fields: dict[tuple[str, ProtocolParameters], FloatGrid] = {}
 
     def clearance_at_m(self, x_m: float, y_m: float) -> float:
         """Return the exact distance from a point to the nearest solid thing; 0 inside one or outside all rooms."""
@@ -97,39 +63,35 @@ class FreeSpace:
             return 0.0
         return float(self._nearest_solid(np.array([point]))[0])
 
-    def is_free(self, x_m: float, y_m: float) -> bool:
-        """Whether the robot can stand with its centre there without touching anything."""
-        return self.clearance_at_m(x_m, y_m) >= self.robot_radius_m
+    def success_level_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
+        """Return (rows, columns): negative where STOP succeeds at a goal, positive elsewhere; metres to the edge of it.
 
-    def goal_distance_m(self, goal: str) -> FloatGrid:
-        """Return (rows, columns): distance from each grid point to the nearest footprint of a goal instance."""
-        shapes = [thing.shape for thing in self.site.instances(goal)]
-        if not shapes:
-            return np.full(self.cells.shape, np.inf)
-        return np.asarray(np.min([shapely.distance(shape, self.points) for shape in shapes], axis=0), dtype=np.float64)
+        Where no wall is near, it is the distance to the nearest footprint less the success distance.
+        """
+        level = np.full(self.cells.shape, np.inf)
+        for thing, region in success_regions(self.site, goal, parameters):
+            straight = shapely.distance(thing.shape, self.points) - parameters.success_distance_m
+            near = straight < RESOLUTION_M
+            around_walls = shapely.distance(region, self.points[near])
+            hidden = around_walls > np.maximum(straight[near], 0.0) + _OUTLINE_M
+            straight[near] = np.where(hidden, around_walls, straight[near])
+            level = np.minimum(level, straight)
+        return level
 
-    def geodesic_field_m(self, goal: str, within_m: float = 1.0) -> FloatGrid:
-        """Return (rows, columns): shortest way to where a goal instance is nearer than `within_m`; inf if none."""
-        key = (goal, within_m)
+    def geodesic_field_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
+        """Return (rows, columns): length of the shortest way to where STOP succeeds at a goal; inf if none."""
+        key = (goal, parameters)
         if key not in self._goal_fields:
-            self._goal_fields[key] = distance_field_m(self.cells, self.goal_distance_m(goal) - within_m)
+            self._goal_fields[key] = distance_field_m(self.cells, self.success_level_m(goal, parameters))
         return self._goal_fields[key]
 
-    def geodesic_to_goal_m(self, start: Pose, goal: str, within_m: float = 1.0) -> float:
+    def geodesic_to_goal_m(self, start: Pose, goal: str, parameters: ProtocolParameters = _PAPER) -> float:
         """Return the length of the shortest way from `start` to success at `goal`, metres.
 
         0 where the start already is near enough; inf when the goal is missing, cannot be reached, or the robot
         cannot stand at the start.
         """
-        return self._interpolate(self.geodesic_field_m(goal, within_m), start)
-
-    def shortest_path(self, start: Pose, goal: str, within_m: float = 1.0) -> ShortestPath:
-        """Return the shortest way from `start` to success at `goal`, pulled straight where the way is free."""
-        field = self.geodesic_field_m(goal, within_m)
-        length = self._interpolate(field, start)
-        if not math.isfinite(length):
-            return ShortestPath(math.inf, ())
-        return ShortestPath(length, self._descend(field, start))
+        return self._interpolate(self.geodesic_field_m(goal, parameters), start)
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return (row, column) of the grid point nearest to a position, clipped to the grid."""
@@ -159,39 +121,6 @@ class FreeSpace:
         way_there = RESOLUTION_M * np.hypot(at_rows + top - up, at_columns + left - across)
         within_reach = way_there <= RESOLUTION_M * _REACH_CELLS
         return float(np.min(np.where(within_reach, near + way_there, np.inf)))
-
-    def _descend(self, field: FloatGrid, start: Pose) -> "tuple[Point, ...]":
-        """Follow the field downhill from cell to cell, then drop every point that a straight free line makes idle."""
-        cell = self.cell_of(*start.position)
-        way: list[Point] = [start.position]
-        reach = _REACH_CELLS  # the start may lie just outside the free space
-        while field[cell] > 0.0:
-            row, column = cell
-            top, left = max(row - reach, 0), max(column - reach, 0)
-            near = field[top : row + reach + 1, left : column + reach + 1]
-            rows, columns = np.indices(near.shape)
-            step = RESOLUTION_M * np.hypot(rows + top - row, columns + left - column)
-            through = np.where(near < field[cell], near + step, np.inf)  # the next point lies on the shortest way
-            best = np.unravel_index(int(np.argmin(through)), near.shape)
-            if not math.isfinite(through[best]):
-                break
-            cell = (int(best[0]) + top, int(best[1]) + left)
-            way.append((float(self.x_m[cell]), float(self.y_m[cell])))
-        kept, at = [way[0]], 0
-        while at < len(way) - 1:
-            ahead = len(way) - 1
-            while ahead > at + 1 and not self._straight_is_free(way[at], way[ahead]):
-                ahead -= 1
-            kept.append(way[ahead])
-            at = ahead
-        return tuple(kept)
-
-    def _straight_is_free(self, start: "Point", end: "Point") -> bool:
-        steps = max(2, math.ceil(math.dist(start, end) / (RESOLUTION_M / 2)))
-        share = np.linspace(0.0, 1.0, steps)
-        rows = np.rint((start[1] + share * (end[1] - start[1]) - self.origin_y_m) / RESOLUTION_M).astype(int)
-        columns = np.rint((start[0] + share * (end[0] - start[0]) - self.origin_x_m) / RESOLUTION_M).astype(int)
-        return bool(self.cells[rows, columns].all())
 
 
 def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:

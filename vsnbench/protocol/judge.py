@@ -40,6 +40,12 @@ class GoalDistance:
     distance_m: float
     source: PoseSource
     instance: str = ""
+    in_sight: bool = True
+    """False where walls hide every instance and the protocol asks for sight: the distance is the straight one."""
+
+    def is_under(self, success_distance_m: float) -> bool:
+        """Whether STOP succeeds at this distance."""
+        return self.in_sight and self.distance_m < success_distance_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +86,8 @@ def judge(
 ) -> Verdict:
     """Judge an ended episode.
 
-    Success is STOP, in fewer actions than the cap, nearer to the goal than the success distance, with no collision.
+    Success is STOP, in fewer actions than the cap, nearer to the goal than the success distance and, from version 2
+    of the protocol on, in sight of it, with no collision.
 
     Raises:
         ValueError: a STOP cannot be judged without a distance.
@@ -93,11 +100,12 @@ def judge(
         return Verdict(EndReason.STEP_LIMIT, False, f"failed: {actions} actions reached the cap", distance)
     if distance is None:
         raise ValueError("an episode that ended with STOP needs a distance to the goal")
-    near = distance.distance_m < parameters.success_distance_m
-    comparison = "under" if near else "not under"
+    near = distance.is_under(parameters.success_distance_m)
+    comparison = f"{'under' if near else 'not under'} {parameters.success_distance_m:g} m"
     text = (
         f"{'success' if near else 'failed'}: STOP after {actions} actions, {distance.distance_m:.3f} m from "
-        f"{distance.instance or 'the goal'} ({distance.source}), {comparison} {parameters.success_distance_m:g} m"
+        f"{distance.instance or 'the goal'} ({distance.source}), "
+        f"{comparison if distance.in_sight else 'behind a wall: no instance is in sight'}"
     )
     return Verdict(end_reason, near, text, distance)
 

@@ -1,5 +1,8 @@
 """The numbers of the protocol as data; the defaults are the paper's (Section 4.1)."""
 
+from collections.abc import Mapping
+from typing import Any, Literal, Self
+
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -22,13 +25,33 @@ class DepthGuard(BaseModel):
 
 
 class ProtocolParameters(BaseModel):
-    """What makes trials comparable: two campaigns with equal parameters ask the same question."""
+    """What makes trials comparable: two campaigns with equal parameters ask the same question.
+
+    Versions: 1 measured the distance to a goal straight through walls; 2 measures it in sight. A campaign keeps the
+    version that it was judged by.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    version: Literal[1, 2] = Field(default=2, description="2: distance in sight; 1: straight through walls")
 
     max_actions: int = Field(default=150, ge=1, le=100_000, description="an episode ends at this action")
     success_distance_m: float = Field(default=1.0, gt=0, le=10, description="STOP nearer than this succeeds")
     forward_m: float = Field(default=0.25, gt=0, le=2, description="length of MOVE_FORWARD and MOVE_BACKWARD")
     turn_deg: float = Field(default=30.0, gt=0, le=180, description="angle of TURN_LEFT and TURN_RIGHT")
-    starting_positions: int = Field(default=15, ge=1, description="positions a site should have")
     depth_guard: DepthGuard = Field(default_factory=DepthGuard)
+
+    @property
+    def in_sight(self) -> bool:
+        """Whether the distance to a goal is measured along lines that no wall crosses."""
+        return self.version >= 2
+
+    @classmethod
+    def from_record(cls, content: Mapping[str, Any]) -> Self:
+        """Return what a record holds; parameters without a version are from before there were versions: the first.
+
+        Raises:
+            pydantic.ValidationError: the content is none of ours.
+        """
+        known = {name: value for name, value in content.items() if name != "starting_positions"}
+        return cls.model_validate({"version": 1} | known)

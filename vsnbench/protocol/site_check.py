@@ -12,10 +12,13 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vsnbench.protocol.categories import CATEGORIES, GOAL_CATEGORIES
-from vsnbench.protocol.free_space import TOUCH_HEIGHT_M, FreeSpace, free_space, wall_shapes, walls_of
+from vsnbench.protocol.free_space import FreeSpace, free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, SiteObject, StartingPosition, Wall
+from vsnbench.protocol.walls import TOUCH_HEIGHT_M, wall_shapes, walls_of
 
+STARTING_POSITIONS = 15
+"""So many a site should have, the same for every goal category and model (paper, Section 4.1)."""
 _TOUCHING_M2 = 5e-4
 """Overlaps smaller than this are a survey's rounding."""
 _RUN_TOGETHER_M = 0.04
@@ -117,11 +120,9 @@ def _above(upper: SiteObject, lower: SiteObject) -> bool:
 
 
 def _starts(site: Site, radius_m: float, rules: ProtocolParameters) -> Iterator[Finding]:
-    if len(site.starts) < rules.starting_positions:
+    if len(site.starts) < STARTING_POSITIONS:
         plural = "" if len(site.starts) == 1 else "s"
-        yield _warning(
-            f"{len(site.starts)} starting position{plural}; the protocol asks for {rules.starting_positions}"
-        )
+        yield _warning(f"{len(site.starts)} starting position{plural}; the protocol asks for {STARTING_POSITIONS}")
     walls = shapely.union_all(wall_shapes(site))
     for start in site.starts:
         here, name = PlanPoint(start.position), f"starting position {start.number}"
@@ -163,7 +164,7 @@ def _reach(site: Site, space: FreeSpace, rules: ProtocolParameters) -> Iterator[
         lost = [
             start.number
             for start in site.starts
-            if not math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules.success_distance_m))
+            if not math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules))
         ]
         if len(lost) == len(site.starts):
             yield _error(f"no starting position can reach a {goal} with a robot of radius {space.robot_radius_m:g} m")

@@ -242,7 +242,7 @@ class _Opening:
 
 
 def _opening(site: Site, start: tuple[float, float], end: tuple[float, float]) -> _Opening:
-    from vsnbench.protocol.free_space import walls_of
+    from vsnbench.protocol.walls import walls_of
 
     length = math.dist(start, end)
     along = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)

@@ -10,8 +10,8 @@ from vsnbench.models.contract import Policy
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.goal_distance import distance_to_goal
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, end_after, judge
-from vsnbench.protocol.metrics import distance_to_goal
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -191,7 +191,7 @@ def _judged(
     distance: GoalDistance | None = None
     try:
         final = robot.locate()
-        distance = distance_to_goal(plan.site, plan.goal, final)
+        distance = distance_to_goal(plan.site, plan.goal, final, plan.parameters)
     except RobotError as failure:
         if reason is EndReason.STOP:
             reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"

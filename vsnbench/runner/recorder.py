@@ -187,7 +187,7 @@ class EpisodeRecorderFanOut:
             return None
         base, parameters = self._target.robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)
-        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters.success_distance_m)
+        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters)
 
 
 def sensing_details(observation: Observation) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from shapely.geometry import LineString, Polygon
 
-from vsnbench.protocol.free_space import walls_of
 from vsnbench.protocol.site import Door, Room, Site, Wall, Window
+from vsnbench.protocol.walls import walls_of
 from vsnbench.simulator.furniture.canvas import rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
 

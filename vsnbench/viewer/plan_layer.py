@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vsnbench.protocol.goal_distance import distance_to_goal, success_region
 from vsnbench.protocol.judge import Verdict
-from vsnbench.protocol.metrics import distance_to_goal
 from vsnbench.protocol.pose import Pose
 from vsnbench.viewer.frames import EpisodeHeader, StepFrame
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
@@ -41,7 +41,6 @@ class FloorPlan:
     def draw_site(self) -> None:
         """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
         import rerun as rr
-        from shapely.ops import unary_union
 
         header, log = self._header, self._recording.log
         site, goal = header.site, header.goal
@@ -72,10 +71,9 @@ class FloorPlan:
             ),
             static=True,
         )
-        zone = unary_union([thing.shape.buffer(header.parameters.success_distance_m) for thing in goals])
         log(
             "plan/goal/success_zone",
-            rr.LineStrips2D(_rings(zone), colors=GOAL_EDGE_RGB, radii=0.012),
+            rr.LineStrips2D(_rings(success_region(site, goal, header.parameters)), colors=GOAL_EDGE_RGB, radii=0.012),
             static=True,
         )
         log(
@@ -105,7 +103,7 @@ class FloorPlan:
                 )
         self._mark_trouble(frame)
         self._draw_beliefs(frame)
-        distance = distance_to_goal(header.site, header.goal, self._here).distance_m
+        distance = distance_to_goal(header.site, header.goal, self._here, header.parameters).distance_m
         if frame.after is not None:
             self._here = frame.after
         return distance

@@ -101,7 +101,7 @@ class _Reader:
             site=place,
             start_number=trial.start,
             begin=begin or Fix(place.start(trial.start).pose, PoseSource.SURVEYED),
-            parameters=ProtocolParameters.model_validate(campaign.protocol),
+            parameters=ProtocolParameters.from_record(campaign.protocol),
             robot_radius_m=profile.base.radius_m,
         )
 

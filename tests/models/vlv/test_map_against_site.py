@@ -10,11 +10,11 @@ from vsnbench.models.oracle import Oracle
 from vsnbench.models.vlv.occupancy_map import FREE, OCCUPIED, OccupancyMap
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.actions import Action
-from vsnbench.protocol.free_space import wall_shapes
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.walls import wall_shapes
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.sensing.depth_filter import median_depth_m

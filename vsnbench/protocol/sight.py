@@ -1,0 +1,91 @@
+"""Distance in sight: along straight lines on the floor plan that no wall and no closed door crosses; furniture may.
+
+A person with a tape cannot measure through a wall either. Windows are wall, and so is a wall of any height: survey
+what one looks and reaches over as an object.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vsnbench.protocol.site import Point, Site
+from vsnbench.protocol.walls import wall_shapes
+
+_CRACK_M = 0.02
+"""Nobody looks or measures through a gap between two walls that is narrower than this: it is the survey's rounding."""
+_GRAZE_M = 1e-3
+"""So deep into a wall a line may go along its face."""
+_SAMPLE_M = 0.05
+"""How densely a footprint's outline is sampled for the region from which it is in sight."""
+_FAR = 1e4
+"""A wall's shadow reaches so many times as far as the wall itself."""
+_ROUNDING_M = 1e-6
+_CIRCLE_QUARTER = 64
+"""Segments of a quarter circle in outlines: 0.08 mm off at 1 m."""
+
+
+class Sight:
+    """Who sees what on a site's floor plan. Make it with `sight`, which keeps the last ones."""
+
+    def __init__(self, site: Site) -> None:
+        """Take the walls of a site, with cracks between them closed."""
+        solid = shapely.union_all(wall_shapes(site))
+        closed = solid.buffer(_CRACK_M / 2, join_style="mitre").buffer(-_CRACK_M / 2, join_style="mitre")
+        self.walls: BaseGeometry = closed.buffer(-_GRAZE_M, join_style="mitre")
+        """What blocks sight, metres in the site's frame."""
+        shapely.prepare(self.walls)
+        corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(self.walls)), return_index=True)
+        same = ring[:-1] == ring[1:]
+        self._edges: npt.NDArray[np.float64] = np.stack([corners[:-1][same], corners[1:][same]], axis=1)
+        self._edge_lines = np.asarray(shapely.linestrings(self._edges), dtype=object)
+
+    def distance_m(self, here: Point, shape: BaseGeometry) -> float:
+        """Return the distance from a point to what it sees of a footprint; 0 inside it, inf when it sees nothing."""
+        point = shapely.Point(here)
+        if not self.walls.intersects(shapely.shortest_line(point, shape)):
+            return float(shape.distance(point))
+        if self.walls.contains(point):
+            return math.inf
+        between = shapely.union(point, shape).convex_hull
+        seen = shape.difference(self._shadows(here, between))
+        return math.inf if seen.is_empty else float(seen.distance(point))
+
+    def region(self, shape: BaseGeometry, within_m: float) -> BaseGeometry:
+        """Return from where a footprint is in sight and nearer than `within_m`; to about a centimetre near walls."""
+        reach = shape.buffer(within_m, quad_segs=_CIRCLE_QUARTER)
+        if not self.walls.intersects(reach):
+            return reach
+        around = shapely.segmentize(shape.boundary, _SAMPLE_M)
+        samples = [(x, y) for x, y in shapely.get_coordinates(around) if not self.walls.contains(shapely.Point(x, y))]
+        seen: list[BaseGeometry] = [shape]
+        for x, y in samples:
+            disc = shapely.Point(x, y).buffer(within_m, quad_segs=_CIRCLE_QUARTER)
+            seen.append(disc.difference(self._shadows((x, y), disc)))
+        return shapely.union_all(seen).difference(self.walls)
+
+    def _shadows(self, here: Point, within: BaseGeometry) -> BaseGeometry:
+        """Return everything that lies behind the walls in `within`, seen from a point outside them."""
+        edges = self._edges[shapely.intersects(self._edge_lines, within)]
+        start, end = edges[:, 0] - here, edges[:, 1] - here
+        across = np.abs(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])
+        broad = across > 1e-12  # an edge seen end on throws no shadow
+        start, end = start[broad], end[broad]
+        behind = shapely.polygons(np.stack([start, end, _FAR * end, _FAR * start], axis=1) + np.array(here))
+        shadow = shapely.union_all(shapely.intersection(behind, within.buffer(1.0)))
+        return shadow.buffer(_ROUNDING_M)
+
+
+_KEPT: dict[str, Sight] = {}
+_KEEP = 8
+
+
+def sight(site: Site) -> Sight:
+    """Return who sees what in a site; the last few are kept, by the site's content."""
+    if site.sha256 not in _KEPT:
+        while len(_KEPT) >= _KEEP:
+            del _KEPT[next(iter(_KEPT))]
+        _KEPT[site.sha256] = Sight(site)
+    return _KEPT[site.sha256]
