@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import psutil
 import torch
 
 from vsnbench.models.pirlnav.acceleration import choose_engine
@@ -110,8 +111,7 @@ def memory_growth_mib(weights: Path, runtime: Runtime) -> float:
 
 
 def resident_mib() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    return float(psutil.Process().memory_info().rss / 2**20)
 
 
 def main() -> None:

@@ -4,17 +4,17 @@ usage: python scripts/screenshot_view.py RESULTS EPISODE PNG   (from the top of 
 """
 
 import sys
-import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from playwright.sync_api import sync_playwright
 
-from tests.cli.chromium import Chromium
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.viewer.rebuild import current_recording
 from vsnbench.viewer.viewers import WebViewer
 
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage")
 STILL_FOR_S = 12.0
 PATIENCE_S = 120.0
 
@@ -22,18 +22,17 @@ PATIENCE_S = 120.0
 def main(results: str, episode: str, png: str) -> None:
     """Wait until the page stands still, then keep it."""
     recording = current_recording(ResultsDirectory.locate(Path(results)), int(episode))
-    with (
-        WebViewer(0, recording) as viewer,
-        tempfile.TemporaryDirectory() as profile,
-        Chromium(Path(profile), 1600, 1000) as browser,
-    ):
-        browser.open(f"{viewer.address}?renderer=webgl")
+    with WebViewer(0, recording) as viewer, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page(viewport={"width": 1600, "height": 1000})
+        page.goto(f"{viewer.address}?renderer=webgl", timeout=PATIENCE_S * 1000)
         began = changed = time.monotonic()
         picture = b""
         while time.monotonic() - changed < STILL_FOR_S and time.monotonic() - began < PATIENCE_S:
-            time.sleep(1)
-            if (now := browser.screenshot()) != picture:
+            page.wait_for_timeout(1000)
+            if (now := page.screenshot(timeout=PATIENCE_S * 1000)) != picture:
                 picture, changed = now, time.monotonic()
+        browser.close()
     Path(png).write_bytes(picture)
 
 

@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -12,14 +11,16 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from vsnbench.workers import end_with_parent
 
-
-def count_for_minutes() -> None:
-    query = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1e9) SELECT count(*) FROM n"
-    sqlite3.connect(":memory:").execute(query).fetchone()
+COUNT_FOR_MINUTES = """
+import sqlite3
+query = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1e9) SELECT count(*) FROM n"
+sqlite3.connect(":memory:").execute(query).fetchone()
+"""
 
 
 def pool() -> ProcessPoolExecutor:
@@ -34,7 +35,7 @@ def kill(worker: int) -> None:
 def test_ctrl_c_ends_a_worker_while_its_database_counts() -> None:
     with pool() as executor:
         worker = executor.submit(os.getpid).result(timeout=10)
-        counting = executor.submit(count_for_minutes)
+        counting = executor.submit(exec, COUNT_FOR_MINUTES)
         while not counting.running():
             time.sleep(0.01)
         time.sleep(0.3)
@@ -49,17 +50,18 @@ def test_ctrl_c_ends_a_worker_while_its_database_counts() -> None:
 def runs(worker: int) -> bool:
     """Whether it still runs; what has ended may wait for whoever adopted it to take note."""
     try:
-        return Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except (FileNotFoundError, ProcessLookupError):
+        return psutil.Process(worker).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.NoSuchProcess:
         return False
 
 
-PARENT = """
-import os, time
-from tests.test_workers import count_for_minutes, pool
-executor = pool()
+PARENT = f"""
+import multiprocessing, os, time
+from concurrent.futures import ProcessPoolExecutor
+from vsnbench.workers import end_with_parent
+executor = ProcessPoolExecutor(1, multiprocessing.get_context("fork"), end_with_parent)
 print(executor.submit(os.getpid).result(), flush=True)
-executor.submit(count_for_minutes)
+executor.submit(exec, {COUNT_FOR_MINUTES!r})
 time.sleep(60)
 """
 

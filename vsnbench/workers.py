@@ -2,8 +2,16 @@
 
 import os
 import signal
+import sys
 import threading
+from collections.abc import Sequence
 from multiprocessing import parent_process
+
+_END_WITH_PARENT = (
+    "import ctypes, os, signal, sys; "
+    "ctypes.CDLL(None).prctl(1, signal.SIGKILL); "  # PR_SET_PDEATHSIG; it stays over exec
+    "os.getppid() == int(sys.argv[1]) and os.execv(sys.argv[2], sys.argv[2:])"
+)
 
 
 def end_with_parent() -> None:
@@ -21,3 +29,16 @@ def end_with_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def command_that_ends_with_parent(command: Sequence[str]) -> list[str]:
+    """Return a command that runs another program, which the kernel ends with the thread that started it.
+
+    However this process ends, SIGKILL included, the program is not left behind. A short Python asks for that and then
+    becomes the program; asking between fork and exec would run Python in a process of which only one thread survived.
+    Linux only.
+
+    Args:
+        command: the program's path and its arguments.
+    """
+    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), *command]

@@ -4,6 +4,7 @@ import json
 import threading
 import urllib.request
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -94,7 +95,7 @@ def test_the_page_is_served_to_this_machine_alone() -> None:
     with pytest.raises(urllib.error.HTTPError, match="404"):
         urllib.request.urlopen(heard[0] + "vsnbench.db")
     with pytest.raises(RecordError, match="cannot serve on port"):
-        serve_page("", int(heard[0].rstrip("/").rsplit(":", 1)[1]), announce)
+        serve_page("", urlsplit(heard[0]).port or 0, announce)
 
 
 def test_compare_says_what_can_be_concluded(lab: Lab) -> None:

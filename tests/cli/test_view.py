@@ -7,13 +7,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import psutil
 import pytest
+from playwright.sync_api import Page
 
-from tests.cli.chromium import Chromium
+from tests.cli.chromium import chromium_page
 from tests.viewer.synthetic_episode import record
 from vsnbench.record.results import ResultsDirectory
 
@@ -74,28 +77,30 @@ def test_a_port_that_is_taken_is_named(results: Path) -> None:
 
 
 def listeners_of(root: int) -> set[str]:
-    """Return the addresses on which a process and its children listen, from /proc."""
-    family = {root}
-    for stat in sorted(Path("/proc").glob("[0-9]*/stat"), key=lambda path: int(path.parent.name)):
-        try:
-            fields = stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) in family:
-            family.add(int(stat.parent.name))
-    inodes = set()
-    for process in family:
-        for link in Path(f"/proc/{process}/fd").iterdir():
-            target = str(link.readlink()) if link.is_symlink() else ""
-            if target.startswith("socket:["):
-                inodes.add(target[8:-1])
-    found = set()
-    for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
-            columns = line.split()
-            if columns[3] == "0A" and columns[9] in inodes:
-                found.add(columns[1].split(":")[0])
-    return found
+    """Return the addresses on which a process and its children listen."""
+    family = [psutil.Process(root), *psutil.Process(root).children(recursive=True)]
+    return {
+        connection.laddr.ip
+        for process in family
+        for connection in process.net_connections("inet")
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def test_no_viewer_is_left_when_the_command_is_killed(results: Path) -> None:
+    number = record(directory(results), 2)
+    server = subprocess.Popen(
+        command(str(number), "--web", "--port", "0", "--results", str(results)), stdout=subprocess.PIPE, text=True
+    )
+    assert server.stdout is not None
+    with server.stdout:
+        assert server.stdout.readline().startswith("http://127.0.0.1:")
+    viewers = psutil.Process(server.pid).children(recursive=True)
+    assert [viewer.name() for viewer in viewers] == ["rerun"]
+    server.kill()
+    server.wait()
+    _, alive = psutil.wait_procs(viewers, timeout=10)
+    assert alive == []
 
 
 def variety(picture: npt.NDArray[np.uint8]) -> int:
@@ -120,14 +125,16 @@ def test_a_browser_shows_every_panel_and_talks_to_nobody_else(results: Path, tmp
         assert server.stdout is not None
         address = server.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:")
-        assert listeners_of(server.pid) == {"0100007F"}, "on the loopback interface only"
-        with Chromium(tmp_path / "profile", WIDTH, HEIGHT) as browser:
-            browser.open(f"{address}?renderer=webgl")
-            picture = shown_panels(browser)
-            asked = {url.split("/")[2].split(":")[0] for url in browser.requests if url.startswith(("http:", "https:"))}
-            answered = {url.split("/")[2].split(":")[0] for url in browser.answered}
+        assert listeners_of(server.pid) == {"127.0.0.1"}, "on the loopback interface only"
+        asked: set[str | None] = set()
+        answered: set[str | None] = set()
+        with chromium_page(WIDTH, HEIGHT) as page:
+            page.on("request", lambda request: asked.add(urlsplit(request.url).hostname))
+            page.on("response", lambda response: answered.add(urlsplit(response.url).hostname))
+            page.goto(f"{address}?renderer=webgl", timeout=DRAWN_WITHIN_S * 1000)
+            picture = shown_panels(page)
         (tmp_path / "view.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-        assert answered == {"127.0.0.1"}
+        assert answered - {None} == {"127.0.0.1"}
         assert "tel.rerun.io" not in asked, "no usage statistics"
         # The plan is not mirrored: the sofa corner with the armchair lies lower left of the dining chairs.
         rows, columns = np.nonzero(greenish(picture[60:620, 480:1130]))
@@ -139,7 +146,7 @@ def test_a_browser_shows_every_panel_and_talks_to_nobody_else(results: Path, tmp
         assert server.wait(15) == 0, "Ctrl-C is the way to end it"
 
 
-def shown_panels(browser: Chromium) -> npt.NDArray[np.uint8]:
+def shown_panels(page: Page) -> npt.NDArray[np.uint8]:
     """Return the page, BGR, as soon as every panel shows something."""
     panels = {
         "rgb": (slice(230, 590), slice(5, 460)),
@@ -152,11 +159,11 @@ def shown_panels(browser: Chromium) -> npt.NDArray[np.uint8]:
     needed = {"rgb": 12, "depth": 12, "floor plan": 8, "actions": 4, "verdict": 3, "decision": 3}
     deadline = time.monotonic() + DRAWN_WITHIN_S
     while True:
-        shot = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        shot = cv2.imdecode(np.frombuffer(page.screenshot(timeout=DRAWN_WITHIN_S * 1000), np.uint8), cv2.IMREAD_COLOR)
         assert shot is not None
         picture = np.asarray(shot, np.uint8)
         found = {name: variety(picture[where]) for name, where in panels.items()}
         if all(found[name] >= count for name, count in needed.items()):
             return picture
         assert time.monotonic() < deadline, f"panels stay blank: {found}"
-        time.sleep(3)  # every screenshot costs a software renderer a whole frame
+        page.wait_for_timeout(3000)  # every screenshot costs a software renderer a whole frame

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 import torch
 
@@ -136,14 +137,14 @@ def test_the_workers_of_a_killed_run_end_too(tmp_path: Path) -> None:
         process.kill()
         process.communicate()
     deadline = time.monotonic() + 60
-    while any(Path(f"/proc/{pid}").exists() for pid in workers):
+    while any(psutil.pid_exists(pid) for pid in workers):
         assert time.monotonic() < deadline
         time.sleep(0.05)
 
 
 def children_of(pid: int) -> list[int]:
     """Return the processes that a process has started and that still run."""
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return [child.pid for child in psutil.Process(pid).children()]
 
 
 def test_a_directory_of_another_recipe_is_refused(whole: Path) -> None:

@@ -14,6 +14,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+import psutil
+
 from vsnbench import __version__
 from vsnbench.database_url import without_passwords
 
@@ -43,13 +45,7 @@ class ProcessIdentity:
             return None
         if self.start_ticks:
             return _start_ticks(self.pid) == self.start_ticks
-        try:
-            os.kill(self.pid, 0)
-        except ProcessLookupError:
-            return False
-        except PermissionError:
-            return True
-        return True
+        return psutil.pid_exists(self.pid)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +114,10 @@ def _pid_namespace() -> str:
 
 
 def _start_ticks(pid: int) -> int:
-    """Return field 22 of /proc/PID/stat; 0 when there is no such process, or it is a zombie that nobody buried."""
+    """Return field 22 of /proc/PID/stat; 0 when there is no such process, or it is a zombie that nobody buried.
+
+    psutil has the same moment only as wall-clock time, which moves when a robot's clock is set after its start.
+    """
     _, _, rest = _read(Path(f"/proc/{pid}/stat")).rpartition(")")  # the name before it may hold spaces and brackets
     fields = rest.split()
     return int(fields[19]) if len(fields) > 19 and fields[0] != "Z" else 0

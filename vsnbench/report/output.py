@@ -1,9 +1,9 @@
 """Writes a whole report into a directory: the page, the tables in every form, the figures; and serves the page."""
 
 from collections.abc import Callable, Sequence
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+from vsnbench import loopback
 from vsnbench.errors import RecordError
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import Drawing
@@ -42,7 +42,7 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
 
 
 def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:
-    """Serve the page on 127.0.0.1 until interrupted; nothing else is served and nobody else can reach it.
+    """Serve the page on 127.0.0.1 until interrupted; nothing else is served, and only to who has the address.
 
     Args:
         page: the HTML.
@@ -52,26 +52,15 @@ def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:
     Raises:
         RecordError: the port is taken.
     """
-    content = page.encode()
+    answer = loopback.page(page.encode(), "text/html; charset=utf-8")
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            found = self.path.split("?")[0] in ("/", "/report.html")
-            self.send_response(200 if found else 404)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("X-Content-Type-Options", "nosniff")
-            self.send_header("Content-Length", str(len(content) if found else 0))
-            self.end_headers()
-            if found:
-                self.wfile.write(content)
-
-        def log_message(self, *_: object) -> None:
-            """Stay silent: the terminal is the user's."""
+    def site(path: str, _query: str) -> loopback.Answer:
+        return answer if path in ("", "report.html") else loopback.NOT_FOUND
 
     try:
-        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        server = loopback.LoopbackServer(port, site)
     except OSError as error:
         raise RecordError(f"cannot serve on port {port}: {error.strerror or error}; choose another --port") from error
     with server:
-        announce(f"http://127.0.0.1:{server.server_address[1]}/")
+        announce(server.address)
         server.serve_forever()

@@ -7,9 +7,9 @@ policy that lets the page talk to this machine alone.
 
 import contextlib
 import http.client
-import http.server
 import importlib.util
 import os
+import re
 import socket
 import subprocess
 import threading
@@ -19,15 +19,19 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from vsnbench import loopback
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.loopback import LOOPBACK
+from vsnbench.workers import command_that_ends_with_parent
 
-LOOPBACK = "127.0.0.1"
 WEB_PORT = 9090
 START_TIMEOUT_S = 20.0
+RECORDING_NAME = "episode.rrd"
+_VIEWERS_FILE = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9]+)+")
 
 
 class Viewer:
-    """A running viewer; a context manager that ends it.
+    """A running viewer; a context manager that ends it. It ends with the thread that opens it, too.
 
     Raises:
         VsnbenchError: Rerun's program is missing or does not start.
@@ -38,7 +42,9 @@ class Viewer:
         """Where `EpisodeRecording` can send an episode as it happens."""
         command = [str(_program()), "--bind", LOOPBACK, "--port", str(grpc_port), *arguments]
         self._process = subprocess.Popen(
-            command, env=os.environ | {"CI": "true", "RUST_LOG": "error"}, stdin=subprocess.DEVNULL
+            command_that_ends_with_parent(command),
+            env=os.environ | {"CI": "true", "RUST_LOG": "error"},
+            stdin=subprocess.DEVNULL,
         )
         try:
             self._wait_until_it_listens(waits_for)
@@ -88,14 +94,14 @@ class WebViewer(Viewer):
 
     def __init__(self, port: int = WEB_PORT, recording: Path | None = None) -> None:
         grpc_port, upstream_port = free_port(), free_port()
+        page = _ViewerPage(upstream_port, grpc_port, recording)
         try:
-            self._server = _PrivateServer((LOOPBACK, port), upstream_port, grpc_port)
+            self._server = loopback.LoopbackServer(port, page)
         except (OSError, OverflowError) as error:
             raise UsageError(f"cannot serve on {LOOPBACK}:{port} ({error}); choose another port") from error
-        self.address = f"http://{LOOPBACK}:{self._server.server_port}/"
-        files = [] if recording is None else [str(recording)]
+        self.address = page.address = self._server.address
         try:
-            super().__init__(["--serve-web", "--web-viewer-port", str(upstream_port), *files], grpc_port, upstream_port)
+            super().__init__(["--serve-web", "--web-viewer-port", str(upstream_port)], grpc_port, upstream_port)
         except BaseException:
             self._server.server_close()
             raise
@@ -156,52 +162,55 @@ def _program() -> Path:
     return program
 
 
-class _PrivateServer(http.server.ThreadingHTTPServer):
-    """Passes the viewer's files on, with a policy that keeps the page from calling anywhere but this machine."""
+class _ViewerPage:
+    """The web viewer's files, passed on from Rerun's own server, and the recording that the page shows.
 
-    daemon_threads = True
+    The page's policy keeps it from calling anywhere but this machine. A finished recording is served from here, behind
+    the address's token; what is sent live has to go through Rerun's own server, which knows no token, on a port that
+    no other page's script may read from (Rerun refuses their origin).
+    """
 
-    def __init__(self, address: tuple[str, int], upstream_port: int, grpc_port: int) -> None:
-        self.upstream_port = upstream_port
-        self.data_url = f"rerun+http://{LOOPBACK}:{grpc_port}/proxy"
-        self.policy = (
-            f"connect-src 'self' data: blob: http://{LOOPBACK}:{grpc_port}; "
-            "font-src 'self' data:; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'"
-        )
-        super().__init__(address, _PassOn)
+    def __init__(self, upstream_port: int, grpc_port: int, recording: Path | None) -> None:
+        self.address = ""
+        """Under which this site is served, once it is."""
+        self._upstream_port = upstream_port
+        self._grpc_port = grpc_port
+        self._recording = recording
 
+    def __call__(self, path: str, query: str) -> loopback.Answer:
+        if not path:
+            given = urllib.parse.parse_qsl(query, keep_blank_values=True)
+            if "url" not in dict(given):
+                # Lead the browser from the bare address to the one that names the data.
+                named = urllib.parse.urlencode([("url", self._data_url), *given])
+                return loopback.Answer(302, headers={"Location": f"{self.address}?{named}"})
+        elif path == RECORDING_NAME and self._recording is not None:
+            return loopback.file(self._recording, "application/octet-stream")
+        elif not _VIEWERS_FILE.fullmatch(path):
+            return loopback.NOT_FOUND
+        return self._passed_on(path)
 
-class _PassOn(http.server.BaseHTTPRequestHandler):
-    """One request for one of the viewer's files."""
+    @property
+    def _data_url(self) -> str:
+        if self._recording is not None:
+            return self.address + RECORDING_NAME
+        return f"rerun+http://{loopback.LOOPBACK}:{self._grpc_port}/proxy"
 
-    server: _PrivateServer
-
-    def do_GET(self) -> None:
-        """Send the file, or lead the browser from the bare address to the one that names the data."""
-        address = urllib.parse.urlsplit(self.path)
-        query = urllib.parse.parse_qsl(address.query, keep_blank_values=True)
-        if address.path == "/" and "url" not in dict(query):
-            self.send_response(302)
-            self.send_header("Location", "/?" + urllib.parse.urlencode([("url", self.server.data_url), *query]))
-            self.end_headers()
-            return
-        upstream = http.client.HTTPConnection(LOOPBACK, self.server.upstream_port, timeout=30)
+    def _passed_on(self, path: str) -> loopback.Answer:
+        upstream = http.client.HTTPConnection(loopback.LOOPBACK, self._upstream_port, timeout=30)
         try:
-            upstream.request("GET", self.path)
+            upstream.request("GET", f"/{path}")
             answer = upstream.getresponse()
-            body = answer.read()
-        except OSError:
-            self.send_error(502, "the viewer has ended")
-            return
+            content = answer.read()
+        except (OSError, http.client.HTTPException):
+            return loopback.Answer(502)  # the viewer has ended
         finally:
             upstream.close()
-        self.send_response(answer.status)
-        self.send_header("Content-Type", answer.getheader("Content-Type", "application/octet-stream"))
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Content-Security-Policy", self.server.policy)
-        self.end_headers()
-        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            self.wfile.write(body)
-
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
-        """Say nothing: this is a person's own browser."""
+        if answer.status != 200:
+            return loopback.NOT_FOUND
+        policy = (
+            f"connect-src 'self' data: blob: http://{loopback.LOOPBACK}:{self._grpc_port}; "
+            "font-src 'self' data:; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'"
+        )
+        kind = answer.getheader("Content-Type", "application/octet-stream")
+        return loopback.page(content, kind, {"Content-Security-Policy": policy})
