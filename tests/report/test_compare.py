@@ -13,7 +13,9 @@ from vsnbench.report.comparison_tables import comparison_fields, comparison_shee
 from vsnbench.report.published import published_results
 from vsnbench.report.record import Selection, empty_record
 from vsnbench.report.reference_tables import reference_comparison
-from vsnbench.report.summary import summarise
+from vsnbench.report.summary import Results, summarise
+from vsnbench.report.verdicts import verdicts
+from vsnbench.statistics.clustered import independent_difference
 
 GOALS = ("chair", "bed")
 STARTS = range(1, 16)
@@ -30,6 +32,10 @@ def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: ob
     lab.write([Attempt(g, s, success=(g, s) in successes) for g, s in cells], model=model, **options)  # type: ignore[arg-type]
 
 
+def results_of(lab: Lab) -> Results:
+    return summarise(read(lab.url, Selection()))
+
+
 def comparisons(lab: Lab, *names: str, by_goal: bool = False) -> tuple[Comparison, ...]:
     record = read(lab.url, Selection())
     return compare(record, summarise(record), names, by_goal=by_goal, published=published_results())
@@ -41,10 +47,11 @@ def test_the_papers_models_on_all_goals_and_on_the_shared_ones() -> None:
     assert everything.p == pytest.approx(0.278, abs=0.0005)
     assert shared.p == pytest.approx(0.833, abs=0.0005)
     assert shared.goals[0] == ("chair", "sofa", "bed", "toilet")
-    assert "not distinguishable" in comparison.verdicts[0]
-    assert "Their goals differ" in comparison.verdicts[0]
-    # 437 trials a model are needed for 29.33 against 21.11 %; 75 are there.
-    assert "about 362 more trials a model" in comparison.verdicts[0]
+    assert "not distinguishable" in verdicts(comparison)[0]
+    assert "Their goals differ" in verdicts(comparison)[0]
+    # 461 trials a model are needed for 29.33 against 21.11 % with Fisher's test; 75 are there.
+    assert "about 386 more trials a model" in verdicts(comparison)[0]
+    assert "this design shows a difference of 20 points with 80 % power" in verdicts(comparison)[0]
 
 
 def test_trials_of_one_site_are_paired(lab: Lab) -> None:
@@ -52,18 +59,107 @@ def test_trials_of_one_site_are_paired(lab: Lab) -> None:
     succeed(lab, "b", {("chair", start) for start in range(9, 13)})
     (comparison,) = comparisons(lab, "a", "b")
     (rate,) = comparison.rates
-    assert rate.paired is not None
-    assert (rate.paired.pairs, rate.paired.only_first, rate.paired.only_second) == (30, 8, 2)
+    assert rate.pairing is not None
+    assert (rate.pairing.matched, rate.pairing.only_first, rate.pairing.only_second) == (30, 8, 2)
     # By hand: 2 * (1 + 10 + 45) / 2**10.
     assert rate.p == pytest.approx(112 / 1024)
-    assert 0 < rate.paired.permutation_p < 1
+    assert rate.others.mcnemar_p == pytest.approx(rate.p)
+    assert 0 < rate.others.permutation_p < 1
+
+
+def one_seed_after_another(lab: Lab, model: str, outcomes: dict[int, set[int]], order: tuple[int, ...]) -> None:
+    """Write a campaign a seed, in this order, of one goal: the starts that succeed under each seed."""
+    for seed in order:
+        attempts = [Attempt("chair", start, success=start in outcomes[seed]) for start in STARTS]
+        lab.write(attempts, model=model, seed=seed)
+
+
+def test_the_same_outcomes_under_five_seeds_give_the_verdict_of_one(tmp_path: Path) -> None:
+    found = []
+    for name, seeds in (("one", (0,)), ("five", (0, 1, 2, 3, 4))):
+        lab = Lab(tmp_path / name)
+        lab.directory.mkdir()
+        one_seed_after_another(lab, "vlv", {seed: set(range(1, 10)) for seed in seeds}, seeds)
+        one_seed_after_another(lab, "pirlnav", {seed: set(range(7, 13)) for seed in seeds}, seeds)
+        (comparison,) = comparisons(lab, "vlv", "pirlnav")
+        found.append((comparison.rates[0], verdicts(comparison)[0], results_of(lab)))
+    (one, one_said, before), (five, five_said, after) = found
+    assert one.p == five.p == pytest.approx(0.5078125)  # McNemar's, 6 against 3
+    assert (five.interval.low, five.interval.high) == pytest.approx((one.interval.low, one.interval.high))
+    assert five.others.mcnemar_p < 0.05  # what taking each seed for a place of its own would say
+    assert "9/15 against 6/15" in one_said
+    assert "45/75 against 30/75 (75 episodes from 15 cells)" in five_said
+    assert "not distinguishable" in one_said
+    assert "not distinguishable" in five_said
+    for mine, copied in zip(before.conditions, after.conditions, strict=True):
+        assert copied.total.interval.low == pytest.approx(mine.total.interval.low)
+        assert copied.total.repeats == "75 episodes from 15 cells"
+        assert mine.total.repeats == ""
+
+
+def test_which_seed_ran_first_changes_nothing_and_no_seed_drops_out(tmp_path: Path) -> None:
+    outcomes = {0: {1, 2, 3, 4, 5}, 1: {1, 6, 7}, 2: {1, 2, 9}}
+    others = {0: {4, 5}, 1: {7, 8}, 5: {3}}
+    found = []
+    for name, order in (("up", (0, 1, 2)), ("down", (2, 1, 0))):
+        lab = Lab(tmp_path / name)
+        lab.directory.mkdir()
+        one_seed_after_another(lab, "a", outcomes, order)
+        one_seed_after_another(lab, "b", others, tuple({0: 0, 1: 1, 2: 5}[seed] for seed in order))
+        (comparison,) = comparisons(lab, "a", "b")
+        found.append(comparison.rates[0])
+    up, down = found
+    assert up.p == down.p
+    assert up.interval == down.interval
+    for rate in found:
+        assert rate.pairing is not None
+        assert rate.pairing.matched == 30  # seeds 0 and 1
+        assert [each.trials for each in rate.compared] == [45, 45]
+        assert rate.difference == pytest.approx((11 - 5) / 45)
+
+
+def test_what_lies_in_cells_that_only_one_was_tried_in_is_said_to_be_left_out(lab: Lab) -> None:
+    lab.write([Attempt("chair", start) for start in STARTS], model="a")
+    lab.write([Attempt("chair", start, success=False) for start in range(1, 13)], model="b")
+    (comparison,) = comparisons(lab, "a", "b")
+    (rate,) = comparison.rates
+    assert [each.trials for each in rate.compared] == [12, 12]
+    assert rate.difference == 1.0
+    assert rate.interval.low > 0.6
+    assert "Left out: 3 episodes of a in cells that only it was tried in." in verdicts(comparison)[0]
+
+
+def test_the_interval_is_of_the_design_that_the_test_is_of(lab: Lab) -> None:
+    # Nearly the same cells: paired, the difference is sure; unpaired it would not be.
+    succeed(lab, "a", {("chair", start) for start in range(1, 14)})
+    succeed(lab, "b", {("chair", start) for start in range(1, 7)})
+    (comparison,) = comparisons(lab, "a", "b")
+    (rate,) = comparison.rates
+    assert rate.p < 0.05
+    assert rate.interval.low > 0
+    assert independent_difference(rate.first.outcomes, rate.second.outcomes).low < 0
+
+
+def test_advice_counts_in_starting_positions_and_in_episodes_a_cell(lab: Lab) -> None:
+    succeed(lab, "a", {("chair", start) for start in range(1, 9)})
+    succeed(lab, "b", {("chair", start) for start in range(5, 10)})
+    (comparison,) = comparisons(lab, "a", "b")
+    outlook = comparison.rates[0].outlook
+    assert outlook is not None
+    assert outlook.detectable is not None
+    assert 0.1 < outlook.detectable < 0.6
+    assert outlook.starts == 15
+    said = verdicts(comparison)[0]
+    assert "this design shows a difference of" in said
+    assert "starting positions in place of 15" in said
+    assert "would have been enough" not in said
 
 
 def test_a_clear_difference_has_a_winner(lab: Lab) -> None:
     succeed(lab, "good", {(g, s) for g in GOALS for s in STARTS})
     succeed(lab, "bad", set())
     (comparison,) = comparisons(lab, "bad", "good")
-    assert "good succeeds more often than bad" in comparison.verdicts[0]
+    assert "good succeeds more often than bad" in verdicts(comparison)[0]
     assert comparison_fields(comparison)["rates"][0]["significant"] is True
 
 
@@ -73,8 +169,8 @@ def test_no_winner_is_named_below_95_percent_coverage(lab: Lab) -> None:
     done = [Attempt(t.goal, t.start, success=False) for t in planned[:28]]
     lab.write(done, model="bad", trials=planned)
     (comparison,) = comparisons(lab, "good", "bad")
-    assert "No winner is named: only 28 of 30 trials of bad are done" in comparison.verdicts[0]
-    assert "more often" not in comparison.verdicts[0]
+    assert "No winner is named: only 28 of 30 trials of bad are done" in verdicts(comparison)[0]
+    assert "more often" not in verdicts(comparison)[0]
     assert comparison_fields(comparison)["rates"][0]["significant"] is False
 
 
@@ -83,7 +179,8 @@ def test_other_sites_are_not_paired(lab: Lab) -> None:
     other = Lab(lab.directory, lab.site.model_copy(update={"name": "twin"}))
     succeed(other, "b", {("chair", 2)})
     (comparison,) = comparisons(lab, "a", "b")
-    assert comparison.rates[0].paired is None
+    assert comparison.rates[0].pairing is None
+    assert comparison.rates[0].test == "starting positions exchanged"
     assert comparison.rates[0].p == 1.0
 
 
@@ -96,7 +193,7 @@ def test_several_questions_are_corrected_together(lab: Lab) -> None:
     for one in found:
         for rate in one.rates:
             assert rate.p <= rate.adjusted_p <= 1
-    assert "after Holm's correction for 9 questions" in found[0].verdicts[0]
+    assert "after Holm's correction for 9 questions" in verdicts(found[0])[0]
 
 
 def test_effects_are_resampled_by_starting_position(lab: Lab) -> None:
@@ -120,7 +217,7 @@ def test_an_upper_bound_is_called_one(lab: Lab) -> None:
     succeed(lab, "oracle", {(g, s) for g in GOALS for s in STARTS}, surveyed=True)
     succeed(lab, "b", set())
     (comparison,) = comparisons(lab, "oracle", "b")
-    assert "oracle is handed the site: an upper bound, not a competitor" in comparison.verdicts[0]
+    assert "oracle is handed the site: an upper bound, not a competitor" in verdicts(comparison)[0]
 
 
 def test_names_that_fit_nothing_or_several_are_explained(lab: Lab) -> None:
@@ -143,6 +240,10 @@ def test_the_sheets_leave_out_what_the_design_does_not_have() -> None:
     record = empty_record()
     (comparison,) = compare(record, published_results(), ["paper:vlv", "paper:pirlnav"], published=published_results())
     (sheet,) = comparison_sheets(comparison)
+    headings = [column.heading for column in sheet.columns]
+    assert "p" in headings
+    assert "Fisher p" not in headings  # one p-value a question; the others on request
+    (sheet,) = comparison_sheets(comparison, all_tests=True)
     headings = [column.heading for column in sheet.columns]
     assert "Fisher p" in headings
     assert "McNemar p" not in headings

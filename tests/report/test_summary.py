@@ -16,6 +16,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.build import read
 from vsnbench.report.record import Selection, soft_spl_of, spl_of
 from vsnbench.report.summary import Results, summarise
+from vsnbench.report.tables import goal_sheet
 
 
 @pytest.fixture
@@ -168,3 +169,20 @@ def test_a_campaign_with_no_valid_episode_is_a_report_of_nothing_done(lab: Lab) 
     (one,) = results_of(lab).conditions
     assert (one.total.episodes, one.total.void, one.total.coverage) == (0, 1, 0.0)
     assert math.isnan(one.total.interval.low)
+
+
+def test_a_failure_counts_0_in_spl_whatever_is_known_of_its_path(lab: Lab) -> None:
+    lab.write(
+        [
+            Attempt(start=1, shortest_m=2.0, path_m=4.0),
+            Attempt(start=2, success=False, shortest_m=None),
+            Attempt(start=3, shortest_m=0.1, path_m=None),
+        ]
+    )
+    total = results_of(lab).conditions[0].total
+    assert (total.spl, total.spl_episodes, total.soft_spl_episodes) == (0.25, 2, 1)
+    assert total.trivial == 1
+    notes = " ".join(goal_sheet(results_of(lab).conditions[0]).notes)
+    assert "SPL is over 2 episodes: the path lengths of 1 successes are unknown" in notes
+    assert "SoftSPL is over the 1 episodes" in notes
+    assert "1 episodes are trivial" in notes

@@ -1,4 +1,4 @@
-"""The statistics against independent implementations, by counting every outcome, and against cases worked by hand."""
+"""Intervals and tests of independent rates against scipy and statsmodels, and by counting every outcome."""
 
 import itertools
 import math
@@ -7,26 +7,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom
+from scipy.stats import binom, binomtest
+from scipy.stats import t as student
 from statsmodels.stats.contingency_tables import mcnemar as statsmodels_mcnemar
-from statsmodels.stats.multitest import multipletests
-from statsmodels.stats.proportion import confint_proportions_2indep, power_proportions_2indep, proportion_confint
+from statsmodels.stats.proportion import confint_proportions_2indep
 
 from vsnbench.statistics.rates import (
     BARNARD_LIMIT,
-    UNKNOWN,
-    ClusterSums,
     Proportion,
-    Stratum,
     barnard,
-    clustered_bootstrap,
     fisher,
-    holm,
     mcnemar_exact,
     newcombe,
-    stratified_permutation,
-    trials_needed,
     wilson,
+    wilson_at,
 )
 
 RATES = np.linspace(0.05, 0.95, 91)
@@ -39,10 +33,20 @@ def proportions(draw: st.DrawFn, most: int = 200) -> Proportion:
 
 
 @settings(deadline=None)
-@given(proportions())
-def test_wilson_is_that_of_statsmodels(proportion: Proportion) -> None:
-    low, high = proportion_confint(proportion.successes, proportion.trials, method="wilson")
-    assert (wilson(proportion).low, wilson(proportion).high) == pytest.approx((low, high), abs=1e-12)
+@given(proportions(), st.sampled_from([0.8, 0.9, 0.95, 0.99]))
+def test_wilson_is_that_of_scipy(proportion: Proportion, confidence: float) -> None:
+    expected = binomtest(proportion.successes, proportion.trials).proportion_ci(confidence, method="wilson")
+    interval = wilson(proportion, confidence)
+    assert (interval.low, interval.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+@settings(deadline=None)
+@given(st.floats(0.01, 0.99), st.floats(1, 200), st.sampled_from([4.0, 14.0, math.inf]))
+def test_the_ends_of_wilson_are_the_rates_as_far_off_as_students_t_says(rate: float, n: float, freedom: float) -> None:
+    quantile = float(student.ppf(0.975, freedom))
+    interval = wilson_at(rate, n, freedom=freedom)
+    for end in (interval.low, interval.high):
+        assert abs(rate - end) / math.sqrt(end * (1 - end) / n) == pytest.approx(quantile, rel=1e-6)
 
 
 @settings(deadline=None)
@@ -152,91 +156,6 @@ def test_mcnemar_worked_by_hand() -> None:
     # Six discordant pairs, five for the first: 2 * (1 + 6) / 2**6.
     assert mcnemar_exact(5, 1) == pytest.approx(14 / 64)
     assert mcnemar_exact(0, 0) == 1.0
-
-
-def test_the_permutation_test_worked_by_hand() -> None:
-    # One position, 2/2 against 0/2: of the 6 ways to deal two successes among four, 2 are as uneven.
-    one = Stratum(Proportion(2, 2), Proportion(0, 2))
-    assert stratified_permutation([one]) == pytest.approx(2 / 6)
-    # Two such positions: only the two dealings at the very ends are as uneven, 2 of 36.
-    assert stratified_permutation([one, one]) == pytest.approx(2 / 36)
-    # They cancel: nothing is less uneven.
-    assert stratified_permutation([one, Stratum(one.second, one.first)]) == pytest.approx(1.0)
-    assert stratified_permutation([]) == 1.0
-
-
-STRATA = st.lists(st.builds(Stratum, proportions(3), proportions(3)), min_size=1, max_size=3)
-
-
-@settings(deadline=None, max_examples=40)
-@given(STRATA)
-def test_the_permutation_test_counts_every_dealing(strata: list[Stratum]) -> None:
-    outcomes = [
-        [1] * (s.first.successes + s.second.successes) + [0] * (s.first.failures + s.second.failures) for s in strata
-    ]
-    dealt = [
-        [sum(hand) for hand in itertools.combinations(cards, s.first.trials)]
-        for cards, s in zip(outcomes, strata, strict=True)
-    ]
-    sums = np.array([sum(hands) for hands in itertools.product(*dealt)])
-    expected = sums.mean()
-    observed = sum(s.first.successes for s in strata)
-    assert stratified_permutation(strata) == pytest.approx(
-        np.mean(np.abs(sums - expected) >= abs(observed - expected) - 1e-9)
-    )
-
-
-def test_holm_is_that_of_statsmodels() -> None:
-    random = np.random.default_rng(3)
-    for size in (1, 2, 5, 8):
-        p_values = (random.random(size) ** 3).tolist()
-        assert holm(p_values) == pytest.approx(multipletests(p_values, method="holm")[1])
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
-def test_holm_never_lowers_a_p_value_and_keeps_their_order(p_values: list[float]) -> None:
-    adjusted = holm(p_values)
-    assert all(p <= after <= 1 for p, after in zip(p_values, adjusted, strict=True))
-    by_p = sorted(range(len(p_values)), key=lambda index: p_values[index])
-    assert [adjusted[index] for index in by_p] == sorted(adjusted)
-
-
-def test_the_trials_needed_give_the_power_asked_for() -> None:
-    for first, second in [(0.3, 0.2), (0.29, 0.21), (0.6, 0.2), (0.05, 0.10)]:
-        needed = trials_needed(first, second)
-        assert needed is not None
-        power = power_proportions_2indep(first - second, second, needed, alternative="two-sided").power
-        assert power == pytest.approx(0.80, abs=0.02)
-    assert trials_needed(0.3, 0.3) is None
-    assert trials_needed(math.nan, 0.3) is None
-
-
-def test_the_bootstrap_covers_the_difference_of_clustered_means() -> None:
-    random = np.random.default_rng(7)
-    clusters, episodes, held = 15, 5, 0
-    samples = 300
-    for sample in range(samples):
-        place = random.normal(50, 15, clusters)  # hard positions are hard for both
-        first = ClusterSums(
-            (place[:, None] + 5 + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
-        )
-        second = ClusterSums(
-            (place[:, None] + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
-        )
-        interval = clustered_bootstrap(first, second, shared_clusters=True, resamples=1000, seed=sample)
-        held += 5 in interval
-    assert 0.89 < held / samples < 0.98  # the percentile bootstrap of 15 clusters is a little short
-
-
-def test_the_bootstrap_repeats_itself_and_knows_when_it_knows_nothing() -> None:
-    few = ClusterSums(np.array([10.0]), np.array([2]))
-    some = ClusterSums(np.array([10.0, 30.0, 20.0]), np.array([2, 2, 2]))
-    assert clustered_bootstrap(few, some, shared_clusters=False) is UNKNOWN
-    first = clustered_bootstrap(some, some, shared_clusters=False, seed=3)
-    assert first == clustered_bootstrap(some, some, shared_clusters=False, seed=3)
-    assert 0.0 in first
-    with pytest.raises(ValueError, match="listed alike"):
-        clustered_bootstrap(few, some, shared_clusters=True)
 
 
 def test_successes_beyond_the_trials_are_refused() -> None:

@@ -32,6 +32,12 @@ def command(
     ] = None,
     site: Annotated[list[str] | None, typer.Option("--site", help="only these sites", rich_help_panel=_WHAT)] = None,
     robot: Annotated[list[str] | None, typer.Option("--robot", help="only these robots", rich_help_panel=_WHAT)] = None,
+    campaign: Annotated[
+        list[int] | None, typer.Option("--campaign", help="only these campaigns, by number", rich_help_panel=_WHAT)
+    ] = None,
+    all_tests: Annotated[
+        bool, typer.Option("--all-tests", help="show the tests that are not read as well", rich_help_panel=_WHAT)
+    ] = False,
     form: Annotated[Format, typer.Option("--format", "-f", help="what to print on stdout")] = Format.TABLE,
     results: Results = None,
     db: Database = None,
@@ -45,9 +51,10 @@ def command(
         vsnbench compare vlv paper:vlv               ours against the published numbers
         vsnbench compare "vlv real" "vlv simulated"  one model under two conditions
 
-    Trials of one site are paired on goal, starting position and repetition: exact McNemar, and an exact permutation
-    within starting positions. Independent samples: Fisher and Barnard. Intervals: Newcombe for rates, bootstrap of
-    whole starting positions for actions and SPL. Below 95 % of the planned trials no winner is named.
+    One question, one p-value. Cells (goal, starting position) of one site are paired and the signs of whole starting
+    positions flipped: exact McNemar where each was tried once. Independent samples: whole starting positions exchanged,
+    or Fisher. Intervals: Newcombe for rates, paired where the test is; bootstrap of starting positions for actions and
+    SPL. Seeds and repetitions are no new places. Below 95 % of the planned trials no winner is named.
     """
     from vsnbench.cli.report_forms import print_comparisons
     from vsnbench.record.results import ResultsDirectory
@@ -64,6 +71,12 @@ def command(
         record = empty_record()
     else:
         place = ResultsDirectory.locate(results, db)
-        selection = Selection(goals=tuple(goal or ()), sites=tuple(site or ()), robots=tuple(robot or ()))
+        selection = Selection(
+            goals=tuple(goal or ()),
+            sites=tuple(site or ()),
+            robots=tuple(robot or ()),
+            campaigns=tuple(campaign or ()),
+        )
         record = read(place.database_url, selection, place.path)
-    print_comparisons(form.value, compare(record, summarise(record), models, by_goal=by_goal, published=published))
+    found = compare(record, summarise(record), models, by_goal=by_goal, published=published)
+    print_comparisons(form.value, found, all_tests=all_tests)

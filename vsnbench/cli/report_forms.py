@@ -37,7 +37,7 @@ def print_sheets_as(form: str, sheets: "list[Sheet]", results: "Results") -> Non
     typer.echo(_text(form, sheets, results), nl=False)
 
 
-def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
+def print_comparisons(form: str, comparisons: "Sequence[Comparison]", *, all_tests: bool = False) -> None:
     """Print comparisons as sheets, or as one JSON list."""
     import json
 
@@ -46,7 +46,7 @@ def print_comparisons(form: str, comparisons: "Sequence[Comparison]") -> None:
     if form == "json":
         typer.echo(json.dumps([comparison_fields(one) for one in comparisons], indent=2, ensure_ascii=False))
         return
-    sheets = [sheet for one in comparisons for sheet in comparison_sheets(one)]
+    sheets = [sheet for one in comparisons for sheet in comparison_sheets(one, all_tests=all_tests)]
     if form == "table":
         from vsnbench.cli.episode_page import page
         from vsnbench.report.forms.terminal import print_sheets

@@ -1,7 +1,8 @@
-"""Compares two conditions honestly: the difference with its interval, the right test for the design, and in words.
+"""Compares two conditions honestly: one question, one p-value, and test, interval and difference on the same episodes.
 
-Trials are paired on (goal, starting position, repetition) where both were run in the same site; else the samples are
-independent. No winner is named while trials are missing: the missing ones may be the hard ones.
+Cells (goal x starting position) that both were tried in, in the same site, are paired; the test flips the sign of whole
+starting positions, however many goals, seeds and repetitions they hold. Else the samples are independent, and whole
+starting positions are exchanged. No winner is named while trials are missing: the missing ones may be the hard ones.
 """
 
 import itertools
@@ -13,23 +14,15 @@ from typing import TYPE_CHECKING
 from vsnbench.errors import UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
+from vsnbench.report.outlook import Outlook, outlook_of
+from vsnbench.report.pairing import Pairing, counted_on, pair, same_places
 from vsnbench.report.record import Record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.statistics.rates import (
-    CONFIDENCE,
-    ClusterSums,
-    Interval,
-    Proportion,
-    Stratum,
-    barnard,
-    clustered_bootstrap,
-    fisher,
-    holm,
-    mcnemar_exact,
-    newcombe,
-    stratified_permutation,
-    trials_needed,
-)
+from vsnbench.statistics.clustered import ClusterSums, Outcomes, clustered_bootstrap, independent_difference
+from vsnbench.statistics.multiple import holm
+from vsnbench.statistics.paired import paired_interval, paired_test
+from vsnbench.statistics.permutation import exchange_clusters, fisher_effective, stratified_permutation
+from vsnbench.statistics.rates import CONFIDENCE, Interval, Proportion, barnard, fisher, mcnemar_exact
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,16 +32,22 @@ ENOUGH_COVERAGE = 0.95
 
 ALL, SHARED = "all goals", "shared goals"
 
+FLIPPED = "starting positions' signs flipped"
+MCNEMAR = "McNemar, exact"
+EXCHANGED = "starting positions exchanged"
+FISHER = "Fisher, exact"
+EFFECTIVE = "Fisher, exact, at the effective sample sizes"
+
 
 @dataclass(frozen=True, slots=True)
-class PairedTest:
-    """What matched trials say."""
+class OtherTests:
+    """P-values that are not read, for whoever asks: they take episodes for independent. NaN where they do not fit."""
 
-    pairs: int
-    only_first: int
-    """Pairs in which only the first succeeded."""
-    only_second: int
+    fisher_p: float
+    barnard_p: float
+    """NaN where there are too many trials for it."""
     mcnemar_p: float
+    """Of the pairs with one seed and repetition."""
     permutation_p: float
     """Of permuting the models within each starting position."""
 
@@ -62,28 +61,36 @@ class RateComparison:
     goals: tuple[tuple[str, ...], tuple[str, ...]]
     """Of the first and of the second; the same but for `all goals`."""
     first: Summary
+    """Of all its episodes on these goals, compared or left out."""
     second: Summary
-    fisher_p: float
-    barnard_p: float
-    """NaN where there are too many trials for it."""
-    paired: PairedTest | None
-    adjusted_p: float
-    """The p-value that is read (McNemar's when paired, else Fisher's), after Holm over everything asked together."""
+    pairing: Pairing | None
+    """None where the samples are independent."""
+    test: str
+    """The one that is read, by name; chosen by the design, not by its answer."""
+    p: float
+    """Its two-sided p-value, before any correction."""
+    others: OtherTests
+    adjusted_p: float = math.nan
+    """`p` after Holm over everything asked together."""
+    outlook: Outlook | None = None
+    """What this design could show; None where a difference was found, or nothing can be said."""
 
     @property
-    def p(self) -> float:
-        """The p-value that is read, before any correction."""
-        return self.paired.mcnemar_p if self.paired else self.fisher_p
+    def compared(self) -> tuple[Proportion, Proportion]:
+        """Successes of the episodes that test, interval and difference are about."""
+        return self.pairing.proportions if self.pairing else (self.first.proportion, self.second.proportion)
 
     @property
     def difference(self) -> float:
-        """First success rate less the second, as shares."""
-        return self.first.success_rate - self.second.success_rate
+        """First success rate less the second, as shares; of paired ones the mean over the cells."""
+        return self.pairing.outcomes.difference if self.pairing else self.first.success_rate - self.second.success_rate
 
     @property
     def interval(self) -> Interval:
-        """Newcombe's 95 % interval of the difference."""
-        return newcombe(self.first.proportion, self.second.proportion)
+        """95 % interval of the difference: Newcombe's, paired where the test is, by starting position."""
+        if self.pairing:
+            return paired_interval(self.pairing.outcomes)
+        return independent_difference(self.first.outcomes, self.second.outcomes)
 
     @property
     def covered(self) -> bool:
@@ -96,10 +103,11 @@ class RateComparison:
         return self.adjusted_p < 1 - CONFIDENCE
 
     @property
-    def more_trials(self) -> int | None:
-        """About how many more trials a model would show the difference seen with 80 % power; None for no difference."""
-        needed = trials_needed(self.first.success_rate, self.second.success_rate)
-        return None if needed is None else max(0, needed - min(self.first.episodes, self.second.episodes))
+    def cells(self) -> tuple[int, int]:
+        """Cells that the compared episodes of each come from."""
+        if self.pairing:
+            return len(self.pairing.outcomes.cells), len(self.pairing.outcomes.cells)
+        return len(self.first.outcomes.cells), len(self.second.outcomes.cells)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +137,6 @@ class Comparison:
     asked: int
     """How many p-values the Holm correction is over."""
 
-    @property
-    def verdicts(self) -> tuple[str, ...]:
-        """Each set of goals in one plain sentence or two."""
-        return tuple(_verdict(self, rate) for rate in self.rates)
-
 
 def compare(
     record: Record, results: Results, names: Sequence[str], *, by_goal: bool = False, published: Results | None = None
@@ -162,6 +165,13 @@ def compare(
     finished = []
     for one in raw:
         rates = tuple(replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted)) for rate in one.rates)
+        level = (1 - CONFIDENCE) / max(1, len(family))
+        rates = tuple(
+            replace(rate, outlook=outlook_of(rate.pairing, rate.first, rate.second, level))
+            if rate.scope in (ALL, SHARED) and rate.covered and not rate.significant
+            else rate
+            for rate in rates
+        )
         finished.append(replace(one, rates=rates, asked=len(family)))
     return tuple(finished)
 
@@ -197,74 +207,49 @@ def _pair(record: Record, first: ConditionSummary, second: ConditionSummary, *, 
         scopes.insert(0, (ALL, mine, theirs))
     if by_goal and len(shared) > 1:
         scopes += [(goal, (goal,), (goal,)) for goal in shared]
-    rates = []
-    for scope, own, other in scopes:
-        a, b = _summary(first, own), _summary(second, other)
-        paired = None if scope == ALL else _paired(record, first, second, own)
-        fisher_p = fisher(a.proportion, b.proportion)
-        rates.append(
-            RateComparison(
-                scope=scope,
-                goals=(own, other),
-                first=a,
-                second=b,
-                fisher_p=fisher_p,
-                barnard_p=barnard(a.proportion, b.proportion),
-                paired=paired,
-                adjusted_p=math.nan,
-            )
-        )
-    return Comparison(first.condition, second.condition, tuple(rates), _effects(record, first, second, shared), 0)
+    rates = tuple(_rate(record, scope, (first, own), (second, other)) for scope, own, other in scopes)
+    return Comparison(first.condition, second.condition, rates, _effects(record, first, second, shared), 0)
 
 
-def _summary(one: ConditionSummary, goals: Sequence[str]) -> Summary:
+def _rate(
+    record: Record,
+    scope: str,
+    first: tuple[ConditionSummary, tuple[str, ...]],
+    second: tuple[ConditionSummary, tuple[str, ...]],
+) -> RateComparison:
+    a, b = over_goals(*first), over_goals(*second)
+    pairing = None if scope == ALL else pair(record, first[0].condition, second[0].condition, first[1])
+    if pairing:
+        test, p = MCNEMAR if pairing.single else FLIPPED, paired_test(pairing.outcomes)
+    elif a.outcomes.independent and b.outcomes.independent:
+        test, p = FISHER, fisher(a.proportion, b.proportion)
+    elif _placed(a.outcomes, first[0]) and _placed(b.outcomes, second[0]):
+        test, p = EXCHANGED, exchange_clusters(a.outcomes, b.outcomes)
+    else:
+        test, p = EFFECTIVE, fisher_effective(a.outcomes, b.outcomes)
+    others = OtherTests(
+        fisher_p=fisher(a.proportion, b.proportion),
+        barnard_p=barnard(a.proportion, b.proportion),
+        mcnemar_p=mcnemar_exact(pairing.only_first, pairing.only_second) if pairing and pairing.matched else math.nan,
+        permutation_p=stratified_permutation(pairing.strata()) if pairing else math.nan,
+    )
+    return RateComparison(scope, (first[1], second[1]), a, b, pairing, test, p, others)
+
+
+def _placed(outcomes: Outcomes, one: ConditionSummary) -> bool:
+    """Whether it is known which episodes share a starting position."""
+    return not one.condition.published and all(cell.cluster > 0 for cell in outcomes.cells)
+
+
+def over_goals(one: ConditionSummary, goals: Sequence[str]) -> Summary:
     """Sum up some goals; only what rates need."""
     chosen = [goal.summary for goal in one.goals if goal.goal in goals]
-    first = chosen[0]
     return replace(
-        first,
+        chosen[0],
         successes=sum(each.successes for each in chosen),
         episodes=sum(each.episodes for each in chosen),
         planned=sum(each.planned for each in chosen),
-    )
-
-
-def _episodes(record: Record, one: ConditionSummary, goals: Sequence[str]) -> "pd.DataFrame":
-    rows = record.counted(one.condition)
-    return rows[rows["goal"].isin(goals)]
-
-
-def _same_places(first: ConditionSummary, second: ConditionSummary) -> bool:
-    return bool(first.condition.site_sha256) and first.condition.site_sha256 == second.condition.site_sha256
-
-
-def _paired(
-    record: Record, first: ConditionSummary, second: ConditionSummary, goals: Sequence[str]
-) -> PairedTest | None:
-    if not _same_places(first, second):
-        return None
-    cell = ["goal", "start", "repetition"]
-    sides = []
-    for one in (first, second):
-        rows = _episodes(record, one, goals)[[*cell, "success"]].astype({"goal": str})
-        # Campaigns with other seeds meet the same cells again: the n-th time is paired with the n-th time.
-        sides.append(rows.assign(time=rows.groupby(cell).cumcount()))
-    pairs = sides[0].merge(sides[1], on=[*cell, "time"], suffixes=("_first", "_second"))
-    if pairs.empty:
-        return None
-    a, b = pairs["success_first"], pairs["success_second"]
-    only_first, only_second = int((a & ~b).sum()), int((~a & b).sum())
-    by_start = pairs.groupby("start")[["success_first", "success_second"]].agg(["sum", "count"])
-    strata = [
-        Stratum(Proportion(int(k1), int(n1)), Proportion(int(k2), int(n2)))
-        for k1, n1, k2, n2 in by_start.itertuples(index=False)
-    ]
-    return PairedTest(
-        pairs=len(pairs),
-        only_first=only_first,
-        only_second=only_second,
-        mcnemar_p=mcnemar_exact(only_first, only_second),
-        permutation_p=stratified_permutation(strata),
+        outcomes=Outcomes(tuple(cell for each in chosen for cell in each.outcomes.cells)),
     )
 
 
@@ -281,12 +266,13 @@ def _effects(
 ) -> tuple[EffectComparison, ...]:
     if first.condition.published or second.condition.published or not goals:
         return ()
-    sides = [_episodes(record, one, goals) for one in (first, second)]
+    sides = [counted_on(record, one.condition, goals) for one in (first, second)]
+    together = same_places(first.condition, second.condition)
     effects = []
     for measure, column in MEASURES.items():
         chosen = [rows[rows["success"]] if "successful" in measure else rows for rows in sides]
         # The same starting positions are drawn for both when they are the same places.
-        starts = sorted(set(sides[0]["start"]) | set(sides[1]["start"])) if _same_places(first, second) else None
+        starts = sorted(set(sides[0]["start"]) | set(sides[1]["start"])) if together else None
         a, b = (_by_start(rows, column, starts) for rows in chosen)
         interval = clustered_bootstrap(a, b, shared_clusters=starts is not None)
         effects.append(EffectComparison(measure, a.mean, b.mean, interval))
@@ -300,49 +286,3 @@ def _by_start(rows: "pd.DataFrame", column: str, starts: Sequence[int] | None) -
     if starts is not None:
         grouped = grouped.reindex(list(starts), fill_value=0)
     return ClusterSums(grouped["sum"].to_numpy(np.float64), grouped["count"].to_numpy(np.int64))
-
-
-def _verdict(comparison: Comparison, rate: RateComparison) -> str:
-    a, b = harmless(comparison.first.name), harmless(comparison.second.name)
-    where = f"On {rate.scope}" if rate.scope in (ALL, SHARED) else f"On {harmless(rate.scope)}"
-    caveat = " Their goals differ: the difference may be the goals' and not the models'." if rate.scope == ALL else ""
-    if not rate.first.episodes or not rate.second.episodes:
-        empty = a if not rate.first.episodes else b
-        return f"{where}: nothing to compare, no trial of {empty} is done."
-    interval = rate.interval
-    numbers = (
-        f"{rate.first.successes}/{rate.first.episodes} against {rate.second.successes}/{rate.second.episodes}, "
-        f"{100 * rate.difference:+.1f} points [{100 * interval.low:+.1f}, {100 * interval.high:+.1f}]"
-    )
-    if not rate.covered:
-        short = [
-            f"{each.episodes} of {each.planned} trials of {name}"
-            for name, each in ((a, rate.first), (b, rate.second))
-            if each.coverage < ENOUGH_COVERAGE
-        ]
-        return (
-            f"{where}: {numbers}. No winner is named: only {' and '.join(short)} are done, "
-            f"{ENOUGH_COVERAGE:.0%} are needed.{caveat}"
-        )
-    p = f"p {_compared(rate.p)}"
-    if rate.scope != ALL and comparison.asked > 1:
-        p += f", {_compared(rate.adjusted_p)} after Holm's correction for {comparison.asked} questions"
-    for one in (comparison.first, comparison.second):
-        if one.surveyed:
-            caveat += f" {harmless(one.name)} is handed the site: an upper bound, not a competitor."
-    if rate.significant:
-        better, worse = (a, b) if rate.difference > 0 else (b, a)
-        return f"{where}: {better} succeeds more often than {worse}: {numbers}, {p}.{caveat}"
-    more = rate.more_trials
-    advice = (
-        "the rates seen are equal"
-        if more is None
-        else f"about {more} more trials a model would be needed for 80 % power to show the difference seen"
-        if more
-        else "the trials would have been enough for 80 % power, the difference seen is chance or smaller than it looks"
-    )
-    return f"{where}: not distinguishable at this number of trials ({numbers}, {p}); {advice}.{caveat}"
-
-
-def _compared(p: float) -> str:
-    return f"= {p:.3f}" if p >= 0.001 else "< 0.001"

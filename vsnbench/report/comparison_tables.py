@@ -3,9 +3,10 @@
 import math
 from typing import Any
 
-from vsnbench.report.compare import ALL, SHARED, Comparison, RateComparison
+from vsnbench.report.compare import ALL, SHARED, Comparison, OtherTests, RateComparison
 from vsnbench.report.conditions import footnotes
 from vsnbench.report.forms.plain import condition_fields
+from vsnbench.report.outlook import Outlook
 from vsnbench.report.sheets import (
     UNKNOWN,
     Cell,
@@ -22,12 +23,24 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
+from vsnbench.report.verdicts import verdicts
 
 
-def comparison_sheets(comparison: Comparison) -> list[Sheet]:
-    """Return the rates with their tests, and the effects on actions and SPL."""
+def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> list[Sheet]:
+    """Return the rates with their test, and the effects on actions and SPL.
+
+    Args:
+        comparison: of two conditions.
+        all_tests: show the tests that are not read as well.
+    """
     a, b = comparison.first.name, comparison.second.name
     name = f"{comparison.first.number}-{comparison.second.number}"
+    others = (
+        Column("Fisher p", rank=3, note="as if every episode were independent"),
+        Column("Barnard p", rank=3, note="as if every episode were independent"),
+        Column("McNemar p", rank=3, note="as if every pair were independent"),
+        Column("by start p", rank=3, note="permutation of the models within each starting position"),
+    )
     rates = Sheet(
         name=f"compare-{name}",
         title=f"A: {a} against B: {b}",
@@ -37,18 +50,17 @@ def comparison_sheets(comparison: Comparison) -> list[Sheet]:
             Column("A SR %"),
             Column("B k/n"),
             Column("B SR %"),
-            Column("A - B"),
-            Column("95 % interval", note="Newcombe's interval of the difference, points"),
-            Column("Fisher p", rank=1),
-            Column("Barnard p", rank=3),
-            Column("pairs", rank=3),
-            Column("only A : only B", rank=4, note="pairs in which only one of them succeeded"),
-            Column("McNemar p", rank=1),
-            Column("by start p", rank=2, note="exact permutation of the models within each starting position"),
-            Column("Holm p", rank=2),
+            Column("A - B", note="paired: mean over the cells, points"),
+            Column("95 % interval", note="Newcombe's interval of the difference, paired where the test is; points"),
+            Column("cells", rank=2, note="goals x starting positions that the episodes come from"),
+            Column("only A : only B", rank=4, note="pairs of one seed and repetition in which only one succeeded"),
+            Column("p", note="the one test that is read; its name is beside it"),
+            Column("test", number=False, rank=3),
+            Column("Holm p", rank=1, note="p corrected for everything asked together"),
+            *(others if all_tests else ()),
         ),
-        rows=tuple(_rate_row(rate, comparison.asked) for rate in comparison.rates),
-        notes=(*comparison.verdicts, *footnotes([comparison.first, comparison.second])),
+        rows=tuple(_rate_row(rate, comparison.asked, all_tests=all_tests) for rate in comparison.rates),
+        notes=(*verdicts(comparison), *footnotes([comparison.first, comparison.second])),
     )
     if not comparison.effects:
         return [kept(rates)]
@@ -89,67 +101,79 @@ def comparison_fields(comparison: Comparison) -> dict[str, Any]:
         "effects": [
             {
                 "measure": effect.measure,
-                "first": _finite(effect.first),
-                "second": _finite(effect.second),
-                "difference": _finite(effect.difference),
-                "ci_low": _finite(effect.interval.low),
-                "ci_high": _finite(effect.interval.high),
+                "first": finite(effect.first),
+                "second": finite(effect.second),
+                "difference": finite(effect.difference),
+                "ci_low": finite(effect.interval.low),
+                "ci_high": finite(effect.interval.high),
             }
             for effect in comparison.effects
         ],
-        "verdicts": list(comparison.verdicts),
+        "verdicts": list(verdicts(comparison)),
     }
 
 
-def _rate_row(rate: RateComparison, asked: int) -> Row:
+def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
     scope = f"shared: {listed(rate.goals[0])}" if rate.scope == SHARED else rate.scope
-    paired = rate.paired
+    pairing, (mine, theirs), cells = rate.pairing, rate.compared, rate.cells
     unknown = Cell(UNKNOWN, -math.inf)
+    others = rate.others
     return row(
         word(scope),
-        of(rate.first.successes, rate.first.episodes),
-        percent(rate.first.success_rate),
-        of(rate.second.successes, rate.second.episodes),
-        percent(rate.second.success_rate),
+        of(mine.successes, mine.trials),
+        percent(mine.rate),
+        of(theirs.successes, theirs.trials),
+        percent(theirs.rate),
         decimal(100 * rate.difference, 2),
         interval_percent(rate.interval.low, rate.interval.high),
-        _p(rate.fisher_p),
-        _p(rate.barnard_p),
-        count(paired.pairs) if paired else unknown,
-        Cell(f"{paired.only_first} : {paired.only_second}", paired.only_first) if paired else unknown,
-        _p(paired.mcnemar_p) if paired else unknown,
-        _p(paired.permutation_p) if paired else unknown,
+        count(cells[0]) if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
+        Cell(f"{pairing.only_first} : {pairing.only_second}", pairing.only_first)
+        if pairing and pairing.matched
+        else unknown,
+        _p(rate.p),
+        word(rate.test),
         _p(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
+        *(
+            (_p(others.fisher_p), _p(others.barnard_p), _p(others.mcnemar_p), _p(others.permutation_p))
+            if all_tests
+            else ()
+        ),
     )
 
 
 def _rate_fields(rate: RateComparison) -> dict[str, Any]:
-    paired = rate.paired
+    pairing, (mine, theirs), outlook = rate.pairing, rate.compared, rate.outlook
     return {
         "scope": rate.scope,
         "goals_first": list(rate.goals[0]),
         "goals_second": list(rate.goals[1]),
-        "successes_first": rate.first.successes,
-        "episodes_first": rate.first.episodes,
+        "successes_first": mine.successes,
+        "episodes_first": mine.trials,
+        "cells_first": rate.cells[0],
         "planned_first": rate.first.planned,
-        "successes_second": rate.second.successes,
-        "episodes_second": rate.second.episodes,
+        "done_first": rate.first.episodes,
+        "left_out_first": pairing.left_out[0] if pairing else 0,
+        "successes_second": theirs.successes,
+        "episodes_second": theirs.trials,
+        "cells_second": rate.cells[1],
         "planned_second": rate.second.planned,
-        "difference": _finite(rate.difference),
-        "ci_low": _finite(rate.interval.low),
-        "ci_high": _finite(rate.interval.high),
-        "fisher_p": _finite(rate.fisher_p),
-        "barnard_p": _finite(rate.barnard_p),
-        "pairs": paired.pairs if paired else None,
-        "only_first": paired.only_first if paired else None,
-        "only_second": paired.only_second if paired else None,
-        "mcnemar_p": _finite(paired.mcnemar_p) if paired else None,
-        "permutation_p": _finite(paired.permutation_p) if paired else None,
-        "p": _finite(rate.p),
-        "adjusted_p": _finite(rate.adjusted_p),
+        "done_second": rate.second.episodes,
+        "left_out_second": pairing.left_out[1] if pairing else 0,
+        "paired": pairing is not None,
+        "starts": pairing.starts if pairing else None,
+        "difference": finite(rate.difference),
+        "ci_low": finite(rate.interval.low),
+        "ci_high": finite(rate.interval.high),
+        "test": rate.test,
+        "p": finite(rate.p),
+        "adjusted_p": finite(rate.adjusted_p),
         "covered": rate.covered,
         "significant": rate.covered and rate.significant,
-        "more_trials": rate.more_trials,
+        "matched_pairs": pairing.matched if pairing else None,
+        "only_first": pairing.only_first if pairing else None,
+        "only_second": pairing.only_second if pairing else None,
+        "other_tests": {name: finite(getattr(rate.others, name)) for name in OtherTests.__dataclass_fields__},
+        "outlook": {name: getattr(outlook, name) for name in Outlook.__dataclass_fields__} if outlook else None,
     }
 
 
@@ -169,5 +193,6 @@ def _plain_interval(low: float, high: float, places: int) -> Cell:
     return Cell(f"[{low:.{places}f}, {high:.{places}f}]", low)
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """Return a number as JSON can hold it: None for NaN and the infinities."""
     return float(value) if math.isfinite(value) else None

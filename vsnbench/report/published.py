@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.report.conditions import Condition
 from vsnbench.report.summary import ConditionSummary, GoalSummary, Results, Summary
+from vsnbench.statistics.clustered import Outcomes, independent_outcomes
+from vsnbench.statistics.rates import Proportion
 
 
 class _Data(BaseModel):
@@ -107,7 +109,8 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         name=f"{model.title} (paper)",
         published=True,
     )
-    summaries = {goal: _summary(*numbers) for goal, numbers in model.goals.items()}
+    # No two goals' trials are taken for ones from the same position.
+    summaries = {goal: _summary(*numbers, -1000 * place) for place, (goal, numbers) in enumerate(model.goals.items())}
     return ConditionSummary(
         condition=condition,
         goals=tuple(GoalSummary(goal, summary) for goal, summary in summaries.items()),
@@ -118,7 +121,9 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
     )
 
 
-def _summary(successes: int, episodes: int, mean_actions: float) -> Summary:
+def _summary(
+    successes: int, episodes: int, mean_actions: float, after: int = 0, outcomes: Outcomes | None = None
+) -> Summary:
     return Summary(
         successes=successes,
         episodes=episodes,
@@ -130,12 +135,19 @@ def _summary(successes: int, episodes: int, mean_actions: float) -> Summary:
         spl=math.nan,
         soft_spl=math.nan,
         spl_episodes=0,
+        soft_spl_episodes=0,
         median_distance_m=math.nan,
         collisions=None,
         step_limits=None,
+        trivial=None,
+        # The paper does not say which trials succeeded: each is taken for one of its own.
+        outcomes=outcomes or independent_outcomes(Proportion(successes, episodes), after),
     )
 
 
 def _sum(goals: list[Summary]) -> Summary:
     # The paper prints no average of actions over the goals; none is made up here.
-    return _summary(sum(one.successes for one in goals), sum(one.episodes for one in goals), math.nan)
+    outcomes = Outcomes(tuple(cell for one in goals for cell in one.outcomes.cells))
+    return _summary(
+        sum(one.successes for one in goals), sum(one.episodes for one in goals), math.nan, outcomes=outcomes
+    )

@@ -43,7 +43,7 @@ COLUMNS: dict[str, str] = {
     "distance_m": "distance to the goal of the standing verdict; NaN when unknown",
     "duration_s": "on the robot's clock; NaN when unknown",
     "wall_duration_s": "wall time; NaN when unknown",
-    "spl": "success weighted by path length; NaN where a length is unknown",
+    "spl": "success weighted by path length: 0 for a failure, NaN for a success of unknown length",
     "soft_spl": "the same with progress in place of success; NaN where a length is unknown",
     "started_at": "aware, UTC",
     "ended_at": "aware, UTC; NaT while running",
@@ -213,9 +213,9 @@ def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
 
 
 def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.spl` of every row at once."""
+    """Return `vsnbench.protocol.metrics.spl` of every row at once; a failure is 0 whatever its lengths."""
     efficiency = _efficiency(frame)
-    return efficiency.where(frame["success"] | efficiency.isna(), 0.0)
+    return efficiency.where(frame["success"], 0.0)
 
 
 def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":

@@ -22,7 +22,7 @@ from vsnbench.report.sheets import (
 )
 from vsnbench.report.summary import ConditionSummary, GoalSummary, Results
 from vsnbench.report.tables import goal_sheet
-from vsnbench.statistics.rates import newcombe
+from vsnbench.statistics.clustered import independent_difference
 
 
 def reference_sheets() -> list[Sheet]:
@@ -101,7 +101,7 @@ def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Resul
     unknown = decimal(float("nan"), 0)
     difference: tuple[Cell, Cell] = (unknown, unknown)
     if theirs and mine.episodes:
-        interval = newcombe(mine.proportion, theirs.proportion)
+        interval = independent_difference(mine.outcomes, theirs.outcomes)
         difference = (
             decimal(100 * (mine.success_rate - theirs.success_rate), 2),
             interval_percent(interval.low, interval.high),

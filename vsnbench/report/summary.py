@@ -5,18 +5,23 @@ Void episodes are counted beside, never inside; every summary carries how many o
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.conditions import Condition
 from vsnbench.report.record import COUNTED, RUNNING, UNJUDGED, VOID, Record, goal_order
-from vsnbench.statistics.rates import Interval, Proportion, wilson
+from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
+from vsnbench.statistics.rates import Interval, Proportion
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
+
+
+TRIVIAL_M = 0.25
+"""A trial whose shortest path is below one move is trivial: it tells nothing about navigation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +42,21 @@ class Summary:
     mean_actions_successful: float
     """Over the successful ones only."""
     spl: float
-    """Mean over the episodes whose path lengths are known."""
+    """Mean over the failures, which count 0, and the successes whose path lengths are known."""
     soft_spl: float
+    """Mean over the episodes whose path lengths are known."""
     spl_episodes: int
-    """How many those are."""
+    """How many `spl` is over."""
+    soft_spl_episodes: int
+    """How many `soft_spl` is over."""
     median_distance_m: float
     """Of the final distance to the goal, where it is known."""
     collisions: int | None
     step_limits: int | None
+    trivial: int | None
+    """Episodes that began within one move (`TRIVIAL_M`) of success."""
+    outcomes: Outcomes
+    """The same episodes cell by cell, for every interval and test; clusters are starting positions."""
 
     @property
     def proportion(self) -> Proportion:
@@ -58,13 +70,20 @@ class Summary:
 
     @property
     def interval(self) -> Interval:
-        """Wilson's 95 % interval of the success rate."""
-        return wilson(self.proportion)
+        """95 % interval of the success rate; Wilson's where no starting position was tried twice."""
+        return rate_interval(self.outcomes)
 
     @property
     def coverage(self) -> float:
         """Trials done of trials planned, 0 to 1."""
         return self.episodes / self.planned if self.planned else math.nan
+
+    @property
+    def repeats(self) -> str:
+        """What must be said aloud where cells were tried more than once: `75 episodes from 15 cells`; else empty."""
+        if not self.outcomes.repeated:
+            return ""
+        return f"{self.episodes} episodes from {len(self.outcomes.cells)} cells"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +162,7 @@ def summary_of(episodes: "pd.DataFrame", planned: int) -> Summary:
     success = episodes["success"].to_numpy()[counted]
     actions = episodes["actions"].to_numpy()[counted]
     spl = _known(episodes["spl"], counted)
+    soft_spl = _known(episodes["soft_spl"], counted)
     return Summary(
         successes=int(success.sum()),
         episodes=int(counted.sum()),
@@ -152,11 +172,38 @@ def summary_of(episodes: "pd.DataFrame", planned: int) -> Summary:
         mean_actions=_mean(actions),
         mean_actions_successful=_mean(actions[success]),
         spl=_mean(spl),
-        soft_spl=_mean(_known(episodes["soft_spl"], counted)),
+        soft_spl=_mean(soft_spl),
         spl_episodes=len(spl),
+        soft_spl_episodes=len(soft_spl),
         median_distance_m=_median(_known(episodes["distance_m"], counted)),
         collisions=int(ended.of(EndReason.COLLISION.value)[counted].sum()),
         step_limits=int(ended.of(EndReason.STEP_LIMIT.value)[counted].sum()),
+        trivial=int((_known(episodes["shortest_m"], counted) < TRIVIAL_M).sum()),
+        outcomes=outcomes_of(episodes[counted]),
+    )
+
+
+def outcomes_of(episodes: "pd.DataFrame", *, by_goal: bool = False) -> Outcomes:
+    """Return counted episodes cell by cell, in the order of goals and starting positions.
+
+    Args:
+        episodes: rows of `Record.episodes` that count.
+        by_goal: the clusters are goals, for what is about one starting position alone; else starting positions. An
+            episode whose starting position is not known (0) is a cell and a cluster by itself.
+    """
+    import numpy as np
+
+    if episodes.empty:
+        return Outcomes(())
+    goals, starts = episodes["goal"].cat.codes.to_numpy(np.int64), episodes["start"].to_numpy(np.int64)
+    # An unknown position is made a number of its own, below 0, from the episode's.
+    starts = np.where(starts > 0, starts, -episodes["episode"].to_numpy(np.int64))
+    keys, cells = np.unique(np.stack([goals, starts]), axis=1, return_inverse=True)
+    trials = np.bincount(cells)
+    successes = np.bincount(cells, weights=episodes["success"].to_numpy(np.float64)).astype(np.int64)
+    clusters = keys[0 if by_goal else 1]
+    return Outcomes(
+        tuple(Cell(*each) for each in zip(clusters.tolist(), successes.tolist(), trials.tolist(), strict=True))
     )
 
 
@@ -210,11 +257,16 @@ def _condition(record: Record, condition: Condition, shared: set[str]) -> Condit
         total=summary_of(episodes, int(planned["trials"].sum())),
         shared=common,
         starts=tuple(
-            StartSummary(int(start), summary_of(by_start.get(start, nothing), int(trials_by_start[start])))
+            StartSummary(int(start), _of_start(by_start.get(start, nothing), int(trials_by_start[start])))
             for start in sorted(trials_by_start.index)
         ),
         ends=_ends(episodes),
     )
+
+
+def _of_start(episodes: "pd.DataFrame", planned: int) -> Summary:
+    counted = episodes[episodes["state"] == COUNTED]
+    return replace(summary_of(episodes, planned), outcomes=outcomes_of(counted, by_goal=True))
 
 
 def _ends(episodes: "pd.DataFrame") -> tuple[EndCount, ...]:

@@ -19,13 +19,13 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.statistics.rates import newcombe
+from vsnbench.report.summary import TRIVIAL_M, ConditionSummary, Results, Summary
+from vsnbench.statistics.clustered import independent_difference
 
 _RATES = (
     Column("k/n", note="successful episodes of episodes that count, one a trial"),
     Column("SR %", note="success rate (paper, Section 4.1)"),
-    Column("95 % interval", note="Wilson's interval of the success rate, percent"),
+    Column("95 % interval", note="Wilson's interval of the success rate, percent; starting positions are clusters"),
 )
 _MEASURES = (
     Column("actions", note="mean number of actions over all episodes: the paper's average"),
@@ -115,7 +115,7 @@ def real_sheet(results: Results) -> Sheet | None:
             if real.condition.simulated or not virtual.condition.simulated or not same:
                 continue
             a, b = real.total, virtual.total
-            gap = newcombe(a.proportion, b.proportion)
+            gap = independent_difference(a.outcomes, b.outcomes)
             rows.append(
                 row(
                     word(real.condition.model),
@@ -236,6 +236,8 @@ _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 
 def _caveats(total: Summary) -> list[str]:
     notes = [f"n = {total.episodes} episodes of {total.planned} planned trials ({100 * total.coverage:.1f} %)."]
+    if total.repeats:
+        notes.append(f"{total.repeats}: repetitions of a cell are no new places, and the intervals know it.")
     if not total.episodes:
         notes.append("No trial of this condition is done yet.")
     elif total.episodes < total.planned:
@@ -243,7 +245,12 @@ def _caveats(total: Summary) -> list[str]:
     if total.unjudged:
         notes.append(f"{total.unjudged} episodes await a verdict and are in no rate.")
     if 0 < total.spl_episodes < total.episodes:
-        notes.append(f"SPL over the {total.spl_episodes} episodes whose path lengths are known.")
+        unknown = total.episodes - total.spl_episodes
+        notes.append(f"SPL is over {total.spl_episodes} episodes: the path lengths of {unknown} successes are unknown.")
+    if 0 < total.soft_spl_episodes < total.episodes:
+        notes.append(f"SoftSPL is over the {total.soft_spl_episodes} episodes whose path lengths are known.")
+    if total.trivial:
+        notes.append(f"{total.trivial} episodes are trivial: they began within {TRIVIAL_M:g} m, one move, of success.")
     return notes
 
 

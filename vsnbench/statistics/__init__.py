@@ -1,1 +1,1 @@
-"""Statistics of success rates and their comparison: numpy and scipy only, nothing of the record."""
+"""All inference, a file a subject: numpy, scipy and, where it has the thing, statsmodels; nothing of the record."""

@@ -16,7 +16,7 @@ def to_json(results: Results) -> str:
     """Return the results as one JSON object: `shared_goals`, and `models` with `goals`, `total` and `starts` each."""
     content = {
         "confidence": 0.95,
-        "interval": "wilson",
+        "interval": "wilson, at the effective sample size of the starting positions",
         "shared_goals": list(results.shared_goals),
         "models": [_model(one) for one in results.conditions],
     }
@@ -55,9 +55,12 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
         "spl": summary.spl,
         "soft_spl": summary.soft_spl,
         "spl_episodes": summary.spl_episodes,
+        "soft_spl_episodes": summary.soft_spl_episodes,
         "median_distance_to_goal_m": summary.median_distance_m,
         "collisions": summary.collisions,
         "step_limits": summary.step_limits,
+        "trivial": summary.trivial,
+        "cells": len(summary.outcomes.cells),
     }
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in fields.items()

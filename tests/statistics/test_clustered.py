@@ -1,0 +1,135 @@
+"""Intervals for episodes that resemble each other: what they reduce to, what copies change, and their coverage."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsnbench.statistics.clustered import (
+    Cell,
+    ClusterSums,
+    Outcomes,
+    clustered_bootstrap,
+    effective_sample,
+    independent_difference,
+    independent_outcomes,
+    rate_interval,
+)
+from vsnbench.statistics.rates import UNKNOWN, Proportion, newcombe, wilson
+
+
+def outcomes(counts: "list[tuple[int, int, int]]") -> Outcomes:
+    return Outcomes(tuple(Cell(*each) for each in counts))
+
+
+@settings(deadline=None)
+@given(st.integers(1, 60), st.integers(1, 60), st.data())
+def test_with_one_episode_a_position_they_are_wilsons_and_newcombes(n: int, m: int, data: st.DataObject) -> None:
+    first = Proportion(data.draw(st.integers(0, n)), n)
+    second = Proportion(data.draw(st.integers(0, m)), m)
+    a, b = (independent_outcomes(each) for each in (first, second))
+    mine, wilsons = rate_interval(a), wilson(first)
+    assert (mine.low, mine.high) == pytest.approx((wilsons.low, wilsons.high))
+    difference, newcombes = independent_difference(a, b), newcombe(first, second)
+    assert (difference.low, difference.high) == pytest.approx((newcombes.low, newcombes.high))
+
+
+SEVERAL = st.lists(st.tuples(st.integers(1, 6), st.booleans()), min_size=1, max_size=40)
+
+
+@settings(deadline=None)
+@given(SEVERAL, st.integers(2, 9))
+def test_copies_of_every_episode_leave_the_interval_as_it_was(cells: "list[tuple[int, bool]]", copies: int) -> None:
+    once = rate_interval(outcomes([(start, int(success), 1) for start, success in cells]))
+    often = rate_interval(outcomes([(start, copies * success, copies) for start, success in cells]))
+    assert (often.low, often.high) == pytest.approx((once.low, once.high))
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(1, 6), st.integers(0, 5)), min_size=1, max_size=40))
+def test_an_effective_sample_is_never_more_than_the_episodes(cells: "list[tuple[int, int]]") -> None:
+    found = outcomes([(start, successes, 5) for start, successes in cells])
+    sample, interval = effective_sample(found), rate_interval(found)
+    assert 0 < sample.trials <= 5 * len(cells) * (1 + 1e-9)
+    assert 0 <= interval.low <= found.proportion.rate + 1e-12
+    assert found.proportion.rate - 1e-12 <= interval.high <= 1
+
+
+def test_seventy_five_episodes_of_one_deterministic_policy_are_fifteen_facts() -> None:
+    copied = outcomes([(start, 5 * (start <= 9), 5) for start in range(1, 16)])
+    assert effective_sample(copied).trials == pytest.approx(15)
+    assert rate_interval(copied).low == pytest.approx(wilson(Proportion(9, 15)).low)
+
+
+def test_the_variance_is_that_of_a_regression_with_clustered_errors() -> None:
+    import statsmodels.api as sm
+
+    random = np.random.default_rng(5)
+    cells = [(start, int(random.binomial(3, chance)), 3) for start, chance in enumerate(random.beta(1, 1, 12))]
+    success = np.concatenate([[1] * k + [0] * (n - k) for _, k, n in cells])
+    start = np.concatenate([[cluster] * n for cluster, _, n in cells])
+    fit = sm.OLS(success, np.ones(len(success))).fit(
+        cov_type="cluster", cov_kwds={"groups": start, "use_correction": False}
+    )
+    assert effective_sample(outcomes(cells)).variance == pytest.approx(float(fit.cov_params()[0, 0]))
+
+
+def test_where_all_outcomes_are_alike_each_cell_counts_once() -> None:
+    assert effective_sample(outcomes([(start, 0, 5) for start in range(15)])).trials == pytest.approx(15)
+    # Six goals from each position, once each: ninety cells.
+    assert effective_sample(outcomes([(start, 0, 1) for start in range(15)] * 6)).trials == pytest.approx(90)
+    assert effective_sample(outcomes([(1, 3, 5)])).trials == 1  # one cell alone
+    assert rate_interval(Outcomes(())) is UNKNOWN
+    assert independent_difference(Outcomes(()), outcomes([(1, 1, 1)])) is UNKNOWN
+
+
+@pytest.mark.parametrize(("concentration", "rate"), [(1.0, 0.3), (1.0, 0.8), (4.0, 0.3), (4.0, 0.5), (1e6, 0.5)])
+def test_fifteen_positions_under_five_seeds_are_covered_as_often_as_promised(concentration: float, rate: float) -> None:
+    random = np.random.default_rng(11)
+    samples, held, plain = 600, 0, 0
+    for _ in range(samples):
+        chances = random.beta(concentration * rate, concentration * (1 - rate), 15)
+        found = outcomes([(start, int(random.binomial(5, chance)), 5) for start, chance in enumerate(chances)])
+        held += rate in rate_interval(found)
+        plain += rate in wilson(found.proportion)
+    assert held / samples >= 0.925  # 93 %, less what 600 samples leave to chance
+    if concentration <= 4:
+        assert plain / samples < 0.89  # what taking each episode for a place of its own would do
+
+
+def test_the_bootstrap_covers_the_difference_of_clustered_means() -> None:
+    random = np.random.default_rng(7)
+    clusters, episodes, held = 15, 5, 0
+    samples = 300
+    for sample in range(samples):
+        place = random.normal(50, 15, clusters)  # hard positions are hard for both
+        first = ClusterSums(
+            (place[:, None] + 5 + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
+        )
+        second = ClusterSums(
+            (place[:, None] + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
+        )
+        interval = clustered_bootstrap(first, second, shared_clusters=True, resamples=1000, seed=sample)
+        held += 5 in interval
+    assert 0.89 < held / samples < 0.98  # the percentile bootstrap of 15 clusters is a little short
+
+
+def test_the_bootstrap_repeats_itself_and_knows_when_it_knows_nothing() -> None:
+    few = ClusterSums(np.array([10.0]), np.array([2]))
+    some = ClusterSums(np.array([10.0, 30.0, 20.0]), np.array([2, 2, 2]))
+    assert clustered_bootstrap(few, some, shared_clusters=False) is UNKNOWN
+    first = clustered_bootstrap(some, some, shared_clusters=False, seed=3)
+    assert first == clustered_bootstrap(some, some, shared_clusters=False, seed=3)
+    assert 0.0 in first
+    with pytest.raises(ValueError, match="listed alike"):
+        clustered_bootstrap(few, some, shared_clusters=True)
+
+
+def test_counts_that_cannot_be_are_refused() -> None:
+    with pytest.raises(ValueError, match="cannot be a cell's"):
+        Cell(1, 3, 2)
+    with pytest.raises(ValueError, match="cannot be a cell's"):
+        Cell(1, 0, 0)
+    assert math.isnan(Outcomes(()).proportion.rate)

@@ -1,0 +1,118 @@
+"""Power against statsmodels and against running the test by hand; needs that really give the power asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+from statsmodels.stats.power import TTestPower
+
+from vsnbench.statistics.clustered import Cell
+from vsnbench.statistics.paired import PairedCell, PairedOutcomes
+from vsnbench.statistics.power import (
+    Design,
+    Resemblance,
+    design_of,
+    detectable,
+    independent_detectable,
+    independent_power,
+    independent_trials_needed,
+    power,
+    resemblance,
+    starts_needed,
+    trials_needed,
+)
+from vsnbench.statistics.rates import Proportion, fisher, mcnemar_exact
+
+PLAIN = Design(starts=40, cells=1, trials=1, rate=0.4, resemblance=Resemblance(0.0, 0.0, 0.0))
+
+
+def mcnemar_power(pairs: int, first: float, second: float) -> float:
+    """Power of McNemar's exact test on independent pairs of independent outcomes, by counting them all."""
+    only_first, only_second = first * (1 - second), (1 - first) * second
+    discordant = only_first + only_second
+    return sum(
+        float(binom.pmf(d, pairs, discordant) * binom.pmf(b, d, only_first / discordant))
+        for d in range(pairs + 1)
+        for b in range(d + 1)
+        if mcnemar_exact(b, d - b) <= 0.05
+    )
+
+
+@pytest.mark.parametrize("difference", [0.1, 0.25, 0.4])
+def test_of_single_episodes_it_is_the_exact_power_of_mcnemars_test(difference: float) -> None:
+    expected = mcnemar_power(40, 0.4 + difference / 2, 0.4 - difference / 2)
+    assert power(PLAIN, difference) == pytest.approx(expected, abs=0.06)  # 600 samples
+
+
+def test_of_many_positions_it_is_that_of_students_t() -> None:
+    many = Design(starts=200, cells=1, trials=1, rate=0.5, resemblance=Resemblance(0.0, 0.0, 0.0))
+    spread = np.sqrt(0.55 * 0.45 * 2)
+    assert power(many, 0.1) == pytest.approx(TTestPower().power(0.1 / spread, 200, 0.05), abs=0.06)
+
+
+def test_no_difference_is_found_no_oftener_than_the_level() -> None:
+    for alike in (Resemblance(0.0, 0.0, 0.0), Resemblance(0.3, 0.6, 0.4), Resemblance(0.1, 1.0, 0.0)):
+        design = Design(starts=15, cells=5, trials=2, rate=0.4, resemblance=alike)
+        assert power(design, 0.0) <= 0.07
+
+
+def test_copies_of_a_deterministic_policy_add_no_power_and_new_positions_do() -> None:
+    stubborn = Design(starts=15, cells=1, trials=1, rate=0.4, resemblance=Resemblance(0.0, 1.0, 0.0))
+    assert power(replace(stubborn, trials=10), 0.3) == pytest.approx(power(stubborn, 0.3), abs=0.06)
+    assert power(replace(stubborn, starts=60), 0.3) > power(stubborn, 0.3) + 0.3
+    assert trials_needed(stubborn, 0.3) is None
+    assert starts_needed(stubborn, 0.3) is not None
+
+
+def test_what_is_said_to_be_needed_gives_the_power_at_the_level_in_force() -> None:
+    strict = replace(PLAIN, level=0.05 / 9)
+    needed = starts_needed(strict, 0.25)
+    assert needed is not None
+    assert needed > (starts_needed(PLAIN, 0.25) or 0)
+    for seed in (1, 2):  # other draws than those it was found with
+        assert power(replace(strict, starts=needed), 0.25, seed) == pytest.approx(0.80, abs=0.06)
+    shown = detectable(PLAIN)
+    assert shown is not None
+    assert power(PLAIN, shown, 3) == pytest.approx(0.80, abs=0.07)
+
+
+def test_the_resemblance_of_simulated_outcomes_is_found_again() -> None:
+    random = np.random.default_rng(6)
+    cells = []
+    for start in range(400):
+        hard = random.beta(1, 1)  # what a position makes of both models: correlation of outcomes 1/3
+        wins = random.binomial(2, hard, (3, 2))
+        cells += [PairedCell(Cell(start, int(a), 2), Cell(start, int(b), 2)) for a, b in wins]
+    found = resemblance(PairedOutcomes(tuple(cells)))
+    assert (found.start, found.cell, found.models) == pytest.approx((1 / 3, 1 / 3, 1), abs=0.06)
+    assert not found.assumed
+    once = design_of(PairedOutcomes((PairedCell(Cell(1, 1, 1), Cell(1, 0, 1)),)), 0.05)
+    assert once.resemblance.assumed
+    assert (once.starts, once.cells, once.trials) == (1, 1, 1)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(2, 14), st.integers(2, 14), st.floats(0.05, 0.95), st.floats(0.05, 0.95))
+def test_power_of_independent_samples_counts_every_table(n: int, m: int, first: float, second: float) -> None:
+    expected = sum(
+        float(binom.pmf(a, n, first) * binom.pmf(b, m, second))
+        for a in range(n + 1)
+        for b in range(m + 1)
+        if fisher(Proportion(a, n), Proportion(b, m)) <= 0.05
+    )
+    assert independent_power(n, m, first, second, 0.05) == pytest.approx(expected, abs=1e-9)
+
+
+def test_independent_trials_needed_give_the_exact_power_asked_for() -> None:
+    for first, second in [(0.3, 0.2), (0.29, 0.21), (0.6, 0.2)]:
+        needed = independent_trials_needed(first, second, 0.05)
+        assert needed is not None
+        assert independent_power(needed, needed, first, second, 0.05) == pytest.approx(0.80, abs=0.04)
+    assert independent_trials_needed(0.3, 0.3, 0.05) is None
+    assert independent_trials_needed(float("nan"), 0.3, 0.05) is None
+    shown = independent_detectable(75, 90, 0.25, 0.05)
+    assert shown is not None
+    assert independent_power(75, 90, 0.25 + shown / 2, 0.25 - shown / 2, 0.05) >= 0.8
