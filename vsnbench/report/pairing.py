@@ -77,7 +77,7 @@ def pair(record: Record, first: Condition, second: Condition, goals: "Sequence[s
         return None
     paired = [PairedCell(cells[0][place], cells[1][place]) for place in shared]
     inside = [sum(side[place].trials for place in shared) for side in cells]
-    seeds = {**dict(zip(first.campaigns, first.seeds)), **dict(zip(second.campaigns, second.seeds))}
+    seeds = {n: seed for one in (first, second) for n, seed in zip(one.campaigns, one.seeds, strict=True)}
     matched, only_first, only_second = _matched(sides, seeds)
     return Pairing(
         outcomes=PairedOutcomes(tuple(paired)),
