@@ -33,6 +33,10 @@ class DecisionError(ModelError):
     """A decision, or a part of it, that is not one: wrong types, numbers that are none, more than may be kept."""
 
 
+class ObservationError(VsnbenchError):
+    """A message that should hold an observation and does not."""
+
+
 class SensorNotDeclaredError(ModelError, AttributeError):
     """A policy reads a sensor that its card does not name."""
 

@@ -12,7 +12,6 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.record.images import (
     EpisodeImages,
     StampedPose,
-    depth_millimetres,
     depth_path,
     rgb_path,
     write_trajectory,
@@ -79,14 +78,6 @@ def test_without_depth_there_is_no_depth_image(tmp_path: Path) -> None:
     written = EpisodeImages(tmp_path).write(1, look(depth=False))
     assert (written.depth_sha256, written.depth_png) == (None, None)
     assert not depth_path(tmp_path, 1).exists()
-
-
-@pytest.mark.parametrize(
-    ("metres", "millimetres"),
-    [(np.nan, 0), (0.0, 0), (-1.0, 0), (np.inf, 0), (1.2344, 1234), (65.535, 65535), (65.6, 0), (0.0004, 0)],
-)
-def test_depth_becomes_millimetres_with_zero_for_invalid(metres: float, millimetres: int) -> None:
-    assert depth_millimetres(np.array([[metres]], np.float32))[0, 0] == millimetres
 
 
 def test_a_trajectory_is_in_tum_format(tmp_path: Path) -> None:

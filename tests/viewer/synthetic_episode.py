@@ -18,8 +18,8 @@ from vsnbench.database.records import (
     StepTimings,
 )
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision import Box, Decision, Diagnostics, GridMap
-from vsnbench.protocol.diagnostics_json import diagnostics_to_details
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.protocol.motion_result import MotionResult

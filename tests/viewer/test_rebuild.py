@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
@@ -13,7 +12,6 @@ from rerun.chunk import RrdReader
 from tests.viewer.synthetic_episode import UUID, frames, header, record, write
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.protocol.diagnostics_json import diagnostics_from_record, diagnostics_to_details
 from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.record.images import rgb_path
@@ -133,15 +131,3 @@ def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory
         if isinstance(was, StepFrame) and isinstance(now, StepFrame):
             assert (now.rgb_jpeg, now.depth_png, now.result) == (was.rgb_jpeg, was.depth_png, was.result)
             assert (now.decision.action, now.after, now.blocked) == (was.decision.action, was.after, was.blocked)
-
-
-def test_diagnostics_survive_the_record() -> None:
-    told = next(frame for frame in frames(3) if isinstance(frame, StepFrame)).decision.diagnostics
-    told = replace(told, details={"logits": [1.0, 2.0]})
-    back = diagnostics_from_record(told.probabilities, diagnostics_to_details(told))
-    assert told.map is not None
-    assert back.map is not None
-    np.testing.assert_array_equal(back.map.cells, told.map.cells)
-    assert (back.map.origin_x_m, back.map.origin_y_m, back.map.resolution_m) == (-1.5, -1.5, 0.05)
-    assert (back.boxes, back.path, back.nodes, back.sub_goal) == (told.boxes, told.path, told.nodes, told.sub_goal)
-    assert (back.scalars, back.note, back.details) == (told.scalars, told.note, told.details)

@@ -25,11 +25,11 @@ from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pictures import decode_picture, encode_jpeg
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.record.confined import read_confined
-from vsnbench.record.picture_decoding import decode_picture
 from vsnbench.whole_files import write_whole
 
 NO_NUMBER = 0
@@ -173,7 +173,4 @@ def _keep_picture(source: Path, directory: Path, number: int) -> None:
     picture = decode_picture(content, cv2.IMREAD_COLOR) if content else None
     if picture is None:
         raise RecordError(f"{source} is not a picture")
-    written, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])
-    if not written:
-        raise RecordError(f"{source} cannot be kept as JPEG")
-    write_whole(directory / "rgb" / f"{number:04d}.jpg", jpeg.tobytes())
+    write_whole(directory / "rgb" / f"{number:04d}.jpg", encode_jpeg(picture[..., ::-1]))

@@ -7,10 +7,10 @@ from typing import Any
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
+from vsnbench.protocol.pictures import decode_picture
 from vsnbench.protocol.pose import Pose
 from vsnbench.record.confined import confined, read_confined
 from vsnbench.record.images import depth_path, rgb_path
-from vsnbench.record.picture_decoding import decode_picture
 from vsnbench.whole_files import whole_file
 
 COLOR, DEPTH = "/camera/color/image_raw/compressed", "/camera/depth/image_raw"

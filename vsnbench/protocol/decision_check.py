@@ -22,13 +22,15 @@ MOST_NUMBERS: Final = 1_000
 MOST_BOXES: Final = 1_000
 MOST_POINTS: Final = 10_000
 """Of a path, and of nodes."""
-MOST_MAP_CELLS: Final = 4096
+MOST_MAP_CELLS: Final = 2048
 """Rows, and columns."""
 MOST_DETAILS_BYTES: Final = 1 << 20
 """Of `details`, roughly as JSON."""
 DEEPEST_DETAILS: Final = 32
-RESERVED_DETAILS: Final = frozenset({"shown", "sensing"})
-"""Keys of a recorded step's details that are vsnbench's own."""
+SHOWN: Final = "shown"
+"""The key in a recorded step's details under which lies what the viewer shows."""
+SENSING: Final = "sensing"
+"""The key under which lies how the look came about."""
 
 _LARGEST_INTEGER = 2**63
 _OVERHEAD_BYTES = 4
@@ -183,7 +185,7 @@ def _details(value: object) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise DecisionError(f"details are no mapping but {_kind(value)}")
     kept: dict[str, Any] = _Plain().mapping(value, 0)
-    if reserved := RESERVED_DETAILS & kept.keys():
+    if reserved := {SHOWN, SENSING} & kept.keys():
         raise DecisionError(f"details have the key {min(reserved)!r}, which vsnbench keeps for itself: choose another")
     return kept
 

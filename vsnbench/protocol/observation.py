@@ -63,10 +63,11 @@ class Observation:
     """How the look came about (frames filtered, seconds waited and computed, skew), for the record."""
 
     def __post_init__(self) -> None:
-        if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or self.rgb.dtype != np.uint8:
-            raise ValueError(f"rgb must be (H, W, 3) uint8, not {self.rgb.shape} {self.rgb.dtype}")
-        if self.depth_m is not None and (self.depth_m.ndim != 2 or self.depth_m.dtype != np.float32):
-            raise ValueError(f"depth must be (H, W) float32, not {self.depth_m.shape} {self.depth_m.dtype}")
+        rgb, depth_m = getattr(self, "rgb", None), getattr(self, "depth_m", None)
+        if rgb is not None and (rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8):
+            raise ValueError(f"rgb must be (H, W, 3) uint8, not {rgb.shape} {rgb.dtype}")
+        if depth_m is not None and (depth_m.ndim != 2 or depth_m.dtype != np.float32):
+            raise ValueError(f"depth must be (H, W) float32, not {depth_m.shape} {depth_m.dtype}")
 
     @property
     def sensors(self) -> frozenset[Sensor]:
@@ -121,23 +122,36 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor]) -> Obs
     """
     if missing := sensors - observation.sensors:
         raise SensorLostError(f"no {' and no '.join(sorted(missing))} in this observation, and the model needs it")
-    shown = object.__new__(Observation)
-    show = object.__setattr__
-    show(shown, "stamp_s", observation.stamp_s)
-    show(shown, "camera", observation.camera.model_copy())
-    show(shown, "depth_stamp_s", observation.depth_stamp_s if Sensor.DEPTH in sensors else None)
-    show(shown, "sensing", {})
+    measured: dict[str, Any] = {"depth_stamp_s": observation.depth_stamp_s if Sensor.DEPTH in sensors else None}
     if Sensor.RGB in sensors:
-        show(shown, "rgb", _private(observation.rgb))
+        measured["rgb"] = _private(observation.rgb)
     if Sensor.DEPTH in sensors and observation.depth_m is not None:
-        show(shown, "depth_m", _private(observation.depth_m))
+        measured["depth_m"] = _private(observation.depth_m)
     if Sensor.ODOMETRY in sensors:
         pose = observation.pose
-        show(shown, "pose", Pose(pose.x_m, pose.y_m, pose.heading_rad))
+        measured["pose"] = Pose(pose.x_m, pose.y_m, pose.heading_rad)
     if Sensor.INSTANCES in sensors and observation.instances is not None:
         labels = observation.instances
-        show(shown, "instances", InstanceImage(_private(labels.ids), dict(labels.categories)))
-    return shown
+        measured["instances"] = InstanceImage(_private(labels.ids), dict(labels.categories))
+    return observation_of(observation.stamp_s, observation.camera.model_copy(), **measured)
+
+
+def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observation:
+    """Return an observation with some of a robot's measurements; reading another says that it is not shown.
+
+    Args:
+        stamp_s: when the image was taken; seconds on the robot's clock.
+        camera: the robot's.
+        measured: what there is of an observation's other fields.
+
+    Raises:
+        ValueError: an array has the wrong shape or type.
+    """
+    made = object.__new__(Observation)
+    for name, value in {"depth_stamp_s": None, "sensing": {}, "stamp_s": stamp_s, "camera": camera, **measured}.items():
+        object.__setattr__(made, name, value)
+    made.__post_init__()
+    return made
 
 
 def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:

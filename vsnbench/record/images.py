@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import RecordError
 from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.pictures import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.protocol.pose import Pose
 from vsnbench.whole_files import write_whole
-
-JPEG_QUALITY = 95
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +39,6 @@ class StampedPose:
 
     stamp_s: float
     pose: Pose
-
-
-def depth_millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    """Return depth as 16-bit millimetres; 0 where it is invalid or farther than 65.535 m."""
-    with np.errstate(invalid="ignore"):
-        millimetres = np.rint(depth_m * np.float32(1000))
-        return np.where((millimetres > 0) & (millimetres <= 65535), millimetres, 0).astype(np.uint16)
 
 
 def rgb_path(directory: Path, number: int) -> Path:
@@ -82,13 +73,13 @@ class EpisodeImages:
             RecordError: they cannot be written.
         """
         rgb = np.ascontiguousarray(observation.rgb)
-        jpeg = _encode_rgb(rgb)
+        jpeg = encode_jpeg(rgb)
         write_whole(rgb_path(self._directory, number), jpeg)
         png: bytes | None = None
         depth_sha256: str | None = None
         if observation.depth_m is not None:
             millimetres = depth_millimetres(observation.depth_m)
-            png = _encode_depth(millimetres)
+            png = encode_depth_png(millimetres)
             write_whole(depth_path(self._directory, number), png)
             depth_sha256 = hashlib.sha256(millimetres.astype("<u2", copy=False).data).hexdigest()
         return WrittenImages(hashlib.sha256(rgb.data).hexdigest(), depth_sha256, jpeg, png)
@@ -101,26 +92,6 @@ class EpisodeImages:
         """
         if path:
             write_trajectory(self._directory / "trajectory.tum", path)
-
-
-def _encode_rgb(rgb: npt.NDArray[np.uint8]) -> bytes:
-    import cv2
-
-    ok, jpeg = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    if not ok:
-        raise RecordError(f"cannot encode a colour image of shape {rgb.shape}")
-    return bytes(jpeg)
-
-
-def _encode_depth(millimetres: npt.NDArray[np.uint16]) -> bytes:
-    import cv2
-
-    # The filter that suits depth, where rows resemble each other: half the default's time, and smaller.
-    filtering = [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP, cv2.IMWRITE_PNG_COMPRESSION, 1]
-    ok, png = cv2.imencode(".png", millimetres, filtering)
-    if not ok:
-        raise RecordError(f"cannot encode a depth image of shape {millimetres.shape}")
-    return bytes(png)
 
 
 def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:

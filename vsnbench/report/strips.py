@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RecordError
+from vsnbench.protocol.pictures import decode_picture
 from vsnbench.record.confined import confined, read_confined
-from vsnbench.record.picture_decoding import decode_picture
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,8 @@ from typing import Any
 from vsnbench.database.interventions import INTERVENTION, intervention_words
 from vsnbench.database.journal import Journal
 from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
-from vsnbench.protocol.diagnostics_json import diagnostics_to_details
+from vsnbench.protocol.codec import diagnostics_to_details
+from vsnbench.protocol.decision_check import SENSING
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.metrics import path_length_m
@@ -195,4 +196,4 @@ def sensing_details(observation: Observation) -> dict[str, Any]:
     sensing = dict(observation.sensing)
     if observation.depth_stamp_s is not None:
         sensing["depth_stamp_s"] = observation.depth_stamp_s
-    return {"sensing": sensing} if sensing else {}
+    return {SENSING: sensing} if sensing else {}

@@ -12,10 +12,8 @@ from vsnbench.database.engine import open_engine, reading, record_errors
 from vsnbench.database.migrate import schema_state
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Robot, Site, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictRow
-from vsnbench.errors import RecordError, UsageError
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.diagnostics_json import diagnostics_from_record
+from vsnbench.errors import DecisionError, RecordError, UsageError
+from vsnbench.protocol.codec import decision_from_record
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
@@ -126,13 +124,18 @@ class _Reader:
     def _step(self, row: Step) -> StepFrame:
         rgb = self._image(rgb_path(Path(), row.number))
         depth = self._image(depth_path(Path(), row.number))
-        told = diagnostics_from_record(row.probabilities, row.details)
+        try:
+            decision = decision_from_record(row.action, row.raw_action, row.probabilities, row.details)
+        except DecisionError as error:
+            raise RecordError(
+                f"episode {self._episode.id}, step {row.number}: {error}; the record is damaged"
+            ) from error
         return StepFrame(
             index=row.number,
             stamp_s=row.stamp_s if row.stamp_s is not None else float(row.number),
             rgb_jpeg=rgb,
             depth_png=depth,
-            decision=Decision(Action(row.action), row.raw_action, told),
+            decision=decision,
             result=None if row.blocked else _motion(row),
             blocked=row.blocked,
             after=_fix(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),

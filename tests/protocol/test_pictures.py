@@ -5,7 +5,15 @@ import cv2
 import numpy as np
 import pytest
 
-from vsnbench.record.picture_decoding import MOST_PIXELS, decode_picture, picture_size
+from vsnbench.protocol.pictures import (
+    MOST_PIXELS,
+    decode_picture,
+    depth_metres,
+    depth_millimetres,
+    encode_depth_png,
+    encode_jpeg,
+    picture_size,
+)
 
 PICTURE = np.random.default_rng(0).integers(0, 255, (30, 47, 3), np.uint8)
 
@@ -44,3 +52,28 @@ def test_a_small_file_that_claims_a_huge_picture_is_not_unpacked() -> None:
 )
 def test_what_is_none_is_said_so(content: bytes) -> None:
     assert decode_picture(content, cv2.IMREAD_COLOR) is None
+
+
+@pytest.mark.parametrize(
+    ("metres", "millimetres"),
+    [(np.nan, 0), (0.0, 0), (-1.0, 0), (np.inf, 0), (1.2344, 1234), (65.535, 65535), (65.6, 0), (0.0004, 0)],
+)
+def test_depth_becomes_millimetres_with_zero_for_invalid(metres: float, millimetres: int) -> None:
+    assert depth_millimetres(np.array([[metres]], np.float32))[0, 0] == millimetres
+
+
+def test_millimetres_become_metres_with_nan_for_invalid() -> None:
+    millimetres = np.array([[0, 1, 65535]], np.uint16)
+    np.testing.assert_array_equal(depth_metres(millimetres), np.array([[np.nan, 0.001, 65.535]], np.float32))
+    assert np.array_equal(depth_millimetres(depth_metres(millimetres)), millimetres)
+
+
+def test_depth_comes_back_exactly_and_colours_nearly() -> None:
+    millimetres = np.random.default_rng(1).integers(0, 65535, (30, 47), np.uint16)
+    depth = decode_picture(encode_depth_png(millimetres), cv2.IMREAD_UNCHANGED)
+    assert depth is not None
+    assert np.array_equal(depth, millimetres)
+    smooth = cv2.GaussianBlur(PICTURE, (0, 0), 6)
+    colours = decode_picture(encode_jpeg(smooth), cv2.IMREAD_COLOR)
+    assert colours is not None
+    assert np.abs(colours[..., ::-1].astype(int) - smooth).mean() < 3

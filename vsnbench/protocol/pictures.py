@@ -1,0 +1,120 @@
+"""Camera images as JPEG and PNG, and back: what comes from outside is judged by its header before it is unpacked."""
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+MOST_PIXELS: Final = 4096 * 4096
+"""Far above any robot's camera; 48 MiB of colour."""
+JPEG_QUALITY: Final = 95
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff"
+_JPEG_FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
+"""Markers without a length."""
+
+
+def depth_millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    """Return depth as 16-bit millimetres; 0 where it is invalid or farther than 65.535 m."""
+    with np.errstate(invalid="ignore"):
+        millimetres = np.rint(depth_m * np.float32(1000))
+        return np.where((millimetres > 0) & (millimetres <= 65535), millimetres, 0).astype(np.uint16)
+
+
+def depth_metres(millimetres: npt.NDArray[np.uint16]) -> npt.NDArray[np.float32]:
+    """Return 16-bit millimetres as metres; NaN where they are 0."""
+    depth_m = millimetres.astype(np.float32) / np.float32(1000)
+    depth_m[millimetres == 0] = np.nan
+    return depth_m
+
+
+def encode_jpeg(rgb: npt.NDArray[np.uint8]) -> bytes:
+    """Return a colour image (H, W, 3) as JPEG; some 3 ms at 640 x 480.
+
+    Raises:
+        ValueError: it cannot be one.
+    """
+    import cv2
+
+    bgr = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2BGR)
+    return _encoded(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+
+
+def encode_depth_png(millimetres: npt.NDArray[np.uint16]) -> bytes:
+    """Return millimetres (H, W) as 16-bit PNG; some 3 ms at 640 x 480.
+
+    Raises:
+        ValueError: they cannot be one.
+    """
+    import cv2
+
+    # The filter that suits depth, where rows resemble each other: half the default's time, and smaller.
+    return _encoded(
+        ".png",
+        millimetres,
+        [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP, cv2.IMWRITE_PNG_COMPRESSION, 1],
+    )
+
+
+def encode_png(cells: npt.NDArray[np.uint8]) -> bytes:
+    """Return a one-channel image (H, W) as PNG.
+
+    Raises:
+        ValueError: it cannot be one.
+    """
+    return _encoded(".png", np.ascontiguousarray(cells), [])
+
+
+def _encoded(suffix: str, pixels: npt.NDArray[Any], options: list[int]) -> bytes:
+    import cv2
+
+    written, content = cv2.imencode(suffix, pixels, options)
+    if not written:
+        raise ValueError(f"an image of shape {pixels.shape} cannot be written as {suffix}")
+    return bytes(content)
+
+
+def decode_picture(content: bytes, flags: int) -> npt.NDArray[Any] | None:
+    """Return a picture's pixels, (H, W) or (H, W, 3) BGR; None when it is no picture, damaged, or too large.
+
+    Args:
+        content: a whole file.
+        flags: OpenCV's, such as `cv2.IMREAD_COLOR`.
+    """
+    import cv2
+
+    size = picture_size(content)
+    if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
+        return None
+    try:
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:
+        return None
+    return None if pixels is None else np.asarray(pixels)
+
+
+def picture_size(content: bytes) -> tuple[int, int] | None:
+    """Return width and height in pixels as a PNG's or JPEG's header has them; None when it is neither."""
+    if content.startswith(_PNG):
+        return (_number(content, 16, 4), _number(content, 20, 4)) if content[12:16] == b"IHDR" else None
+    if not content.startswith(_JPEG):
+        return None
+    at = 2
+    while at + 4 <= len(content):
+        if content[at] != 0xFF:
+            return None
+        marker = content[at + 1]
+        if marker == 0xFF:  # padding
+            at += 1
+        elif marker in _JPEG_ALONE:
+            at += 2
+        elif marker in _JPEG_FRAMES:
+            return _number(content, at + 7, 2), _number(content, at + 5, 2)
+        else:
+            at += 2 + max(_number(content, at + 2, 2), 2)
+    return None
+
+
+def _number(content: bytes, at: int, width: int) -> int:
+    return int.from_bytes(content[at : at + width], "big")
