@@ -41,6 +41,10 @@ class SensorNotDeclaredError(ModelError, AttributeError):
     """A policy reads a sensor that its card does not name."""
 
 
+class ModelLostError(VsnbenchError):
+    """A policy in another process did not answer in time, or is gone."""
+
+
 class RecordError(VsnbenchError):
     """The results directory or its database cannot be used."""
 

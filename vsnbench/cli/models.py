@@ -8,10 +8,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from vsnbench.cli.model_serving import serve
+
 if TYPE_CHECKING:
     from vsnbench.models.description import ModelCheck, ModelDescription
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app.command("serve")(serve)
 
 ModelName = Annotated[str, typer.Argument(help="A model's name, or package.module:Class.", metavar="MODEL")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]

@@ -18,7 +18,7 @@ def command(
         typer.Option(
             "--model",
             "-m",
-            help="random, forward, oracle, pirlnav, ..., or package.module:Class",
+            help="random, forward, oracle, pirlnav, ..., package.module:Class, or ws://host:port",
             rich_help_panel=_WHAT,
         ),
     ],
@@ -75,6 +75,34 @@ def command(
     device: Annotated[
         str | None, typer.Option("--device", help="auto, cpu, cuda or mps", rich_help_panel=_MODEL)
     ] = None,
+    act_timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--act-timeout",
+            min=0.1,
+            max=600,
+            metavar="SECONDS",
+            help="a model elsewhere or isolated that answers later is lost; 10 when absent",
+            rich_help_panel=_MODEL,
+        ),
+    ] = None,
+    isolate: Annotated[
+        bool, typer.Option("--isolate", help="run the model in a process of its own", rich_help_panel=_MODEL)
+    ] = False,
+    python: Annotated[
+        Path | None,
+        typer.Option("--python", help="that process's interpreter; means --isolate", rich_help_panel=_MODEL),
+    ] = None,
+    isolate_memory: Annotated[
+        float | None,
+        typer.Option(
+            "--isolate-memory",
+            min=0.1,
+            metavar="GIB",
+            help="memory that process may have; means --isolate",
+            rich_help_panel=_MODEL,
+        ),
+    ] = None,
     results: Results = None,
     db: Database = None,
     unattended: Annotated[
@@ -93,6 +121,8 @@ def command(
         vsnbench run --model random --goal all --starts 1-5
         vsnbench run --model pirlnav --weights il.ckpt --goal all
         vsnbench run --model mylab.policy:Policy --goal bed,sofa
+        vsnbench run --model ws://gpu-box:8765 --goal all
+        vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
         vsnbench run --model oracle --goal all --site lab.yaml
 
@@ -101,10 +131,13 @@ def command(
     Another seed, site, model or parameter is another campaign.
     """
     from vsnbench.cli.run_summary import run_and_tell
+    from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.runner.launch import RunRequest
 
-    options = {"weights": weights, "model_config": model_config, "device": device}
+    options = {"weights": weights, "model_config": model_config, "device": device, "act_timeout": act_timeout}
+    apart = isolate or python is not None or isolate_memory is not None
+    memory_bytes = None if isolate_memory is None else round(isolate_memory * 2**30)
     request = RunRequest(
         model=model,
         goals=tuple(goal),
@@ -120,5 +153,6 @@ def command(
         unattended=unattended,
         live=live,
         model_options={name: value for name, value in options.items() if value is not None},
+        isolation=Isolation(python, memory_bytes) if apart else None,
     )
     raise typer.Exit(run_and_tell(request))

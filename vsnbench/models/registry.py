@@ -1,11 +1,15 @@
 """Finds policies by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`."""
 
 import inspect
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.plugins import import_factory, plug_ins
+
+if TYPE_CHECKING:
+    from vsnbench.models.remote.isolation import Isolation
 
 ENTRY_POINT_GROUP = "vsnbench.models"
 
@@ -23,17 +27,23 @@ def known_models() -> list[str]:
     return [*_BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(_BUILT_IN))]
 
 
-def create_policy(name: str, **options: Any) -> Policy:
-    """Return a new policy.
+def create_policy(name: str, isolation: "Isolation | None" = None, **options: Any) -> Policy:
+    """Return a new policy; one that has a `close` is to be closed.
 
     Args:
-        name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, or `package.module:Class`.
+        name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, `package.module:Class`, or the
+            address of a served one, `ws://host:port`.
+        isolation: start it in a process of its own.
         options: handed to the policy's constructor.
 
     Raises:
         UsageError: there is no such model, or it has no such option.
         ModelError: the plug-in cannot be imported or made, or is no policy.
     """
+    if isolation is not None:
+        from vsnbench.models.remote.isolation import IsolatedPolicy
+
+        return IsolatedPolicy(name, options, isolation)
     where, factory = locate(name)
     try:
         inspect.signature(factory).bind(**options)
@@ -63,6 +73,10 @@ def locate(name: str) -> tuple[str, Any]:
         UsageError: there is no such model.
         ModelError: it cannot be imported, or is nothing that could make a policy.
     """
+    if name.startswith(("ws://", "wss://")):
+        from vsnbench.models.remote.policy import RemotePolicy
+
+        return name, partial(RemotePolicy, name)
     installed = plug_ins(ENTRY_POINT_GROUP)
     where = _BUILT_IN.get(name) or installed.get(name) or (name if ":" in name else "")
     if not where:

@@ -22,6 +22,8 @@ class EndReason(StrEnum):
     MOTION_FAILED = "motion_failed"
     SENSOR_LOST = "sensor_lost"
     MODEL_ERROR = "model_error"
+    MODEL_LOST = "model_lost"
+    """A model in another process gave no answer in time."""
     ABORTED = "aborted"
     """A person ended it."""
     INTERRUPTED = "interrupted"
@@ -114,6 +116,7 @@ _WORDS = {
     EndReason.MOTION_FAILED: "the base could not carry out an action",
     EndReason.SENSOR_LOST: "a sensor went silent",
     EndReason.MODEL_ERROR: "the model failed",
+    EndReason.MODEL_LOST: "the model did not answer",
     EndReason.ABORTED: "a person ended the episode",
     EndReason.INTERRUPTED: "the process died",
 }

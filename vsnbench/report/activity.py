@@ -17,7 +17,13 @@ from vsnbench.report.record import RUNNING, Record, Selection, trial_filter
 if TYPE_CHECKING:
     import pandas as pd
 
-FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST, EndReason.MODEL_ERROR, EndReason.INTERRUPTED)
+FAILURES = (
+    EndReason.MOTION_FAILED,
+    EndReason.SENSOR_LOST,
+    EndReason.MODEL_ERROR,
+    EndReason.MODEL_LOST,
+    EndReason.INTERRUPTED,
+)
 """Ends that are the system's fault: neither the policy's nor a person's wish."""
 
 

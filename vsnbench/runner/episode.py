@@ -5,7 +5,7 @@ import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.errors import ModelLostError, RobotError, SensorLostError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
@@ -142,6 +142,8 @@ def run_episode(
         error = request.words
     except PolicyFailedError as failure:
         reason, error = EndReason.MODEL_ERROR, str(failure)
+    except ModelLostError as failure:
+        reason, error = EndReason.MODEL_LOST, str(failure)
     except SensorLostError as failure:
         reason, error = EndReason.SENSOR_LOST, str(failure)
     except RobotError as failure:

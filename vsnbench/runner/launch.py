@@ -13,6 +13,7 @@ from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentit
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.registry import create_policy
+from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, embedded_sites, load_site
@@ -52,6 +53,8 @@ class RunRequest:
     unattended: bool = False
     """Nobody is beside the robot: it is taken to stand where it should, and distances are estimated."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
+    isolation: Isolation | None = None
+    """Run the model in a process of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +83,10 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
     site = load_site(request.site)
     starts = choose_starts(request.starts, site)
     parameters = ProtocolParameters(max_actions=request.max_steps)
-    policy = create_policy(request.model, **request.model_options)
-    goals = choose_goals(request.goals, site, policy.card)
     with ExitStack() as stack:
+        policy = create_policy(request.model, request.isolation, **request.model_options)
+        stack.callback(getattr(policy, "close", lambda: None))
+        goals = choose_goals(request.goals, site, policy.card)
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
         _check_weights(policy, robot)

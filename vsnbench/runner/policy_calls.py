@@ -7,7 +7,7 @@ included, is a `PolicyFailedError` of one line. Only a request to stop, which in
 import logging
 import traceback
 
-from vsnbench.errors import DecisionError
+from vsnbench.errors import DecisionError, ModelError, ModelLostError
 from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.protocol.decision import Decision
@@ -47,12 +47,13 @@ class PolicyCalls:
 
         Raises:
             PolicyFailedError: it raised.
+            ModelLostError: it runs elsewhere and cannot be reached.
         """
         try:
             if isinstance(self._policy, SurveyedPolicy):
                 self._policy.survey(site, start, base, parameters)
             self._policy.reset(goal, seed)
-        except self._passes:
+        except (self._passes, ModelLostError):
             raise
         except BaseException as error:
             raise self._failed("reset", error) from None
@@ -63,11 +64,12 @@ class PolicyCalls:
         Raises:
             PolicyFailedError: it raised, or answered with no decision.
             SensorLostError: the observation lacks a sensor of its card.
+            ModelLostError: it runs elsewhere and gave no answer in time.
         """
         shown = shown_to_policy(observation, self._sensors)
         try:
             return checked_decision(self._policy.act(shown))
-        except self._passes:
+        except (self._passes, ModelLostError):
             raise
         except BaseException as error:
             raise self._failed("act", error) from None
@@ -78,7 +80,8 @@ class PolicyCalls:
             words = error_line(error).removeprefix(f"{DecisionError.__name__}: ")
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {words}")
         logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
-        return PolicyFailedError(f"{where}: {error_line(error)}")
+        line = error_line(error)
+        return PolicyFailedError(f"{where}: {line.removeprefix('ModelError: ') if type(error) is ModelError else line}")
 
 
 def _traceback(error: BaseException) -> str:

@@ -33,7 +33,9 @@ OUTCOME_RGBA = {
     "collision": 0xCE2C28FF,
     "failed": 0x7A1F1BFF,
 }
-ALARMING = frozenset({"collision", "motion_failed", "sensor_lost", "model_error", "aborted", "interrupted"})
+ALARMING = frozenset(
+    {"collision", "motion_failed", "sensor_lost", "model_error", "model_lost", "aborted", "interrupted"}
+)
 DEPTH_UNITS_PER_METRE = 1000.0
 
 

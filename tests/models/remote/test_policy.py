@@ -1,0 +1,389 @@
+"""A policy in another process is a policy like any other, and answers for nothing that its process does."""
+
+import http.server
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.server import ServerConnection
+
+from tests.models.remote.servers import (
+    CARD,
+    STUB,
+    free_port,
+    look,
+    scripted_server,
+    stub_server,
+)
+from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.models.registry import create_policy
+from vsnbench.models.remote.connection import MAX_ANSWER_BYTES
+from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.remote.vsnbench_policy import pack
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.observation import Sensor
+
+REPEATS = """
+import numpy as np
+
+class Model:
+    card = {"name": "repeats", "sensors": ["rgb", "depth", "odometry"], "weights_sha256": "ab12"}
+
+    def reset(self, goal, seed):
+        if goal == "toilet":
+            raise ValueError("never heard of a toilet")
+        self.goal, self.seed = goal, seed
+
+    def act(self, observation):
+        depth_m = observation.depth_m
+        return {
+            "action": "TURN_LEFT",
+            "raw_action": "LOOK_UP",
+            "probabilities": {"TURN_LEFT": 0.75},
+            "diagnostics": {
+                "scalars": {
+                    "red": float(observation.rgb[..., 0].sum()),
+                    "green": float(observation.rgb[..., 1].sum()),
+                    "holes": float(np.isnan(depth_m).sum()),
+                    "depth": float(np.nansum(depth_m, dtype=np.float64)),
+                },
+                "sub_goal": [observation.pose.x_m, observation.pose.y_m],
+                "note": self.goal,
+                "details": {"seed": self.seed, "width": observation.camera.width, "stamp": observation.stamp_s},
+            },
+        }
+"""
+SLOW = """
+import time
+
+class Model:
+    card = {"name": "slow", "sensors": []}
+
+    def reset(self, goal, seed):
+        self.seed = seed
+
+    def act(self, observation):
+        time.sleep(self.seed / 10)
+        return "STOP"
+"""
+
+
+@pytest.fixture
+def repeats(tmp_path: Path) -> Iterator[str]:
+    with stub_server(REPEATS, tmp_path) as (url, _):
+        yield url
+
+
+def test_what_the_model_sees_is_what_the_robot_saw_and_its_answer_comes_back_whole(repeats: str) -> None:
+    policy = create_policy(repeats)
+    assert policy.card.name == "repeats"
+    assert policy.card.weights_sha256 == "ab12"
+    assert policy.card.sensors == {Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY}
+    seen = look()
+    assert seen.depth_m is not None
+    policy.reset("chair", 4_000_000_000)
+    decision = policy.act(seen)
+    assert (decision.action, decision.raw_action) == (Action.TURN_LEFT, "LOOK_UP")
+    shown = decision.diagnostics
+    assert shown.probabilities == {"TURN_LEFT": 0.75}
+    assert shown.scalars["red"] == seen.rgb[..., 0].sum()
+    assert shown.scalars["green"] == seen.rgb[..., 1].sum()
+    assert shown.scalars["holes"] == np.isnan(seen.depth_m).sum()
+    assert shown.scalars["depth"] == np.nansum(seen.depth_m, dtype=np.float64)
+    assert shown.sub_goal == (1.0, -0.5)
+    assert shown.note == "chair"
+    wire = shown.details["wire"]
+    assert {name: value for name, value in shown.details.items() if name != "wire"} == {
+        "seed": 4_000_000_000,
+        "width": 64,
+        "stamp": 12.5,
+    }
+    assert wire["sent_bytes"] > seen.rgb.nbytes + seen.depth_m.nbytes
+    assert 0 < wire["infer_s"] < wire["round_trip_s"]
+    assert wire["received_bytes"] > 0
+
+
+def test_depth_in_millimetres_is_half_the_bytes_and_another_condition(repeats: str, tmp_path: Path) -> None:
+    (tmp_path / "wire.yaml").write_text("depth: mm16\n")
+    policy = create_policy(repeats, model_config=tmp_path / "wire.yaml")
+    assert policy.card.settings == {"wire_depth": "mm16"}
+    seen = look()
+    assert seen.depth_m is not None
+    policy.reset("chair", 0)
+    scalars = policy.act(seen).diagnostics.scalars
+    assert scalars["holes"] == np.isnan(seen.depth_m).sum()
+    assert abs(scalars["depth"] - float(np.nansum(seen.depth_m))) < 0.0005 * seen.depth_m.size
+
+
+def test_jpeg_is_sent_where_the_settings_ask_for_it(repeats: str, tmp_path: Path) -> None:
+    (tmp_path / "wire.yaml").write_text("rgb: jpeg\n")
+    policy = create_policy(repeats, model_config=tmp_path / "wire.yaml")
+    seen = look()
+    policy.reset("chair", 0)
+    red = policy.act(seen).diagnostics.scalars["red"]
+    assert abs(red / float(seen.rgb[..., 0].sum()) - 1) < 0.05
+
+
+def test_the_models_own_exception_is_its_error_and_the_conversation_goes_on(repeats: str) -> None:
+    policy = create_policy(repeats)
+    with pytest.raises(ModelError, match="never heard of a toilet") as failed:
+        policy.reset("toilet", 0)
+    assert "served_model.py" in "".join(failed.value.__notes__)
+    policy.reset("chair", 0)
+    assert policy.act(look()).action is Action.TURN_LEFT
+
+
+def test_a_model_that_answers_too_late_is_lost_and_its_answer_is_never_taken(tmp_path: Path) -> None:
+    with stub_server(SLOW, tmp_path) as (url, _):
+        policy = RemotePolicy(url, act_timeout=0.5)
+        policy.reset("chair", 20)
+        began = time.monotonic()
+        with pytest.raises(ModelLostError, match=r"within 0\.5 s"):
+            policy.act(look())
+        assert time.monotonic() - began < 1.5
+        policy.reset("chair", 1)  # it is busy with the old question for a while: there is patience
+        assert policy.act(look()).action is Action.STOP
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_server_that_dies_or_stops_in_mid_act_is_lost(number: signal.Signals, tmp_path: Path) -> None:
+    with stub_server(SLOW, tmp_path) as (url, process):
+        policy = RemotePolicy(url, act_timeout=1.0)
+        policy.reset("chair", 50)
+        threading.Timer(0.3, process.send_signal, [number]).start()
+        began = time.monotonic()
+        with pytest.raises(ModelLostError):
+            policy.act(look(640, 480))
+        assert time.monotonic() - began < 2.0
+
+
+def test_a_stopped_server_that_reads_nothing_does_not_hold_the_sender(tmp_path: Path) -> None:
+    with stub_server(REPEATS, tmp_path) as (url, process):
+        policy = RemotePolicy(url, act_timeout=0.5)
+        policy.reset("chair", 0)
+        process.send_signal(signal.SIGSTOP)
+        began = time.monotonic()
+        with pytest.raises(ModelLostError):
+            policy.act(look(2048, 2048))
+        assert time.monotonic() - began < 2.0
+
+
+def test_the_next_episode_finds_a_server_that_was_restarted(tmp_path: Path) -> None:
+    port = free_port()
+    with stub_server(REPEATS, tmp_path, port=port) as (url, _):
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+    with pytest.raises(ModelLostError):
+        policy.act(look())
+    with stub_server(REPEATS, tmp_path, port=port):
+        policy.reset("chair", 0)
+        assert policy.act(look()).action is Action.TURN_LEFT
+
+
+def test_a_server_restarted_with_other_weights_is_refused(tmp_path: Path) -> None:
+    port = free_port()
+    with stub_server(REPEATS, tmp_path, port=port) as (url, _):
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+    with pytest.raises(ModelLostError):
+        policy.act(look())
+    changed = REPEATS.replace("ab12", "cd34")
+    with (
+        stub_server(changed, tmp_path, port=port),
+        pytest.raises(ModelError, match=r"another one now.*ab12.*cd34"),
+    ):
+        policy.reset("chair", 0)
+
+
+def test_a_server_that_is_gone_is_said_to_be_lost_after_the_patience(tmp_path: Path) -> None:
+    (tmp_path / "wire.yaml").write_text("patience_s: 0.2\n")
+    with stub_server(REPEATS, tmp_path) as (url, _):
+        policy = RemotePolicy(url, model_config=tmp_path / "wire.yaml")
+        policy.reset("chair", 0)
+    with pytest.raises(ModelLostError):
+        policy.act(look())
+    with pytest.raises(ModelLostError, match="no model at"):
+        policy.reset("chair", 0)
+
+
+# What a server may answer: each is one question of an episode that has begun.
+
+
+def ready(connection: ServerConnection, message: dict[str, Any]) -> bool:
+    if message["type"] == "reset":
+        connection.send(pack({"type": "ready", "seq": message["seq"]}))
+        return True
+    return False
+
+
+def decision(message: dict[str, Any], **others: Any) -> dict[str, Any]:
+    return {"type": "decision", "seq": message["seq"], "action": "STOP", "seconds": 0.0, **others}
+
+
+WRONG = {
+    "an action that does not exist": (lambda m: decision(m, action="FLY"), "action"),
+    "NaN as a probability": (lambda m: decision(m, probabilities={"STOP": float("nan")}), "probabilit"),
+    "boxes that are none": (lambda m: decision(m, diagnostics={"boxes": [[1, 2]]}), "box"),
+    "a sub-goal at infinity": (lambda m: decision(m, diagnostics={"sub_goal": [1e999, 0.0]}), "sub_goal"),
+    "a number as a note": (lambda m: decision(m, diagnostics={"note": 17}), "note"),
+    "diagnostics that are no map": (lambda m: decision(m, diagnostics=[1]), "diagnostics"),
+    "another kind of message": (lambda m: {"type": "ready", "seq": m["seq"]}, "in place of decision"),
+    "a question that was not asked": (lambda m: decision({"seq": m["seq"] + 5}), "not asked"),
+    "no number": (lambda m: {"type": "decision", "action": "STOP"}, "not asked"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_no_decision_is_the_models_error(case: str) -> None:
+    make, words = WRONG[case]
+
+    def answer(connection: ServerConnection, message: dict[str, Any]) -> None:
+        if not ready(connection, message):
+            connection.send(pack(make(message)))
+
+    with scripted_server(answer) as url:
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+        with pytest.raises(ModelError, match=words):
+            policy.act(look())
+
+
+@pytest.mark.parametrize("content", [b"\xc1", b"\x80", b"\xc7\x01\x05\x00", "text", b"\xdf" + b"\xff" * 4, b""])
+def test_bytes_that_are_no_message_are_the_models_error(content: bytes | str) -> None:
+    def answer(connection: ServerConnection, message: dict[str, Any]) -> None:
+        if not ready(connection, message):
+            connection.send(content)
+
+    with scripted_server(answer) as url:
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+        with pytest.raises(ModelError, match="does not speak the protocol"):
+            policy.act(look())
+
+
+def test_an_answer_given_twice_is_taken_once() -> None:
+    def answer(connection: ServerConnection, message: dict[str, Any]) -> None:
+        if not ready(connection, message):
+            turned = decision(message, action="TURN_LEFT" if message["seq"] == 2 else "TURN_RIGHT")
+            connection.send(pack(turned))
+            connection.send(pack(turned))
+
+    with scripted_server(answer) as url:
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+        assert [policy.act(look()).action for _ in range(3)] == [Action.TURN_LEFT, Action.TURN_RIGHT, Action.TURN_RIGHT]
+
+
+def test_an_answer_of_a_gigabyte_is_cut_off_early() -> None:
+    def answer(connection: ServerConnection, message: dict[str, Any]) -> None:
+        if not ready(connection, message):
+            piece = bytes(1 << 20)
+            connection.send(piece for _ in range(1024))
+
+    with scripted_server(answer) as url:
+        policy = RemotePolicy(url)
+        policy.reset("chair", 0)
+        with pytest.raises(ModelLostError, match="broke"):
+            policy.act(look())
+    assert MAX_ANSWER_BYTES < 1 << 24
+
+
+@pytest.mark.parametrize(
+    ("greeting", "words"),
+    [
+        ({"type": "card", "wire": 99, "card": CARD}, "version 99"),
+        ({"type": "card", "wire": 1, "card": {**CARD, "name": ""}}, "no name"),
+        ({"type": "card", "wire": 1, "card": {**CARD, "sensors": ["instances"]}}, "sensors"),
+        ({"type": "card", "wire": 1, "card": {**CARD, "goals": ["unicorn"]}}, "none of the goals"),
+        ({"type": "card", "wire": 1}, "no card"),
+        ({"type": "error", "code": "busy", "message": "another client"}, "end the other run"),
+        (b"\xc1", "does not speak the protocol"),
+    ],
+)
+def test_a_greeting_that_is_no_card_is_refused_in_a_line(greeting: dict[str, Any] | bytes, words: str) -> None:
+    with (
+        scripted_server(lambda connection, message: None, greeting) as url,
+        pytest.raises(ModelError, match=words) as refused,
+    ):
+        RemotePolicy(url)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_wrong_token_is_refused_and_the_right_one_is_not(tmp_path: Path) -> None:
+    with stub_server(SLOW, tmp_path, token="open sesame") as (url, _):
+        with pytest.raises(ModelError, match=r"wrong token: set \$VSNBENCH_TOKEN"):
+            RemotePolicy(url, token="abracadabra")
+        RemotePolicy(url, token="open sesame").close()
+
+
+def test_one_client_has_the_model_at_a_time(tmp_path: Path) -> None:
+    with stub_server(SLOW, tmp_path) as (url, _):
+        first = RemotePolicy(url)
+        with pytest.raises(ModelError, match="end the other run"):
+            RemotePolicy(url)
+        first.close()
+
+
+def test_a_port_where_something_else_listens_is_named_for_it() -> None:
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with pytest.raises(ModelError, match="no model's server"):
+            RemotePolicy(f"ws://127.0.0.1:{server.server_port}")
+        server.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("ws://127.0.0.1", "write ws://host:port"),
+        ("ws://:8765", "write ws://host:port"),
+        ("ws://gpu-box:99999", "port"),
+        ("ws://gpu-box:8765", "there is no token"),
+        ("ws://me:secret@127.0.0.1:8765", "not in the address"),
+    ],
+)
+def test_an_address_that_will_not_do_is_refused_in_a_line(
+    url: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("VSNBENCH_TOKEN", raising=False)
+    with pytest.raises(UsageError, match=words) as refused:
+        RemotePolicy(url)
+    assert "secret" not in str(refused.value)
+
+
+def test_where_nobody_listens_the_line_says_how_to_start_a_server() -> None:
+    with pytest.raises(ModelLostError, match="vsnbench models serve"):
+        RemotePolicy(f"ws://127.0.0.1:{free_port()}")
+
+
+def test_the_stub_listens_on_no_other_address_without_a_token(tmp_path: Path) -> None:
+    (tmp_path / "m.py").write_text(SLOW)
+    environment = {**os.environ, "VSNBENCH_TOKEN": ""}
+    command = [sys.executable, str(STUB), "m:Model", "--host", "0.0.0.0", "--port", str(free_port())]
+    refused = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=30)
+    assert refused.returncode == 1
+    assert "set VSNBENCH_TOKEN" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+
+def test_the_stub_ends_with_ctrl_c(tmp_path: Path) -> None:
+    with stub_server(SLOW, tmp_path) as (url, process):
+        RemotePolicy(url).close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+        with pytest.raises(ModelLostError):
+            RemotePolicy(url)
+
+
+def test_the_stub_stays_what_old_interpreters_can_read() -> None:
+    vermin = [sys.executable, "-c", "from vermin import main; main()", "-t=3.7-", "--no-tips", str(STUB)]
+    found = subprocess.run(vermin, capture_output=True, text=True, timeout=60)
+    assert found.returncode == 0, found.stdout

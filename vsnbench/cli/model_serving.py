@@ -1,0 +1,88 @@
+"""`vsnbench models serve`: a model behind a WebSocket, for a robot elsewhere; or the file that serves one anywhere."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+_WHERE = "Where"
+
+
+def serve(
+    model: Annotated[
+        str | None, typer.Argument(help="A model's name, or package.module:Class.", metavar="[MODEL]")
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host", help="address to listen on; another than loopback needs a token", rich_help_panel=_WHERE
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one", rich_help_panel=_WHERE)] = 8765,
+    unix_path: Annotated[
+        Path | None, typer.Option("--unix-path", help="a socket file in place of host and port", rich_help_panel=_WHERE)
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", help="PEM file: serve wss://", rich_help_panel=_WHERE)
+    ] = None,
+    key: Annotated[Path | None, typer.Option("--key", help="PEM file of its key", rich_help_panel=_WHERE)] = None,
+    weights: Annotated[Path | None, typer.Option("--weights", "-w", help="The checkpoint, or 'embedded'.")] = None,
+    model_config: Annotated[Path | None, typer.Option("--model-config", help="YAML of the model's settings.")] = None,
+    device: Annotated[str | None, typer.Option("--device", help="auto, cpu, cuda or mps.")] = None,
+    write_stub: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-stub", metavar="DIR", help="write vsnbench_policy.py there, to serve a model without vsnbench"
+        ),
+    ] = None,
+) -> None:
+    """Serve a model over the network: the robot's machine runs `vsnbench run --model ws://HOST:PORT`.
+
+    [bold]Examples[/bold]
+
+        vsnbench models serve pirlnav --port 8765
+        VSNBENCH_TOKEN=secret vsnbench models serve pirlnav --host 0.0.0.0
+        vsnbench models serve --write-stub ~/mymodel
+
+    A model in another Python is served by the one file that the last example writes:
+    docs/models.md and docs/wire.md say how.
+    """
+    from vsnbench.errors import UsageError
+
+    if (model is None) == (write_stub is None):
+        raise UsageError("name the model to serve, or a directory with --write-stub")
+    if write_stub is not None:
+        _write_stub(write_stub)
+        return
+    from vsnbench.models.registry import create_policy
+    from vsnbench.models.remote.serving import ServedPolicy
+    from vsnbench.models.remote.vsnbench_policy import serve as serve_policy
+
+    given = {"weights": weights, "model_config": model_config, "device": device}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    policy = create_policy(str(model), None, **options)
+    try:
+        serve_policy(
+            ServedPolicy(policy),
+            host=host,
+            port=port,
+            certificate=str(certificate) if certificate else None,
+            key=str(key) if key else None,
+            unix_path=str(unix_path) if unix_path else None,
+        )
+    except (OSError, ValueError) as error:
+        raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error
+
+
+def _write_stub(directory: Path) -> None:
+    from vsnbench.errors import UsageError
+    from vsnbench.models.remote import vsnbench_policy
+
+    source = Path(vsnbench_policy.__file__)
+    target = directory.expanduser() / source.name
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(source.read_bytes())
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}") from error
+    typer.echo(f"{target}\nserve a model there:  python {source.name} mymodel:Class --port 8765")

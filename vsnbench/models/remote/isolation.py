@@ -1,0 +1,238 @@
+"""Starts a model in a process of its own, perhaps with another Python, and ends it with the run.
+
+The process listens on a socket file in a directory that only this user can enter. It may use so much memory and no
+more, dies with us, and what it writes on stderr goes to our log.
+"""
+
+import contextlib
+import logging
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.harmless_text import harmless
+from vsnbench.models.remote import vsnbench_policy
+from vsnbench.models.remote.policy import RemotePolicy
+
+logger = logging.getLogger(__name__)
+
+START_TIMEOUT_S = 120.0
+"""Loading a large checkpoint on a cold disk takes its time."""
+_TERMINATE_S = 3.0
+_LAST_LINES = 20
+_PR_SET_PDEATHSIG = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Isolation:
+    """How a model's own process is made."""
+
+    python: Path | None = None
+    """The interpreter of the model's environment, which needs numpy, msgpack and websockets and not vsnbench; ours
+    when None."""
+    memory_bytes: int | None = None
+    """How much memory it may have; no limit when None."""
+
+
+class IsolatedProcess:
+    """A running model server of our own; a context manager."""
+
+    def __init__(self, process: subprocess.Popen[bytes], directory: Path, name: str) -> None:
+        self._process = process
+        self._directory = directory
+        self._name = name
+        self._last_lines: deque[str] = deque(maxlen=_LAST_LINES)
+        self._reader = threading.Thread(target=self._pass_on, name=f"stderr of {name}", daemon=True)
+        self._reader.start()
+
+    @classmethod
+    def start(
+        cls,
+        model: str,
+        options: Mapping[str, Any],
+        isolation: Isolation,
+        timeout_s: float = START_TIMEOUT_S,
+    ) -> Self:
+        """Start a model's server and wait until it listens.
+
+        Args:
+            model: a built-in model or `package.module:Class`.
+            options: its options, as `create_policy` takes them; none with another Python.
+            isolation: with which interpreter and limits.
+            timeout_s: how long it may take to load.
+
+        Raises:
+            UsageError: the interpreter does not exist, or the options are not for another Python.
+            ModelError: it ended, or does not listen in time.
+        """
+        directory = Path(tempfile.mkdtemp(prefix="vsnbench-model-"))
+        socket_file = directory / "model.sock"
+        try:
+            command = _command(model, options, isolation.python, socket_file)
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                env=_environment(),
+                start_new_session=True,  # Ctrl-C is for the run, which ends the model when the robot stands
+                preexec_fn=_limits(isolation.memory_bytes),  # noqa: PLW1509 - two system calls, and no thread of ours holds a lock
+            )
+        except (OSError, UsageError) as error:
+            shutil.rmtree(directory, ignore_errors=True)
+            if isinstance(error, UsageError):
+                raise
+            raise UsageError(
+                f"model {model}: cannot start {isolation.python or sys.executable}: {error.strerror}"
+            ) from error
+        started = cls(process, directory, model)
+        try:
+            started._wait_for(socket_file, timeout_s)
+        except BaseException:
+            started.close()
+            raise
+        return started
+
+    @property
+    def socket_file(self) -> str:
+        """Where it listens."""
+        return str(self._directory / "model.sock")
+
+    @property
+    def death(self) -> str | None:
+        """How the process ended, in words; None while it lives."""
+        code = self._process.poll()
+        if code is None:
+            return None
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        last = f", its last words: {self._last_lines[-1]}" if self._last_lines else ""
+        return f"the process of model {self._name} has ended with {how}{last}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process and everything that it started; returns when it is gone."""
+        for number, patience_s in ((signal.SIGTERM, _TERMINATE_S), (signal.SIGKILL, _TERMINATE_S)):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience_s)
+                if number == signal.SIGKILL:
+                    break
+        self._reader.join(1.0)
+        shutil.rmtree(self._directory, ignore_errors=True)
+
+    def _wait_for(self, socket_file: Path, timeout_s: float) -> None:
+        give_up = time.monotonic() + timeout_s
+        while not socket_file.exists():
+            if self._process.poll() is not None:
+                self._reader.join(1.0)
+                last = self._last_lines[-1] if self._last_lines else f"exit code {self._process.returncode}"
+                raise ModelError(f"model {self._name} did not start in its own process: {last}")
+            if time.monotonic() > give_up:
+                raise ModelError(f"model {self._name} is not ready after {timeout_s:g} s in its own process")
+            time.sleep(0.02)
+
+    def _pass_on(self) -> None:
+        stream = self._process.stderr
+        if stream is None:
+            return
+        for line in iter(lambda: stream.readline(4096), b""):
+            text = harmless(line.decode("utf-8", "replace").rstrip())
+            self._last_lines.append(text)
+            logger.info("%s: %s", self._name, text)
+
+
+class IsolatedPolicy(RemotePolicy):
+    """A policy in a process of its own on this machine, which ends with it."""
+
+    def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
+        """Start the process and connect.
+
+        Args:
+            model: a built-in model or `package.module:Class`.
+            options: its own, and `act_timeout` for the connection.
+            isolation: with which interpreter and limits.
+
+        Raises:
+            UsageError: the interpreter does not exist, or an option is not for it.
+            ModelError: the model could not be started.
+        """
+        own = {name: value for name, value in options.items() if name != "act_timeout"}
+        act_timeout = options.get("act_timeout")
+        if model.startswith(("ws://", "wss://")):
+            raise UsageError(f"model {model} is in a process of its own already: leave --isolate away")
+        self._process = IsolatedProcess.start(model, own, isolation)
+        try:
+            super().__init__(model, act_timeout=act_timeout, token="", unix_path=self._process.socket_file)
+        except BaseException:
+            self._process.close()
+            raise
+
+    def reset(self, goal: str, seed: int) -> None:
+        """Start an episode; a process that has died is not started again.
+
+        Raises:
+            ModelLostError: the process is gone, or does not answer in time.
+            ModelError: the model failed.
+        """
+        if (words := self._process.death) is not None:
+            raise ModelLostError(words)
+        super().reset(goal, seed)
+
+    def close(self) -> None:
+        """End the process."""
+        super().close()
+        self._process.close()
+
+
+def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
+    if python is None:
+        words = [sys.executable, "-m", "vsnbench.cli.main", "models", "serve", model, "--unix-path", str(socket_file)]
+        for name, value in options.items():
+            words += [f"--{name.replace('_', '-')}", str(value)]
+        return words
+    if ":" not in model:
+        raise UsageError(f"--python is for a model of your own: name it as package.module:Class, not {model}")
+    if options:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in options)
+        raise UsageError(f"{names} cannot be handed to a model in another Python: let its class read its own settings")
+    found = shutil.which(str(python.expanduser()))
+    if found is None:
+        raise UsageError(f"there is no interpreter {python}: give --python /path/to/env/bin/python")
+    return [found, str(Path(vsnbench_policy.__file__)), model, "--unix-path", str(socket_file)]
+
+
+def _environment() -> dict[str, str]:
+    """Return our environment without what belongs to our own interpreter and its record."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
+    return {**kept, "PYTHONUNBUFFERED": "1"}
+
+
+def _limits(memory_bytes: int | None) -> Callable[[], None]:
+    import ctypes
+
+    libc = ctypes.CDLL(None)  # loaded before the fork: after it, nothing may be allocated
+
+    def limit() -> None:
+        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if memory_bytes is not None:
+            resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
+
+    return limit
