@@ -30,6 +30,7 @@ from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import run_session
 from vsnbench.runner.stopping import StopSignals
+from vsnbench.viewer.live import RerunEpisodes
 
 START = 5
 PARAMETERS = ProtocolParameters(max_actions=60)
@@ -109,7 +110,7 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
     )
     with Journal.open(results.database_url) as journal, StopSignals() as stop:
         campaign = journal.find_or_create_campaign(plan)
-        target = RecordingTarget(journal, results, "wanderer", robot.profile)
+        target = RecordingTarget(journal, results, "wanderer", robot.profile, RerunEpisodes(live=False))
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
         run_session(journal, campaign, site, PARAMETERS, 0, robot, Wanderer(), recorder, tally, stop)

@@ -25,7 +25,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "viewer": {"protocol", "database", "record"},
     "report": _PURE | {"database", "record"},
     "exchange": {"protocol", "database", "record"},
-    "runner": {"protocol", "viewer"} | _MACHINERY | _RESOURCES,
+    "runner": {"protocol"} | _MACHINERY | _RESOURCES,
     "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},
 }
 GROUND = {"database_url", "errors", "harmless_text", "loopback", "plugins", "resources", "whole_files", "workers"}

@@ -1,4 +1,4 @@
-"""A small made-up episode: every kind of frame, diagnostics included."""
+"""A small made-up episode: every kind of entry, diagnostics included."""
 
 import math
 from collections.abc import Iterator
@@ -26,10 +26,10 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import load_site
+from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
-from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
 from vsnbench.viewer.recording import EpisodeRecording, RecordingSummary
 
 UUID = "6f0e9a52-0000-4000-8000-000000000017"
@@ -41,7 +41,7 @@ def header() -> EpisodeHeader:
     return EpisodeHeader(17, UUID, "chair", "vlv (stand-in weights)", "turtlebot2", site, 1, begin)
 
 
-def frames(count: int, *, diagnostics: bool = True) -> Iterator[Frame]:
+def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
     """Yield `count` steps (the second one blocked), an event and the end."""
     told = header()
     pose = told.begin.pose
@@ -51,7 +51,7 @@ def frames(count: int, *, diagnostics: bool = True) -> Iterator[Frame]:
         action = Action.STOP if index == count else Action.MOVE_FORWARD if index % 3 else Action.TURN_LEFT
         local = {Action.MOVE_FORWARD: Pose(0.25, 0), Action.TURN_LEFT: Pose(0, 0, math.radians(30))}
         after = pose if blocked else pose.compose(local.get(action, Pose(0, 0)))
-        yield StepFrame(
+        yield StepEntry(
             index=index,
             stamp_s=100 + 1.2 * index,
             rgb_jpeg=_picture(index),
@@ -63,10 +63,10 @@ def frames(count: int, *, diagnostics: bool = True) -> Iterator[Frame]:
             infer_s=0.031,
         )
         if blocked:
-            yield EventFrame(index, "blocked", "action 2: 812 pixels nearer than 0.40 m")
+            yield EventEntry(index, "blocked", "action 2: 812 pixels nearer than 0.40 m")
         pose = after
     distance = GoalDistance(0.62, PoseSource.SIMULATED, "chair-2")
-    yield EndFrame(judge(EndReason.STOP, count, distance, told.parameters), count, 5.25, 61.2)
+    yield EndEntry(judge(EndReason.STOP, count, distance, told.parameters), count, 5.25, 61.2)
 
 
 def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
@@ -82,46 +82,46 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
         trial = journal.find_or_create_campaign(plan).trials[0]
         handle = journal.begin_episode(EpisodeStart(trial.id, 0, told.begin.pose, uuid=UUID))
         directory = results.episode_directory(handle.images_directory)
-        for frame in frames(count):
-            match frame:
-                case StepFrame():
-                    _keep_images(directory, frame)
-                    journal.append_step(handle.id, _row(frame))
-                case EventFrame():
-                    journal.add_event(frame.kind, frame.text, episode_id=handle.id, step_number=frame.step)
-                case EndFrame() if ended:
+        for entry in entries(count):
+            match entry:
+                case StepEntry():
+                    _keep_images(directory, entry)
+                    journal.append_step(handle.id, _row(entry))
+                case EventEntry():
+                    journal.add_event(entry.kind, entry.text, episode_id=handle.id, step_number=entry.step)
+                case EndEntry() if ended:
                     journal.end_episode(
                         handle.id,
                         EpisodeEnd(
-                            frame.verdict.end_reason,
-                            frame.actions,
-                            frame.verdict,
-                            path_length_m=frame.path_length_m,
-                            duration_s=frame.duration_s,
+                            entry.verdict.end_reason,
+                            entry.actions,
+                            entry.verdict,
+                            path_length_m=entry.path_length_m,
+                            duration_s=entry.duration_s,
                         ),
                     )
     return handle.id
 
 
-def _keep_images(directory: Path, frame: StepFrame) -> None:
+def _keep_images(directory: Path, entry: StepEntry) -> None:
     for path, content in (
-        (rgb_path(directory, frame.index), frame.rgb_jpeg),
-        (depth_path(directory, frame.index), frame.depth_png),
+        (rgb_path(directory, entry.index), entry.rgb_jpeg),
+        (depth_path(directory, entry.index), entry.depth_png),
     ):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content or b"")
 
 
-def _row(frame: StepFrame) -> StepRecord:
-    told = frame.decision.diagnostics
+def _row(entry: StepEntry) -> StepRecord:
+    told = entry.decision.diagnostics
     return StepRecord(
-        number=frame.index,
-        action=frame.decision.action,
-        raw_action=frame.decision.raw_action,
-        result=frame.result,
-        stamp_s=frame.stamp_s,
-        world=frame.after,
-        timings=StepTimings(infer_s=frame.infer_s),
+        number=entry.index,
+        action=entry.decision.action,
+        raw_action=entry.decision.raw_action,
+        result=entry.result,
+        stamp_s=entry.stamp_s,
+        world=entry.after,
+        timings=StepTimings(infer_s=entry.infer_s),
         probabilities=told.probabilities,
         details=diagnostics_to_details(told),
     )
@@ -129,8 +129,8 @@ def _row(frame: StepFrame) -> StepRecord:
 
 def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> RecordingSummary:
     with EpisodeRecording(header(), path, rebuilding=True) as recording:
-        for frame in frames(count, diagnostics=diagnostics):
-            recording.add(frame)
+        for entry in entries(count, diagnostics=diagnostics):
+            recording.add(entry)
     return recording.close()
 
 

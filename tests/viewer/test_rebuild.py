@@ -1,5 +1,7 @@
 """The Rerun file is derived data: whatever happened to it, the record brings it back."""
 
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,14 +11,14 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from tests.viewer.synthetic_episode import UUID, frames, header, record, write
+from tests.viewer.synthetic_episode import UUID, entries, header, record, write
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.record.entries import EndEntry, StepEntry
 from vsnbench.record.images import rgb_path
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.viewer.frames import EndFrame, StepFrame
 from vsnbench.viewer.rebuild import current_recording, recording_fault
 from vsnbench.viewer.replay import read_episode
 
@@ -49,9 +51,10 @@ def test_a_rebuilt_file_holds_what_the_live_one_held(results: ResultsDirectory, 
 def test_a_good_file_is_left_alone(results: ResultsDirectory) -> None:
     number = record(results, 3)
     path = current_recording(results, number)
-    written = path.stat()
+    was = path.stat()
     assert current_recording(results, number) == path
-    assert path.stat() == written
+    now = path.stat()
+    assert (now.st_ino, now.st_mtime_ns, now.st_size) == (was.st_ino, was.st_mtime_ns, was.st_size)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +79,9 @@ def test_a_file_that_cannot_be_shown_is_built_anew(results: ResultsDirectory, da
 
 def test_what_a_killed_run_left_of_its_file_is_cleared_away(results: ResultsDirectory) -> None:
     number = record(results, 3)
-    part = results.path / "episodes" / f"{number:06d}" / "episode.rrd.part"
+    killed = subprocess.Popen([sys.executable, "-c", ""])
+    killed.wait()
+    part = results.path / "episodes" / f"{number:06d}" / f".episode.rrd.{killed.pid}.part"
     part.write_bytes(b"RRF2")
     current_recording(results, number)
     assert [file.name for file in part.parent.glob("*rrd*")] == ["episode.rrd"]
@@ -123,11 +128,11 @@ def test_a_directory_without_a_record_says_so(results: ResultsDirectory) -> None
 
 def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory) -> None:
     replay = read_episode(results, record(results, 4))
-    given = list(frames(4))
+    given = list(entries(4))
     assert replay.header == replace(header(), episode_id=replay.header.episode_id, robot=replay.header.robot)
-    assert [type(frame) for frame in replay.frames] == [type(frame) for frame in given]
-    assert replay.end == next(frame for frame in given if isinstance(frame, EndFrame))
-    for was, now in zip(given, replay.frames, strict=True):
-        if isinstance(was, StepFrame) and isinstance(now, StepFrame):
+    assert [type(entry) for entry in replay.entries] == [type(entry) for entry in given]
+    assert replay.end == next(entry for entry in given if isinstance(entry, EndEntry))
+    for was, now in zip(given, replay.entries, strict=True):
+        if isinstance(was, StepEntry) and isinstance(now, StepEntry):
             assert (now.rgb_jpeg, now.depth_png, now.result) == (was.rgb_jpeg, was.depth_png, was.result)
             assert (now.decision.action, now.after, now.blocked) == (was.decision.action, was.after, was.blocked)

@@ -8,14 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
-from tests.viewer.synthetic_episode import UUID, frames, header, write
+from tests.viewer.synthetic_episode import UUID, entries, header, write
 from vsnbench.protocol.decision import Diagnostics
+from vsnbench.record.entries import StepEntry
 from vsnbench.viewer import recording as recording_module
-from vsnbench.viewer.frames import StepFrame
 from vsnbench.viewer.recording import EpisodeRecording
 from vsnbench.viewer.viewers import WebViewer
 
@@ -90,7 +91,7 @@ def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> 
     write(tmp_path / "episode.rrd", count=4)
     first = column(tmp_path / "episode.rrd", "/plan/trajectory", "LineStrips2D:strips")[0]
     begin = header().begin.pose
-    after = next(frame for frame in frames(4) if isinstance(frame, StepFrame)).after
+    after = next(entry for entry in entries(4) if isinstance(entry, StepEntry)).after
     assert after is not None
     np.testing.assert_allclose(first, [[begin.position, after.pose.position]], atol=1e-5)
 
@@ -98,7 +99,7 @@ def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> 
 def test_an_image_is_stored_as_the_bytes_that_lie_in_the_record(tmp_path: Path) -> None:
     write(tmp_path / "episode.rrd", count=3)
     stored = column(tmp_path / "episode.rrd", "/camera/rgb", "EncodedImage:blob")
-    given = [frame.rgb_jpeg for frame in frames(3) if isinstance(frame, StepFrame)]
+    given = [entry.rgb_jpeg for entry in entries(3) if isinstance(entry, StepEntry)]
     assert [np.asarray(blob, np.uint8).tobytes() for [blob] in stored] == given  # type: ignore[misc]
 
 
@@ -117,9 +118,9 @@ def test_a_full_queue_costs_the_copy_and_not_the_robots_time(tmp_path: Path, mon
         return really_open(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(recording_module, "open_recording", held_up)
-    monkeypatch.setattr(recording_module, "QUEUE_FRAMES", 4)
+    monkeypatch.setattr(recording_module, "QUEUE_ENTRIES", 4)
     recording = EpisodeRecording(header(), tmp_path / "episode.rrd")
-    step = next(frames(2))
+    step = next(entries(2))
     longest_s = 0.0
     for _ in range(10):
         began = time.perf_counter()
@@ -133,14 +134,51 @@ def test_a_full_queue_costs_the_copy_and_not_the_robots_time(tmp_path: Path, mon
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_worker_that_is_stuck_is_left_behind_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on = threading.Event()
+
+    def stuck(*_: object) -> rr.RecordingStream:
+        assert go_on.wait(60)
+        raise OSError("the disk came back too late")
+
+    monkeypatch.setattr(recording_module, "open_recording", stuck)
+    monkeypatch.setattr(recording_module, "QUEUE_ENTRIES", 2)
+    monkeypatch.setattr(recording_module, "CLOSE_TIMEOUT_S", 0.2)
+    recording = EpisodeRecording(header(), tmp_path / "episode.rrd")
+    for entry in entries(5):
+        recording.add(entry)
+    closing = threading.Thread(target=recording.close, daemon=True)
+    closing.start()
+    closing.join(30)
+    try:
+        assert not closing.is_alive(), "the queue is full and nobody empties it"
+        assert "not finished after 0.2 s" in recording.close().error
+    finally:
+        go_on.set()
+    deadline = time.monotonic() + 30
+    while any(thread.name == "rerun-17" for thread in threading.enumerate()):
+        assert time.monotonic() < deadline, "what was left behind ends as soon as it can"
+
+
+def test_one_episode_after_another_takes_no_more_threads_and_files(tmp_path: Path) -> None:
+    process = psutil.Process()
+    assert write(tmp_path / "episode.rrd", count=3).error == ""
+    threads, files = process.num_threads(), process.num_fds()
+    for _ in range(6):
+        assert write(tmp_path / "episode.rrd", count=3).error == ""
+    deadline = time.monotonic() + 30
+    while (process.num_threads(), process.num_fds()) > (threads, files):  # one may be on its way out
+        assert time.monotonic() < deadline, (process.num_threads(), process.num_fds(), threads, files)
+
+
 def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "file" / "episode.rrd"
     path.parent.write_text("a file where the episode's directory should be")
     with caplog.at_level(logging.WARNING), EpisodeRecording(header(), path) as recording:
-        for frame in frames(5):
-            recording.add(frame)
+        for entry in entries(5):
+            recording.add(entry)
     assert recording.close().path is None
     assert "FileExistsError" in recording.close().error
     assert len([record for record in caplog.records if "Rerun recording stopped" in record.message]) == 1
@@ -148,22 +186,22 @@ def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
 
 def test_an_episode_that_has_not_ended_gets_no_final_name(tmp_path: Path) -> None:
     with EpisodeRecording(header(), tmp_path / "episode.rrd") as recording:
-        recording.add(next(frames(3)))
+        recording.add(next(entries(3)))
     assert recording.close().path is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_adding_after_the_end_is_ignored(tmp_path: Path) -> None:
     recording = EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True)
-    for frame in frames(2):
-        recording.add(frame)
+    for entry in entries(2):
+        recording.add(entry)
     assert recording.close().path is not None
-    recording.add(next(frames(2)))
+    recording.add(next(entries(2)))
     assert steps_of(tmp_path / "episode.rrd", "/status") == [1, 2]
 
 
 def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None:
-    first, second = [frame for frame in frames(4) if isinstance(frame, StepFrame)][:2]
+    first, second = [entry for entry in entries(4) if isinstance(entry, StepEntry)][:2]
     bare = replace(second, decision=replace(second.decision, diagnostics=Diagnostics()))
     with EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True) as recording:
         recording.add(first)
@@ -178,10 +216,10 @@ def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None
 def test_a_viewer_that_is_closed_under_way_costs_only_the_live_view(tmp_path: Path) -> None:
     viewer = WebViewer(port=0)
     with EpisodeRecording(header(), tmp_path / "episode.rrd", viewer.grpc_url) as recording:
-        for number, frame in enumerate(frames(20)):
+        for number, entry in enumerate(entries(20)):
             if number == 5:
                 viewer.close()
-            recording.add(frame)
+            recording.add(entry)
         began = time.perf_counter()
     assert time.perf_counter() - began < 5
     assert recording.close().path is not None

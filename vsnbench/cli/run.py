@@ -151,8 +151,7 @@ def command(
         shuffle=shuffle,
         noise=noise,
         unattended=unattended,
-        live=live,
         model_options={name: value for name, value in options.items() if value is not None},
         isolation=Isolation(python, memory_bytes) if apart else None,
     )
-    raise typer.Exit(run_and_tell(request))
+    raise typer.Exit(run_and_tell(request, live=live))

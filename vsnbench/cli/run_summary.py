@@ -7,13 +7,21 @@ from rich.markup import escape
 
 from vsnbench.runner.launch import Launched, RunRequest, launch
 from vsnbench.runner.stopping import Stopped
+from vsnbench.viewer.live import RerunEpisodes
 
 
-def run_and_tell(request: RunRequest) -> int:
-    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 130 or 143 when stopped."""
+def run_and_tell(request: RunRequest, *, live: bool) -> int:
+    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 130 or 143 when stopped.
+
+    Args:
+        request: what to run.
+        live: show each episode in Rerun as it happens.
+    """
     console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
     try:
-        launched = launch(request)
+        with RerunEpisodes(live=live) as viewer:
+            launched = launch(request, viewer)
+            viewer.linger()
     except Stopped as stopped:
         console.print(
             f"[yellow]stopped[/yellow] ({stopped}): the robot is halted and every finished step is recorded. "

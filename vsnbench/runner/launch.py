@@ -18,6 +18,7 @@ from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, embedded_sites, load_site
 from vsnbench.protocol.site_check import check_site
+from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
@@ -29,7 +30,6 @@ from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import SessionResult, SessionWatcher, run_session
 from vsnbench.runner.stopping import StopSignals
-from vsnbench.viewer.live import LiveView
 
 logger = logging.getLogger(__name__)
 
@@ -49,7 +49,6 @@ class RunRequest:
     seed: int = 0
     shuffle: bool = False
     noise: bool = False
-    live: bool = False
     unattended: bool = False
     """Nobody is beside the robot: it is taken to stand where it should, and distances are estimated."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
@@ -65,21 +64,18 @@ class Launched:
     result: SessionResult
 
 
-def launch(request: RunRequest) -> Launched:
+def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched:
     """Run the trials of the campaign that are left.
+
+    Args:
+        request: what was asked for.
+        viewer: whoever shows or copies the episodes.
 
     Raises:
         UsageError: something named does not exist or does not fit together; nothing was written.
         VsnbenchError: the site, model, robot or record cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    with LiveView() as view:
-        launched = _launch(request, view)
-        view.linger()
-    return launched
-
-
-def _launch(request: RunRequest, view: LiveView) -> Launched:
     site = load_site(request.site)
     starts = choose_starts(request.starts, site)
     parameters = ProtocolParameters(max_actions=request.max_steps)
@@ -108,9 +104,10 @@ def _launch(request: RunRequest, view: LiveView) -> Launched:
         request.results.prepare()
         journal = stack.enter_context(Journal.open(request.results.database_url))
         campaign = journal.find_or_create_campaign(plan)
-        viewer_url = view.open() if request.live else None
+        if viewer is not None:
+            viewer.prepare()
         operator = gather_provenance().operator
-        target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer_url, operator)
+        target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer, operator)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
         watcher: SessionWatcher = progress

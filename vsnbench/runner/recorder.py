@@ -1,4 +1,4 @@
-"""Keeps one episode: image files, then the database row, then the copy for Rerun, one step behind the robot.
+"""Keeps one episode: image files, then the database row, then the viewer's entry, one step behind the robot.
 
 A step is written by a worker thread while the next one is sensed and driven; the next step is handed over only when
 the one before it is committed. So a killed process loses at most the step that it was in, every committed step has
@@ -21,11 +21,10 @@ from vsnbench.protocol.metrics import path_length_m
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.record.images import EpisodeImages, StampedPose
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
-from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, StepFrame
-from vsnbench.viewer.recording import EpisodeRecording
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +36,8 @@ class RecordingTarget:
     model: str
     """The model's name for people, with its weights where it has any."""
     robot: RobotProfile
-    live_viewer_url: str | None = None
+    viewer: EpisodeViewer | None = None
+    """Whoever shows or copies the episodes."""
     operator: str = ""
     """Who is responsible for the robot."""
 
@@ -51,7 +51,7 @@ class EpisodeRecorderFanOut:
         self._handle: EpisodeHandle | None = None
         self._plan: EpisodePlan | None = None
         self._images: EpisodeImages | None = None
-        self._recording: EpisodeRecording | None = None
+        self._sink: EpisodeSink | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder")
         self._pending: Future[None] | None = None
         self._trajectory: list[StampedPose] = []
@@ -64,7 +64,7 @@ class EpisodeRecorderFanOut:
         return self._handle.id if self._handle else 0
 
     def begin(self, plan: EpisodePlan, start: Fix) -> None:
-        """Open the episode in the database, its directory and its Rerun file."""
+        """Open the episode in the database, its directory and the viewer's sink."""
         target, trial = self._target, self._trial
         self._plan = plan
         self._trajectory = [StampedPose(0.0, start.pose)]
@@ -86,7 +86,8 @@ class EpisodeRecorderFanOut:
             parameters=plan.parameters,
             robot_radius_m=target.robot.base.radius_m,
         )
-        self._recording = EpisodeRecording(header, directory / "episode.rrd", target.live_viewer_url)
+        if target.viewer is not None:
+            self._sink = target.viewer.open_episode(header, directory)
 
     def step(self, step: Step) -> None:
         """Hand a step to the worker, as soon as the one before it is kept."""
@@ -104,8 +105,7 @@ class EpisodeRecorderFanOut:
         self._settle()
         number = self._last_number or None
         self._target.journal.add_event(kind, text, episode_id=self.episode_id, step_number=number)
-        if self._recording:
-            self._recording.add(EventFrame(self._last_number, kind, text))
+        self._show(EventEntry(self._last_number, kind, text))
 
     def intervention(self, what: str) -> None:
         """Keep that a person acted on the robot, and who."""
@@ -131,14 +131,13 @@ class EpisodeRecorderFanOut:
                 final=outcome.final,
             ),
         )
-        if self._recording:
-            self._recording.add(EndFrame(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
+        self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
 
     def close(self) -> None:
         """Let go of files and threads, whatever happened before."""
         self._worker.shutdown(wait=True)
-        if self._recording:
-            self._recording.close()
+        if self._sink is not None:
+            self._sink.close()
 
     def _settle(self) -> None:
         """Wait until the step before is committed; raises what went wrong with it."""
@@ -168,20 +167,23 @@ class EpisodeRecorderFanOut:
                 details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
             ),
         )
-        if self._recording:
-            self._recording.add(
-                StepFrame(
-                    index=step.index,
-                    stamp_s=observation.stamp_s,
-                    rgb_jpeg=images.rgb_jpeg,
-                    depth_png=images.depth_png,
-                    decision=decision,
-                    result=step.result,
-                    blocked=step.blocked,
-                    after=step.after,
-                    infer_s=step.timings.infer_s,
-                )
+        self._show(
+            StepEntry(
+                index=step.index,
+                stamp_s=observation.stamp_s,
+                rgb_jpeg=images.rgb_jpeg,
+                depth_png=images.depth_png,
+                decision=decision,
+                result=step.result,
+                blocked=step.blocked,
+                after=step.after,
+                infer_s=step.timings.infer_s,
             )
+        )
+
+    def _show(self, entry: Entry) -> None:
+        if self._sink is not None:
+            self._sink.add(entry)
 
     def _geodesic_m(self, pose: Pose) -> float | None:
         if self._plan is None:

@@ -2,9 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from vsnbench.viewer.frames import EpisodeHeader
+from vsnbench.record.entries import EpisodeHeader
 
 if TYPE_CHECKING:
+    import rerun as rr
     import rerun.blueprint as rrb
 
 TIMELINE = "step"
@@ -79,3 +80,27 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         auto_views=False,
         auto_layout=False,
     )
+
+
+def send_layout(recording: "rr.RecordingStream", layout: "rrb.Blueprint") -> None:
+    """Send a layout into a recording and let go of it.
+
+    Rerun's own `send_blueprint` passes the layout through a stream in memory that it never disconnects: two threads
+    and a megabyte for each call, for as long as the process lives.
+    """
+    import rerun as rr
+    import rerun_bindings as bindings
+
+    stream = rr.RecordingStream._from_native(  # noqa: SLF001 - there is no public way to disconnect it
+        bindings.new_blueprint(
+            application_id=recording.get_application_id() or "",
+            make_default=False,
+            make_thread_default=False,
+            default_enabled=True,
+        )
+    )
+    stream.set_time("blueprint", sequence=0)
+    layout._log_to_stream(stream)  # noqa: SLF001
+    in_memory = stream.memory_recording()  # type: ignore[attr-defined]
+    bindings.send_blueprint(in_memory.storage, True, True, recording=recording.to_native())
+    stream.disconnect()

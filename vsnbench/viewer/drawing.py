@@ -1,4 +1,4 @@
-"""What of an episode goes to which Rerun entity, frame by frame.
+"""What of an episode goes to which Rerun entity, entry by entry.
 
 Entities: `camera/rgb` (with `detections`), `camera/depth`, `plan/**`, `actions/**` (state lanes), `distance/**`,
 `decision/**`, `status`, `events`, `verdict`. Timelines: `step` (the action's number) and `robot_time`.
@@ -12,8 +12,8 @@ import numpy as np
 
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Box
-from vsnbench.viewer.blueprint import TIMELINE, episode_blueprint
-from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
+from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.viewer.blueprint import TIMELINE, episode_blueprint, send_layout
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ DEPTH_UNITS_PER_METRE = 1000.0
 
 
 class EpisodeDrawing:
-    """Logs the frames of one episode in their order."""
+    """Logs the entries of one episode in their order."""
 
     def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
         self._recording = recording
@@ -53,15 +53,15 @@ class EpisodeDrawing:
         self._boxes_shown = False
         self._begin()
 
-    def draw(self, frame: Frame) -> None:
-        """Log one frame."""
-        match frame:
-            case StepFrame():
-                self._step(frame)
-            case EventFrame():
-                self._event(frame)
-            case EndFrame():
-                self._end(frame)
+    def draw(self, entry: Entry) -> None:
+        """Log one entry."""
+        match entry:
+            case StepEntry():
+                self._step(entry)
+            case EventEntry():
+                self._event(entry)
+            case EndEntry():
+                self._end(entry)
 
     def _begin(self) -> None:
         import rerun as rr
@@ -70,7 +70,7 @@ class EpisodeDrawing:
         recording.send_recording_name(
             f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
         )
-        recording.send_blueprint(episode_blueprint(header, with_scores=False))
+        send_layout(recording, episode_blueprint(header, with_scores=False))
         self._plan.draw_site()
         recording.log(
             "actions/action",
@@ -107,32 +107,32 @@ class EpisodeDrawing:
                 self._first_stamp_s = stamp_s
             self._recording.set_time("robot_time", duration=stamp_s - self._first_stamp_s)
 
-    def _step(self, frame: StepFrame) -> None:
+    def _step(self, entry: StepEntry) -> None:
         import rerun as rr
 
         log = self._recording.log
-        self._set_time(frame.index, frame.stamp_s)
-        told = frame.decision.diagnostics
-        self._counts[frame.decision.action.value] += 1
-        self._blocked += frame.blocked
-        if frame.rgb_jpeg is not None:
-            log("camera/rgb", rr.EncodedImage(contents=frame.rgb_jpeg, media_type="image/jpeg"))
+        self._set_time(entry.index, entry.stamp_s)
+        told = entry.decision.diagnostics
+        self._counts[entry.decision.action.value] += 1
+        self._blocked += entry.blocked
+        if entry.rgb_jpeg is not None:
+            log("camera/rgb", rr.EncodedImage(contents=entry.rgb_jpeg, media_type="image/jpeg"))
         self._detections(told.boxes)
-        if frame.depth_png is not None:
+        if entry.depth_png is not None:
             log(
                 "camera/depth",
                 rr.EncodedDepthImage(
-                    frame.depth_png, media_type="image/png", meter=DEPTH_UNITS_PER_METRE, depth_range=[0, 6000]
+                    entry.depth_png, media_type="image/png", meter=DEPTH_UNITS_PER_METRE, depth_range=[0, 6000]
                 ),
             )
-        log("actions/action", rr.StateChange(state=frame.decision.action.value))
-        log("actions/outcome", rr.StateChange(state=_outcome(frame)))
-        distance = self._plan.draw_step(frame)
+        log("actions/action", rr.StateChange(state=entry.decision.action.value))
+        log("actions/outcome", rr.StateChange(state=_outcome(entry)))
+        distance = self._plan.draw_step(entry)
         if distance is not None:
             log("distance/to_goal", rr.Scalars(distance))
             log("distance/success_under", rr.Scalars(self._header.parameters.success_distance_m))
-        self._decision(frame)
-        log("status", _markdown(self._status_text(frame, distance)))
+        self._decision(entry)
+        log("status", _markdown(self._status_text(entry, distance)))
 
     def _detections(self, boxes: tuple[Box, ...]) -> None:
         import rerun as rr
@@ -149,54 +149,54 @@ class EpisodeDrawing:
             )
         self._boxes_shown = bool(boxes)
 
-    def _decision(self, frame: StepFrame) -> None:
+    def _decision(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        told = frame.decision.diagnostics
+        told = entry.decision.diagnostics
         numbers = {f"p({name})": value for name, value in told.probabilities.items()} | dict(told.scalars)
         if numbers and not self._with_scores:
             self._with_scores = True
-            self._recording.send_blueprint(episode_blueprint(self._header, with_scores=True))
+            send_layout(self._recording, episode_blueprint(self._header, with_scores=True))
         for name, value in numbers.items():
             self._recording.log(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars(float(value)))
-        self._recording.log("decision/text", _markdown(_decision_text(frame)))
+        self._recording.log("decision/text", _markdown(_decision_text(entry)))
 
-    def _status_text(self, frame: StepFrame, distance_m: float | None) -> str:
+    def _status_text(self, entry: StepEntry, distance_m: float | None) -> str:
         header = self._header
-        action = frame.decision.action.value
-        said = "" if frame.decision.raw_action == action else f" (model: {frame.decision.raw_action})"
+        action = entry.decision.action.value
+        said = "" if entry.decision.raw_action == action else f" (model: {entry.decision.raw_action})"
         far = "" if distance_m is None else f" · {distance_m:.2f} m away"
         return (
             f"### Looking for: {header.goal}{far}\n"
-            f"action {frame.index} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(frame)}"
+            f"action {entry.index} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(entry)}"
         )
 
-    def _event(self, frame: EventFrame) -> None:
+    def _event(self, entry: EventEntry) -> None:
         import rerun as rr
 
-        self._set_time(frame.step, None)
-        level = rr.TextLogLevel.WARN if frame.kind in ALARMING else rr.TextLogLevel.INFO
-        self._recording.log("events", rr.TextLog(f"{frame.kind}: {frame.text}", level=level))
+        self._set_time(entry.step, None)
+        level = rr.TextLogLevel.WARN if entry.kind in ALARMING else rr.TextLogLevel.INFO
+        self._recording.log("events", rr.TextLog(f"{entry.kind}: {entry.text}", level=level))
 
-    def _end(self, frame: EndFrame) -> None:
+    def _end(self, entry: EndEntry) -> None:
         import rerun as rr
 
         # One past the last action: that one gets its width in the lanes, and the plan shows where it ended.
-        self._set_time(frame.actions + 1, None)
+        self._set_time(entry.actions + 1, None)
         for lane in ("actions/action", "actions/outcome"):
             self._recording.log(lane, rr.StateChange(state=[None]))
-        self._plan.draw_end(frame.verdict)
-        failed = frame.verdict.success is False
+        self._plan.draw_end(entry.verdict)
+        failed = entry.verdict.success is False
         self._recording.log(
             "events",
             rr.TextLog(
-                frame.verdict.text, level="WARN" if failed else "INFO", color=FAILURE_RGB if failed else SUCCESS_RGB
+                entry.verdict.text, level="WARN" if failed else "INFO", color=FAILURE_RGB if failed else SUCCESS_RGB
             ),
         )
-        self._recording.log("verdict", _markdown(self._verdict_text(frame)), static=True)
+        self._recording.log("verdict", _markdown(self._verdict_text(entry)), static=True)
 
-    def _verdict_text(self, frame: EndFrame) -> str:
-        header, verdict = self._header, frame.verdict
+    def _verdict_text(self, entry: EndEntry) -> str:
+        header, verdict = self._header, entry.verdict
         word = {True: "Success", False: "Failure", None: "Void"}[verdict.success]
         rows = [
             ("model", header.model),
@@ -207,13 +207,13 @@ class EpisodeDrawing:
         if verdict.distance is not None:
             near = verdict.distance
             rows.append(("distance", f"{near.distance_m:.3f} m from {near.instance} ({near.source.value})"))
-        rows.append(("actions", f"{frame.actions}: {self._counted()}"))
-        if frame.path_length_m is not None:
-            rows.append(("path", f"{frame.path_length_m:.2f} m"))
-        if frame.duration_s is not None:
-            rows.append(("duration", f"{frame.duration_s:.1f} s of the robot's time"))
-        if frame.error:
-            rows.append(("error", frame.error))
+        rows.append(("actions", f"{entry.actions}: {self._counted()}"))
+        if entry.path_length_m is not None:
+            rows.append(("path", f"{entry.path_length_m:.2f} m"))
+        if entry.duration_s is not None:
+            rows.append(("duration", f"{entry.duration_s:.1f} s of the robot's time"))
+        if entry.error:
+            rows.append(("error", entry.error))
         return f"# {word}: {header.goal}\n\n{verdict.text}\n\n" + _table([("episode", str(header.episode_id)), *rows])
 
     def _counted(self) -> str:
@@ -221,14 +221,14 @@ class EpisodeDrawing:
         return ", ".join([*counted, f"{self._blocked} blocked"] if self._blocked else counted)
 
 
-def _outcome(frame: StepFrame) -> str:
-    if frame.blocked:
+def _outcome(entry: StepEntry) -> str:
+    if entry.blocked:
         return "blocked"
-    if frame.result is not None and frame.result.collision is not None:
+    if entry.result is not None and entry.result.collision is not None:
         return "collision"
-    if frame.result is not None and not frame.result.completed:
+    if entry.result is not None and not entry.result.completed:
         return "failed"
-    return "stopped" if frame.decision.action is Action.STOP else "moved"
+    return "stopped" if entry.decision.action is Action.STOP else "moved"
 
 
 def _running_text(header: EpisodeHeader) -> str:
@@ -236,10 +236,10 @@ def _running_text(header: EpisodeHeader) -> str:
     return f"# Running: {header.goal}\n\n" + _table([*rows, ("start", str(header.start_number))])
 
 
-def _decision_text(frame: StepFrame) -> str:
-    told = frame.decision.diagnostics
+def _decision_text(entry: StepEntry) -> str:
+    told = entry.decision.diagnostics
     lines = [
-        f"**{frame.decision.raw_action}**" + (f" in {frame.infer_s * 1e3:.0f} ms" if frame.infer_s is not None else "")
+        f"**{entry.decision.raw_action}**" + (f" in {entry.infer_s * 1e3:.0f} ms" if entry.infer_s is not None else "")
     ]
     if told.note:
         lines.append(told.note)

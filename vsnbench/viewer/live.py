@@ -1,22 +1,26 @@
-"""The viewer of `vsnbench run --live`: opened late, when nothing can be refused any more, and kept for a last look."""
+"""The Rerun copies that a run makes of its episodes, and with `--live` the viewer that shows them as they happen."""
 
 import logging
 import signal
 import sys
 import threading
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import UsageError
+from vsnbench.record.entries import EpisodeHeader
+from vsnbench.viewer.recording import FILE_NAME, EpisodeRecording
 from vsnbench.viewer.viewers import Viewer, WebViewer, has_display, open_window
 
 logger = logging.getLogger(__name__)
 
 
-class LiveView:
-    """A viewer that may never be opened; a context manager that ends it."""
+class RerunEpisodes:
+    """Copies every episode into its `episode.rrd`, and shows it live where that was asked for; a context manager."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, live: bool) -> None:
+        self._live = live
         self._viewer: Viewer | None = None
 
     def __enter__(self) -> Self:
@@ -28,22 +32,27 @@ class LiveView:
         if self._viewer is not None:
             self._viewer.close()
 
-    def open(self) -> str:
-        """Open Rerun's window, or serve it to a browser where there is no display; returns where episodes are sent.
+    def prepare(self) -> None:
+        """With `--live`, open Rerun's window, or serve it to a browser where there is no display.
 
         Raises:
             VsnbenchError: Rerun's program is missing or does not start.
         """
+        if not self._live:
+            return
         if has_display():
             self._viewer = open_window()
-        else:
-            try:
-                served = WebViewer()
-            except UsageError:  # the usual port is taken, perhaps by another robot's run
-                served = WebViewer(0)
-            self._viewer = served
-            logger.warning("no display here: watch live at %s", served.address)
-        return self._viewer.grpc_url
+            return
+        try:
+            served = WebViewer()
+        except UsageError:  # the usual port is taken, perhaps by another robot's run
+            served = WebViewer(0)
+        self._viewer = served
+        logger.warning("no display here: watch live at %s", served.address)
+
+    def open_episode(self, header: EpisodeHeader, directory: Path) -> EpisodeRecording:
+        """Return the copy of an episode whose files lie in `directory`."""
+        return EpisodeRecording(header, directory / FILE_NAME, self._viewer.grpc_url if self._viewer else None)
 
     def linger(self) -> None:
         """Let a person look at the last episode for as long as they like; a script does not wait."""

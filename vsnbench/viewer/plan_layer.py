@@ -13,7 +13,7 @@ import numpy as np
 from vsnbench.protocol.goal_distance import distance_to_goal, success_region
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.pose import Pose
-from vsnbench.viewer.frames import EpisodeHeader, StepFrame
+from vsnbench.record.entries import EpisodeHeader, StepEntry
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class FloorPlan:
             static=True,
         )
 
-    def draw_step(self, frame: StepFrame) -> float | None:
+    def draw_step(self, entry: StepEntry) -> float | None:
         """Log the robot where the image was taken, the way it then went, and the policy's picture of the world.
 
         Returns:
@@ -93,19 +93,19 @@ class FloorPlan:
         log, header = self._recording.log, self._header
         here = self._here.pose
         self._draw_robot(here)
-        if frame.after is not None:
-            there = frame.after.pose
-            progress = min(1.0, frame.index / header.parameters.max_actions)
+        if entry.after is not None:
+            there = entry.after.pose
+            progress = min(1.0, entry.index / header.parameters.max_actions)
             if here.distance_to(there) > 1e-4:
                 log(
                     "plan/trajectory",
                     rr.LineStrips2D([[here.position, there.position]], colors=_warming(progress), radii=0.03),
                 )
-        self._mark_trouble(frame)
-        self._draw_beliefs(frame)
+        self._mark_trouble(entry)
+        self._draw_beliefs(entry)
         distance = distance_to_goal(header.site, header.goal, self._here, header.parameters).distance_m
-        if frame.after is not None:
-            self._here = frame.after
+        if entry.after is not None:
+            self._here = entry.after
         return distance
 
     def draw_end(self, verdict: Verdict) -> None:
@@ -127,25 +127,25 @@ class FloorPlan:
         self._recording.log("plan/robot/shell", rr.LineStrips2D([shell], colors=ROBOT_RGB, radii=0.025))
         self._recording.log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
 
-    def _mark_trouble(self, frame: StepFrame) -> None:
+    def _mark_trouble(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        collided = frame.result is not None and frame.result.collision is not None
-        if not (frame.blocked or collided):
+        collided = entry.result is not None and entry.result.collision is not None
+        if not (entry.blocked or collided):
             return
-        pose = frame.after.pose if frame.after is not None and collided else self._here.pose
+        pose = entry.after.pose if entry.after is not None and collided else self._here.pose
         nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
         self._recording.log(
             f"plan/{'collision' if collided else 'blocked'}",
             rr.Points2D([nose], colors=FAILURE_RGB if collided else VOID_RGB, radii=0.08 if collided else 0.05),
         )
 
-    def _draw_beliefs(self, frame: StepFrame) -> None:
+    def _draw_beliefs(self, entry: StepEntry) -> None:
         """Log the policy's map, nodes, path and sub-goal, carried from the start's frame into the site's."""
         import rerun as rr
 
         log, begin = self._recording.log, self._header.begin.pose
-        told = frame.decision.diagnostics
+        told = entry.decision.diagnostics
         if told.map is not None:
             corner = begin.compose(Pose(told.map.origin_x_m, told.map.origin_y_m))
             resolution = told.map.resolution_m

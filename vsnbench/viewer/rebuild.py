@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RecordError
+from vsnbench.record.entries import EndEntry
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.viewer.frames import EndFrame
-from vsnbench.viewer.recording import APPLICATION, EpisodeRecording, part_path
+from vsnbench.viewer.recording import APPLICATION, FILE_NAME, EpisodeRecording
 from vsnbench.viewer.replay import EpisodeReplay, read_episode
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-FILE_NAME = "episode.rrd"
 VERDICT_ENTITY = "/verdict"
 _MAGIC = b"RRF2"
 
@@ -44,17 +43,14 @@ def rebuild(replay: EpisodeReplay, path: Path) -> None:
         RecordError: it cannot be written.
     """
     with EpisodeRecording(replay.header, path, rebuilding=True) as recording:
-        for frame in replay.frames:
-            recording.add(frame)
+        for entry in replay.entries:
+            recording.add(entry)
     summary = recording.close()
     if summary.path is None:
         raise RecordError(f"cannot build {path}: {summary.error}")
-    if replay.end is not None:
-        # What a killed process left of its own attempt.
-        part_path(path).unlink(missing_ok=True)
 
 
-def recording_fault(path: Path, uuid: str, end: EndFrame | None) -> str:
+def recording_fault(path: Path, uuid: str, end: EndEntry | None) -> str:
     """Return, in words, why a Rerun file cannot be shown for an episode; empty when it can.
 
     Args:

@@ -6,17 +6,20 @@ step's copy is dropped, and an error of Rerun is logged once and ends the copy. 
 gets its final name; `vsnbench view` then builds it from the record.
 """
 
+import contextlib
 import logging
 import os
 import queue
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from vsnbench.viewer.frames import EndFrame, EpisodeHeader, Frame, StepFrame
+from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, StepEntry
 from vsnbench.viewer.viewers import is_listening
+from vsnbench.whole_files import part_path, sweep_parts
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -24,7 +27,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 APPLICATION = "vsnbench"
-QUEUE_FRAMES = 64
+FILE_NAME = "episode.rrd"
+QUEUE_ENTRIES = 64
 PATIENCE_S = 0.005
 CLOSE_TIMEOUT_S = 20.0
 
@@ -45,7 +49,7 @@ class EpisodeRecording:
 
     Args:
         header: what is known before the first step.
-        path: the final file; until it is whole it is called `<path>.part`.
+        path: the final file; it is hidden until it is whole.
         viewer_url: gRPC address of a viewer that shows the episode as it happens.
         rebuilding: no robot waits, so nothing is dropped however full the queue; and an episode that has not ended is
             kept as far as it is.
@@ -57,14 +61,15 @@ class EpisodeRecording:
         self._header = header
         self._path = path
         self._rebuilding = rebuilding
-        self._part = part_path(path, os.getpid() if rebuilding else None)
+        self._part = part_path(path)
         self._viewer_url = viewer_url
         self._patience_s = None if rebuilding else PATIENCE_S
-        self._frames: queue.Queue[Frame | None] = queue.Queue(QUEUE_FRAMES)
+        self._entries: queue.Queue[Entry | None] = queue.Queue(QUEUE_ENTRIES)
         self._steps = 0
         self._dropped = 0
         self._error = ""
         self._ended = False
+        self._abandoned = False
         self._closed: RecordingSummary | None = None
         self._worker = threading.Thread(target=self._work, name=f"rerun-{header.episode_id}", daemon=True)
         self._worker.start()
@@ -77,22 +82,29 @@ class EpisodeRecording:
     ) -> None:
         self.close()
 
-    def add(self, frame: Frame) -> None:
+    def add(self, entry: Entry) -> None:
         """Hand over a step, an event or the end; never raises, returns within `PATIENCE_S`."""
         if self._closed is not None or self._error:
             return
         try:
-            self._frames.put(frame, timeout=self._patience_s)
+            self._entries.put(entry, timeout=self._patience_s)
         except queue.Full:
             self._dropped += 1
 
     def close(self) -> RecordingSummary:
-        """Write what is queued and finish the file; it gets its name only when it is whole. May be called again."""
+        """Write what is queued and finish the file; it gets its name only when it is whole. May be called again.
+
+        A worker that is stuck in Rerun or on a disk is left behind after `CLOSE_TIMEOUT_S`.
+        """
         if self._closed is None:
-            self._frames.put(None)
-            self._worker.join(None if self._rebuilding else CLOSE_TIMEOUT_S)
+            give_up_s = time.monotonic() + CLOSE_TIMEOUT_S
+            with contextlib.suppress(queue.Full):
+                self._entries.put(None, timeout=None if self._rebuilding else CLOSE_TIMEOUT_S)
+            self._worker.join(None if self._rebuilding else max(give_up_s - time.monotonic(), 0))
             if self._worker.is_alive():
+                self._abandoned = True
                 self._error = f"the recording was not finished after {CLOSE_TIMEOUT_S:g} s"
+                logger.warning("episode %d: %s", self._header.episode_id, self._error)
             whole = (self._ended or self._rebuilding) and not self._dropped and not self._error
             try:
                 if whole:
@@ -102,7 +114,7 @@ class EpisodeRecording:
             except OSError as error:
                 whole, self._error = False, self._error or str(error)
             if self._dropped:
-                logger.info("episode %d: %d frames not in Rerun", self._header.episode_id, self._dropped)
+                logger.info("episode %d: %d entries not in Rerun", self._header.episode_id, self._dropped)
             self._closed = RecordingSummary(self._path if whole else None, self._steps, self._dropped, self._error)
         return self._closed
 
@@ -112,34 +124,39 @@ class EpisodeRecording:
         except Exception as error:  # whatever Rerun or the disk does, the episode goes on
             self._error = f"{type(error).__name__}: {error}"
             logger.warning("episode %d: its Rerun recording stopped: %s", self._header.episode_id, self._error)
-            while self._frames.get() is not None:
+            while not self._abandoned and self._entries.get() is not None:
                 pass
 
     def _write(self) -> None:
+        import rerun_bindings
+
+        try:
+            self._log()
+        finally:
+            # A stream that nobody refers to any more keeps its threads and buffers until it is cleaned up by name.
+            rerun_bindings.flush_and_cleanup_orphaned_recordings()
+
+    def _log(self) -> None:
         from vsnbench.viewer.drawing import EpisodeDrawing
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
-        self._part.unlink(missing_ok=True)  # a symbolic link that lies there must not lead the stream elsewhere
+        sweep_parts(self._path.parent, self._path.name)
+        self._part.unlink(missing_ok=True)  # whatever waits there, a link included, is not written through
         recording = open_recording(self._header, self._part)
         live = _open_live(self._header, self._viewer_url)
         try:
             drawings = [EpisodeDrawing(stream, self._header) for stream in (recording, live) if stream is not None]
-            while (frame := self._frames.get()) is not None:
+            while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
-                    drawing.draw(frame)
-                self._steps += isinstance(frame, StepFrame)
-                self._ended |= isinstance(frame, EndFrame)
+                    drawing.draw(entry)
+                self._steps += isinstance(entry, StepEntry)
+                self._ended |= isinstance(entry, EndEntry)
         finally:
             if live is not None:
                 # A viewer that was closed keeps its stream waiting for seconds: nobody else has to.
                 threading.Thread(target=live.disconnect, name="rerun-live-end", daemon=True).start()
             recording.flush(timeout_sec=CLOSE_TIMEOUT_S / 2)
             recording.disconnect()
-
-
-def part_path(path: Path, process_id: int | None = None) -> Path:
-    """Return what a recording is called until it is whole; a rebuilding process has a name of its own."""
-    return path.with_name(f"{path.name}.part" if process_id is None else f"{path.name}.{process_id}.part")
 
 
 def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":

@@ -1,4 +1,4 @@
-"""An episode read back from the record, as the frames that a viewer was, or would have been, given live."""
+"""An episode read back from the record, as the entries that a viewer was, or would have been, given live."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site as SurveyedSite
 from vsnbench.record.confined import read_confined
+from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.viewer.frames import EndFrame, EpisodeHeader, EventFrame, Frame, StepFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +32,16 @@ class EpisodeReplay:
     """One recorded episode."""
 
     header: EpisodeHeader
-    frames: tuple[Frame, ...]
+    entries: tuple[Entry, ...]
     """Steps, each followed by its events; the end comes last, where the episode has ended."""
     directory: Path
     """Where its files lie."""
 
     @property
-    def end(self) -> EndFrame | None:
+    def end(self) -> EndEntry | None:
         """The standing verdict; None while the episode runs."""
-        last = self.frames[-1] if self.frames else None
-        return last if isinstance(last, EndFrame) else None
+        last = self.entries[-1] if self.entries else None
+        return last if isinstance(last, EndEntry) else None
 
 
 def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
@@ -74,8 +74,8 @@ class _Reader:
         self._has_images = bool(episode.images_directory)
 
     def replay(self) -> EpisodeReplay:
-        frames = [*self._steps_and_events(), *self._end()]
-        return EpisodeReplay(self._header(), tuple(frames), self._directory)
+        entries = [*self._steps_and_events(), *self._end()]
+        return EpisodeReplay(self._header(), tuple(entries), self._directory)
 
     def _header(self) -> EpisodeHeader:
         episode = self._episode
@@ -109,7 +109,7 @@ class _Reader:
             select(Step.world_source).where(Step.episode_id == self._episode.id).order_by(Step.number).limit(1)
         )
 
-    def _steps_and_events(self) -> Iterator[Frame]:
+    def _steps_and_events(self) -> Iterator[Entry]:
         steps = self._session.scalars(select(Step).where(Step.episode_id == self._episode.id).order_by(Step.number))
         events = list(
             self._session.scalars(select(Event).where(Event.episode_id == self._episode.id).order_by(Event.id))
@@ -121,7 +121,7 @@ class _Reader:
         for event in events:
             yield _event(event)
 
-    def _step(self, row: Step) -> StepFrame:
+    def _step(self, row: Step) -> StepEntry:
         rgb = self._image(rgb_path(Path(), row.number))
         depth = self._image(depth_path(Path(), row.number))
         try:
@@ -130,7 +130,7 @@ class _Reader:
             raise RecordError(
                 f"episode {self._episode.id}, step {row.number}: {error}; the record is damaged"
             ) from error
-        return StepFrame(
+        return StepEntry(
             index=row.number,
             stamp_s=row.stamp_s if row.stamp_s is not None else float(row.number),
             rgb_jpeg=rgb,
@@ -145,7 +145,7 @@ class _Reader:
     def _image(self, name: Path) -> bytes | None:
         return read_confined(self._directory, name) if self._has_images else None
 
-    def _end(self) -> Iterator[EndFrame]:
+    def _end(self) -> Iterator[EndEntry]:
         episode = self._episode
         if episode.end_reason is None:
             return
@@ -166,7 +166,7 @@ class _Reader:
             if distance[0] is None
             else GoalDistance(distance[0], PoseSource(distance[1]), distance[2] or ""),
         )
-        yield EndFrame(verdict, episode.actions, episode.path_length_m, episode.duration_s, episode.error)
+        yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, episode.error)
 
 
 def _motion(row: Step) -> MotionResult:
@@ -190,5 +190,5 @@ def _fix(x_m: float | None, y_m: float | None, heading_rad: float | None, source
     return Fix(Pose(x_m, y_m, heading_rad or 0.0), PoseSource(source or PoseSource.ESTIMATED))
 
 
-def _event(row: Event) -> EventFrame:
-    return EventFrame(row.step_number or 0, row.kind, row.text)
+def _event(row: Event) -> EventEntry:
+    return EventEntry(row.step_number or 0, row.kind, row.text)

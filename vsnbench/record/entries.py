@@ -1,6 +1,11 @@
-"""What an episode looks like to a viewer: the same frames whether they come from a running robot or the record."""
+"""An episode as entries: the same whether they come from a running robot or from the record.
+
+A sink takes the entries of one episode, to show or to copy it; a viewer opens a sink for every episode.
+"""
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
 
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix
@@ -29,7 +34,7 @@ class EpisodeHeader:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StepFrame:
+class StepEntry:
     """One action, with the images as they lie in the record: each is encoded once, for files and viewer alike."""
 
     index: int
@@ -50,7 +55,7 @@ class StepFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class EventFrame:
+class EventEntry:
     """Something that happened beside the steps."""
 
     step: int
@@ -60,7 +65,7 @@ class EventFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class EndFrame:
+class EndEntry:
     """How the episode ended."""
 
     verdict: Verdict
@@ -70,4 +75,32 @@ class EndFrame:
     error: str = ""
 
 
-Frame = StepFrame | EventFrame | EndFrame
+Entry = StepEntry | EventEntry | EndEntry
+
+
+class EpisodeSink(Protocol):
+    """Takes the entries of one episode; whatever becomes of them, it neither raises nor holds anybody up."""
+
+    def add(self, entry: Entry) -> None:
+        """Take a step, an event or the end."""
+        ...
+
+    def close(self) -> object:
+        """Finish what was taken."""
+        ...
+
+
+class EpisodeViewer(Protocol):
+    """Opens a sink for every episode of a run."""
+
+    def prepare(self) -> None:
+        """Get ready, when nothing can be refused any more.
+
+        Raises:
+            VsnbenchError: there is nothing to show episodes with.
+        """
+        ...
+
+    def open_episode(self, header: EpisodeHeader, directory: Path) -> EpisodeSink:
+        """Return the sink of an episode whose files lie in `directory`."""
+        ...
