@@ -101,6 +101,6 @@ def send_layout(recording: "rr.RecordingStream", layout: "rrb.Blueprint") -> Non
     )
     stream.set_time("blueprint", sequence=0)
     layout._log_to_stream(stream)  # noqa: SLF001
-    in_memory = stream.memory_recording()  # type: ignore[attr-defined]
+    in_memory = stream.memory_recording()
     bindings.send_blueprint(in_memory.storage, True, True, recording=recording.to_native())
     stream.disconnect()
