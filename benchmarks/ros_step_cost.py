@@ -57,12 +57,14 @@ def measure(name: str, steps: int) -> str:
     from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros1 import RosRobot
+    from vsnbench.ros1.interface import ros1_interface
 
     parts: dict[str, list[float]] = {part: [] for part in PARTS}
     with RosRobot(load_profile(name), patience_s=60) as robot:
         robot.begin(load_site("apartment").start(1), seed=0)
         robot.observe()
-        frames_s = robot.profile.ros.depth_frames / robot.profile.ros.camera_rate_hz
+        names = ros1_interface(robot.profile)
+        frames_s = names.depth_frames / names.camera_rate_hz
         for step in range(steps):
             began_s = time.perf_counter()
             result = robot.execute(Action.TURN_LEFT if step % 2 else Action.TURN_RIGHT)

@@ -1,6 +1,7 @@
 """The floors of the house: imports point downward only."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,9 @@ def test_the_check_notices_an_import_that_climbs(tmp_path: Path) -> None:
 def test_every_file_of_the_package_opens_by_saying_its_job() -> None:
     files = list(PACKAGE.rglob("*.py"))
     assert [str(file) for file in files if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))] == []
+
+
+def test_the_protocol_names_no_topic_or_message_of_ros() -> None:
+    spoken = re.compile(r"\b(geometry|nav|sensor|std|kobuki)_msgs\b|cmd_vel|\bRos[A-Z1]|rospy|\"/[a-z_]+/[a-z_]+\"")
+    for file in (PACKAGE / "protocol").rglob("*.py"):
+        assert not spoken.search(file.read_text(encoding="utf-8")), file

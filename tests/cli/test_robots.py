@@ -36,12 +36,12 @@ def test_nothing_strikes_about_the_embedded_profiles(name: str) -> None:
 @pytest.mark.parametrize(
     ("wrong", "right", "says"),
     [
-        ("cliff:", "clif:", "ros.clif: there is no such field"),
-        ("command: /mobile_base", "command: mobile base", "ros.command: String should match pattern"),
+        ("cliff:", "clif:", "interface.clif: there is no such field"),
+        ("command: /mobile_base", "command: mobile base", "interface.command: String should match pattern"),
         (
-            "ros:",
-            "ros:\n  bumper_type: kobuki_msgs/Bumper",
-            "ros.bumper_type: Input should be 'kobuki_msgs/BumperEvent'",
+            "kind: ros1",
+            "kind: ros1\n  bumper_type: kobuki_msgs/Bumper",
+            "interface.bumper_type: Input should be 'kobuki_msgs/BumperEvent'",
         ),
         ("radius_m: 0.177", "radius_m: wide", "base.radius_m: Input should be a valid number"),
     ],

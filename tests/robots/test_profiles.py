@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from vsnbench.errors import RobotError, UsageError
+from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.profiles import embedded_profiles, load_profile, parse_profile
+from vsnbench.ros1.interface import ros1_interface
 
 TURTLEBOT2 = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
 
@@ -58,3 +60,31 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RobotError, match="cannot read robot profile file"):
         load_profile(binary)
+
+
+def test_a_profile_of_the_older_form_is_the_same_robot() -> None:
+    older = TURTLEBOT2.replace("interface:\n  kind: ros1", "ros:")
+    assert "ros:" in older
+    profile = parse_profile(older, origin="older.yaml")
+    assert profile == load_profile("turtlebot2")
+    assert profile.sha256 == load_profile("turtlebot2").sha256
+
+
+def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
+    content = load_profile("turtlebot2").content()
+    names = content.pop("interface")
+    assert names.pop("kind") == "ros1"
+    kept = RobotProfile.model_validate(content | {"ros": names})
+    assert kept.sha256 == load_profile("turtlebot2").sha256
+
+
+def test_an_interface_that_nobody_speaks_is_refused() -> None:
+    with pytest.raises(RobotError, match=r"mine.yaml:\d+: interface.kind: Input should be 'ros1'"):
+        parse_profile(TURTLEBOT2.replace("kind: ros1", "kind: carrier-pigeon"), origin="mine.yaml")
+
+
+def test_a_robot_without_an_interface_can_be_simulated_and_not_be_reached() -> None:
+    profile = parse_profile(TURTLEBOT2.split("interface:")[0], origin="mine.yaml")
+    assert profile.interface is None
+    with pytest.raises(RobotError, match="turtlebot2 has no interface: over ROS 1 it needs one of `kind: ros1`"):
+        ros1_interface(profile)

@@ -44,7 +44,7 @@ def test_a_command_expires_when_none_follows() -> None:
     robot.hear(Command(0.2, 0.0))
     for _ in range(100):
         robot.advance()
-    assert robot.pose.x_m == pytest.approx(0.2 * PROFILE.ros.command_timeout_s, abs=0.02)
+    assert robot.pose.x_m == pytest.approx(0.2 * 0.6, abs=0.02)
     assert robot.command == Command()
 
 

@@ -34,15 +34,15 @@ def discrete_move(
     """
     from vsnbench.robots.profiles import load_profile
     from vsnbench.ros1.installation import require_ros
+    from vsnbench.ros1.interface import ros1_interface
 
     profile = load_profile(robot)
+    served = ros1_interface(profile).discrete_move
     require_ros()
     from vsnbench.ros1.discrete_move_node import NODE, DiscreteMoveNode
     from vsnbench.ros1.node import run_node
 
-    run_node(
-        NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {profile.ros.discrete_move}"
-    )
+    run_node(NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {served}")
 
 
 @app.command("simulate")

@@ -1,11 +1,15 @@
-"""What kind of robot it is: base, speeds, camera and ROS names. The YAML files live in `vsnbench/robots/profiles`."""
+"""What kind of robot it is: base, speeds, camera, and the interface by which it is spoken to.
+
+The YAML files live in `vsnbench/robots/profiles`.
+"""
 
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, model_validator
 
 from vsnbench.protocol.camera import Camera
 
@@ -36,34 +40,12 @@ class Speeds(BaseModel):
     acceleration_share: float = Field(default=1 / 3, gt=0, le=0.5, description="share of the way spent accelerating")
 
 
-RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
-"""A topic or service name; empty for what the robot does not have."""
+class Interface(BaseModel):
+    """How a robot is spoken to; `kind` says which middleware, whose own room knows and checks the other fields."""
 
+    model_config = ConfigDict(frozen=True, extra="allow")
 
-class RosNames(BaseModel):
-    """The ROS topics and services of this robot; an empty name means the robot does not have it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    command: RosName = Field(default="/cmd_vel", min_length=1)
-    odometry: RosName = Field(default="/odom", min_length=1)
-    reset_odometry: RosName = ""
-    bumper: RosName = ""
-    bumper_type: Literal["kobuki_msgs/BumperEvent", "std_msgs/Bool"] = "kobuki_msgs/BumperEvent"
-    cliff: RosName = ""
-    cliff_type: Literal["kobuki_msgs/CliffEvent", "std_msgs/Bool"] = "kobuki_msgs/CliffEvent"
-    wheel_drop: RosName = ""
-    wheel_drop_type: Literal["kobuki_msgs/WheelDropEvent", "std_msgs/Bool"] = "kobuki_msgs/WheelDropEvent"
-    color: RosName = Field(default="/camera/color/image_raw", min_length=1)
-    color_info: RosName = "/camera/color/camera_info"
-    depth: RosName = "/camera/depth/image_raw"
-    depth_info: RosName = "/camera/depth/camera_info"
-    discrete_move: RosName = Field(default="/discrete_move", min_length=1)
-    camera_rate_hz: float = Field(default=30.0, gt=0, le=240)
-    depth_frames: int = Field(default=10, ge=1, le=100, description="depth images of one median (paper, vsn.yaml)")
-    command_timeout_s: float = Field(
-        default=0.6, gt=0, le=60, description="the base stands still when it hears no command for this long"
-    )
+    kind: str
 
 
 class RobotProfile(BaseModel):
@@ -76,7 +58,19 @@ class RobotProfile(BaseModel):
     base: Base
     speeds: Speeds = Field(default_factory=Speeds)
     camera: Camera
-    ros: RosNames = Field(default_factory=RosNames)
+    interface: SerializeAsAny[Interface] | None = Field(
+        default=None, description="none for a robot that is only ever simulated"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_older_form(cls, content: Any) -> Any:
+        """Take the form in which files and records had `ros:`, before a profile could have another interface."""
+        if isinstance(content, Mapping) and "ros" in content and "interface" not in content:
+            names = content["ros"]
+            content = {key: value for key, value in content.items() if key != "ros"}
+            content["interface"] = {"kind": "ros1", **names} if isinstance(names, Mapping) else names
+        return content
 
     def content(self) -> dict[str, Any]:
         """Return the profile as plain values, every default filled in."""
@@ -84,6 +78,13 @@ class RobotProfile(BaseModel):
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the content, independent of comments, formatting and the file's name."""
-        text = json.dumps(self.content(), sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+        """Hash of the content, independent of comments, formatting and the file's name.
+
+        Taken of the older form, so that a record knows a robot again that it knew by then.
+        """
+        content = self.content()
+        if self.interface is not None and self.interface.kind == "ros1":
+            names = content.pop("interface")
+            content["ros"] = {name: value for name, value in names.items() if name != "kind"}
+        text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()

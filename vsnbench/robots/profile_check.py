@@ -1,11 +1,12 @@
 """What is allowed in a robot profile and still looks wrong: parts that do not fit together."""
 
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.ros1.interface import Ros1Interface
 
 
 def doubts_about(profile: RobotProfile) -> list[str]:
     """Return in words what somebody should look at again; empty when nothing strikes."""
-    base, speeds, names, camera = profile.base, profile.speeds, profile.ros, profile.camera
+    base, speeds, camera = profile.base, profile.speeds, profile.camera
     doubts = []
     if speeds.linear_m_s > base.max_linear_m_s:
         doubts.append(
@@ -19,14 +20,25 @@ def doubts_about(profile: RobotProfile) -> list[str]:
         doubts.append(f"base.track_m {base.track_m:g} puts the wheels outside of the shell of {base.radius_m:g} m")
     if base.odometry_rate_hz < 10:
         doubts.append(f"base.odometry_rate_hz {base.odometry_rate_hz:g} is slow: every action waits for it to settle")
-    if base.has_bumper != bool(names.bumper):
-        doubts.append("base.has_bumper and ros.bumper do not agree: without the topic, collisions are a person's word")
     if camera.mount_height_m > base.height_m + 0.05:
         doubts.append(
             f"the camera sits at {camera.mount_height_m:g} m, above the robot's height of {base.height_m:g} m"
         )
+    if isinstance(profile.interface, Ros1Interface):
+        doubts += _doubts_about_ros1(profile.interface, has_bumper=base.has_bumper)
+    return doubts
+
+
+def _doubts_about_ros1(names: Ros1Interface, *, has_bumper: bool) -> list[str]:
+    doubts = []
+    if has_bumper != bool(names.bumper):
+        doubts.append(
+            "base.has_bumper and interface.bumper do not agree: without the topic, collisions are a person's word"
+        )
     if not names.depth:
-        doubts.append("no ros.depth: no depth guard before forward moves, and models that need depth refuse the robot")
+        doubts.append(
+            "no interface.depth: no depth guard before forward moves, and models that need depth refuse the robot"
+        )
     topics = [names.command, names.odometry, names.color, names.depth, names.bumper, names.cliff, names.wheel_drop]
     doubts += [f"two parts share the topic {t}" for t in sorted({t for t in topics if t and topics.count(t) > 1})]
     return doubts

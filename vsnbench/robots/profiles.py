@@ -5,6 +5,14 @@ from pathlib import Path
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.settings_file import parse_settings, read_settings
+from vsnbench.ros1.interface import Ros1Interface
+
+
+class _ProfileFile(RobotProfile):
+    """A profile whose interface is checked, too; another kind joins in a union that `kind` discriminates."""
+
+    interface: Ros1Interface | None = None
+
 
 _DIRECTORY = Path(__file__).with_name("profiles")
 
@@ -27,7 +35,7 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
         raise UsageError(
             f"no robot profile {str(name_or_path)!r}: name an embedded one ({known}) or the path of a profile file"
         )
-    return read_settings(path, RobotProfile, RobotError, "robot profile")
+    return read_settings(path, _ProfileFile, RobotError, "robot profile")
 
 
 def parse_profile(text: str, origin: str) -> RobotProfile:
@@ -36,4 +44,4 @@ def parse_profile(text: str, origin: str) -> RobotProfile:
     Raises:
         RobotError: the text breaks the format; the message names the line and the field.
     """
-    return parse_settings(text, origin, RobotProfile, RobotError, "robot profile")
+    return parse_settings(text, origin, _ProfileFile, RobotError, "robot profile")

@@ -32,6 +32,7 @@ from vsnbench.robots.ros1_start import (
     wait_until_ready,
 )
 from vsnbench.ros1.installation import require_ros
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.service_call import ServiceError
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
 from vsnbench.sensing.pairing import MotionEnd
@@ -101,7 +102,7 @@ class RosRobot:
         self._camera = RosCamera(self._link, profile)
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
-            | ({Sensor.DEPTH} if profile.ros.depth else set())
+            | ({Sensor.DEPTH} if ros1_interface(profile).depth else set())
             | ({Sensor.INSTANCES} if self._camera.labelled else set())
         )
         self.conditions: Mapping[str, Any] = {"depth_frames": self._camera.depth_frames}
@@ -333,7 +334,7 @@ class RosRobot:
 
 
 def _no_odometry(profile: RobotProfile, silent_s: float) -> str:
-    return f"no odometry on {profile.ros.odometry} for {silent_s:.1f} s: is the base's driver running?"
+    return f"no odometry on {ros1_interface(profile).odometry} for {silent_s:.1f} s: is the base's driver running?"
 
 
 def _along(before: Pose, after: Pose) -> float:

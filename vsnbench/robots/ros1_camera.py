@@ -12,6 +12,7 @@ import numpy.typing as npt
 from vsnbench.errors import SensorLostError
 from vsnbench.protocol.observation import InstanceImage
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.sensing.depth_filter import median_depth_m, share_invalid
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth, decode_labels
 from vsnbench.sensing.pairing import Look, MotionEnd, Stamped, choose_look
@@ -66,7 +67,8 @@ class RosCamera:
     def __init__(self, link: "RobotLink", profile: RobotProfile) -> None:
         self._link = link
         self._profile = profile
-        self.depth_frames = profile.ros.depth_frames if profile.ros.depth else 0
+        self._names = ros1_interface(profile)
+        self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """How many depth images the median is taken of."""
         self.labelled = link.has_labels
         """Whether a simulator labels the images; asked once, of the master, which may die in an episode."""
@@ -97,7 +99,7 @@ class RosCamera:
         try:
             depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
         except ValueError as error:
-            raise SensorLostError(f"{self._profile.ros.depth}: {error}") from error
+            raise SensorLostError(f"{self._names.depth}: {error}") from error
         report = LookReport(
             waited_s=got_s - began_s,
             computed_s=time.monotonic() - got_s,
@@ -122,13 +124,13 @@ class RosCamera:
             found.extend([look] if look else [])
             return bool(found)
 
-        timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._profile.ros.camera_rate_hz
+        timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._names.camera_rate_hz
         if not self._link.wait_for(complete, timeout_s):
             raise SensorLostError(self._missing_images(timeout_s))
         return found[0]
 
     def _missing_images(self, waited_s: float) -> str:
-        names, now_s = self._profile.ros, time.monotonic()
+        names, now_s = self._names, time.monotonic()
         silent = []
         for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
             if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):

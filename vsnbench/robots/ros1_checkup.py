@@ -17,6 +17,7 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.finding import Finding, Health
 from vsnbench.ros1.installation import missing_packages
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.sensing.depth_filter import DepthImage, median_depth_m, share_invalid
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth
@@ -74,7 +75,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Fi
 
 def _topics(profile: RobotProfile) -> list[tuple[str, str]]:
     """Return every topic that the robot should publish, with its type."""
-    names = profile.ros
+    names = ros1_interface(profile)
     wanted = [
         (names.odometry, "nav_msgs/Odometry"),
         (names.color, "sensor_msgs/Image"),
@@ -115,7 +116,7 @@ def _own_address(master: Master) -> Finding:
 def _topic_findings(
     profile: RobotProfile, state: SystemState, types: dict[str, str], heard: dict[str, Heard]
 ) -> Iterator[Finding]:
-    names = profile.ros
+    names = ros1_interface(profile)
     listeners = [node for node in state.subscribers.get(names.command, []) if node != "/vsnbench_doctor"]
     if not any("discrete_move" not in node and "vsnbench" not in node for node in listeners):
         yield Finding(names.command, Health.FAILED, "no base listens", "start the base's driver, or remap its topic")
@@ -156,7 +157,7 @@ def _rate_finding(topic: str, kind: str, heard: Heard, expected_hz: float) -> Fi
 def _image_findings(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[Finding]:
     from vsnbench.ros1.messages_by_name import message_class
 
-    names, camera = profile.ros, profile.camera
+    names, camera = ros1_interface(profile), profile.camera
     frames: list[DepthImage] = []
     for what, topic in (("colour image", names.color), ("depth image", names.depth)):
         if not topic or not heard[topic].messages:
@@ -209,7 +210,7 @@ def _camera_info_finding(profile: RobotProfile, topic: str, heard: Heard) -> Fin
 
 def _clock_findings(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[Finding]:
     """The fastest message of each sender says how far its clock is from ours."""
-    names = profile.ros
+    names = ros1_interface(profile)
     offsets = {t: heard[t].offset_s for t in (names.odometry, names.color, names.depth) if t and heard[t].arrivals}
     if not offsets:
         return
@@ -233,7 +234,7 @@ def _service_findings(profile: RobotProfile, master: Master) -> Iterator[Finding
     from vsnbench.ros1.messages import DiscreteServer
     from vsnbench.ros1.service_call import ServiceClient, ServiceRefusedError
 
-    name = profile.ros.discrete_move
+    name = ros1_interface(profile).discrete_move
     client = ServiceClient(name, DiscreteServer, master, "/vsnbench_doctor")
     try:
         trip_s = client.probe()
@@ -251,17 +252,17 @@ def _motion_findings(profile: RobotProfile, master: Master, listener: TopicListe
     from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest
     from vsnbench.ros1.service_call import ServiceClient
 
-    client = ServiceClient(profile.ros.discrete_move, DiscreteServer, master, "/vsnbench_doctor")
+    client = ServiceClient(ros1_interface(profile).discrete_move, DiscreteServer, master, "/vsnbench_doctor")
     limit_s = 2 * ideal_duration_s(Action.TURN_LEFT, MotionSettings.for_robot(profile)) + 12.0
     for word, sign in (("Left", 1), ("Right", -1)):
         what = f"{word} 30°"
-        before = listener.heading_rad(profile.ros.odometry)
+        before = listener.heading_rad(ros1_interface(profile).odometry)
         try:
             answered = client.call(DiscreteServerRequest(word, 30), limit_s).response
         except RobotError as error:
             yield Finding(what, Health.FAILED, str(error), "see the log of discrete_move")
             return
-        after = listener.heading_rad(profile.ros.odometry)
+        after = listener.heading_rad(ros1_interface(profile).odometry)
         if before is None or after is None:
             yield Finding(what, Health.FAILED, "no odometry", "start the base's driver")
             return

@@ -10,6 +10,7 @@ from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
+from vsnbench.ros1.interface import ros1_interface
 
 if TYPE_CHECKING:
     from vsnbench.ros1.robot_link import RobotLink
@@ -81,7 +82,7 @@ def await_zeroed_odometry(link: "RobotLink", profile: RobotProfile) -> None:
     Raises:
         SensorLostError: no odometry comes.
     """
-    if profile.ros.reset_odometry:
+    if ros1_interface(profile).reset_odometry:
 
         def zeroed() -> bool:
             latest = link.tracker.latest
@@ -94,12 +95,12 @@ def await_zeroed_odometry(link: "RobotLink", profile: RobotProfile) -> None:
         latest = link.tracker.latest
         return latest is not None and latest.arrival_s > asked_s
 
-    _wait(link, fresh, 2.0, f"odometry on {profile.ros.odometry}")
+    _wait(link, fresh, 2.0, f"odometry on {ros1_interface(profile).odometry}")
 
 
 def _missing_part(link: "RobotLink", profile: RobotProfile) -> str:
     """Return the first part that does not answer and what to do about it; empty when all do."""
-    names, now_s = profile.ros, time.monotonic()
+    names, now_s = ros1_interface(profile), time.monotonic()
     with link.news:
         latest = link.tracker.latest
         if latest is None or now_s - latest.arrival_s > _AGE_LIMIT_S:

@@ -25,6 +25,7 @@ from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.discrete_move_settings import motion_settings
 from vsnbench.ros1.hazard_events import subscribe_hazard
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
 from vsnbench.ros1.node import now_s, sleep_until
 from vsnbench.sensing.discrete_mover import DiscreteMover, Hazard, Outcome
@@ -63,7 +64,7 @@ class DiscreteMoveNode:
     """Serves discrete_move for one robot until it is closed; the node must have been started."""
 
     def __init__(self, profile: RobotProfile, file: Path | None = None) -> None:
-        names = profile.ros
+        names = ros1_interface(profile)
         self.settings: MotionSettings = motion_settings(profile, file, _private_parameters())
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
         self._outcomes = rospy.Publisher(f"{names.discrete_move}/outcome", String, queue_size=10)

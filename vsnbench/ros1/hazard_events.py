@@ -9,7 +9,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Bool
 
-from vsnbench.protocol.robot_profile import RosNames
+from vsnbench.ros1.interface import Ros1Interface
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
 from vsnbench.sensing.discrete_mover import Hazard
 
@@ -20,7 +20,7 @@ _SIDES = ("left", "centre", "right")
 _WHEELS = ("left", "right")
 
 
-def hazard_topic(names: RosNames, hazard: Hazard) -> tuple[str, str]:
+def hazard_topic(names: Ros1Interface, hazard: Hazard) -> tuple[str, str]:
     """Return topic and message type of a hazard; the topic is empty when the base has none."""
     if hazard is Hazard.BUMPER:
         return names.bumper, names.bumper_type
@@ -29,7 +29,7 @@ def hazard_topic(names: RosNames, hazard: Hazard) -> tuple[str, str]:
     return names.wheel_drop, names.wheel_drop_type
 
 
-def subscribe_hazard(names: RosNames, hazard: Hazard, take: TakeHazard) -> None:
+def subscribe_hazard(names: Ros1Interface, hazard: Hazard, take: TakeHazard) -> None:
     """Report every event of a hazard to `take`; does nothing when the base has none."""
     topic, kind = hazard_topic(names, hazard)
     if not topic:

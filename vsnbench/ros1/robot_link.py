@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.hazard_events import subscribe_hazard
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
 from vsnbench.ros1.node import now_s, start_node
@@ -41,7 +42,7 @@ class RobotLink:
     """
 
     def __init__(self, profile: RobotProfile) -> None:
-        names = profile.ros
+        names = ros1_interface(profile)
         self.news = threading.Condition()
         self.tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
         self.readings: deque[OdometryReading] = deque(maxlen=max(10, round(2 * profile.base.odometry_rate_hz)))
@@ -144,7 +145,7 @@ class RobotLink:
             self.contact = ""
 
     def _subscribe(self, profile: RobotProfile) -> None:
-        names = profile.ros
+        names = ros1_interface(profile)
         rospy.Subscriber(names.odometry, Odometry, self._on_odometry, queue_size=20, tcp_nodelay=True)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         for topic, store in ((names.color, self.colors), (names.depth, self.depths)):

@@ -24,6 +24,7 @@ from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master, MasterError
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
 from vsnbench.ros1.simulated_topics import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
@@ -57,8 +58,11 @@ class SimulatedRobotNode:
         self._master = master
         scene = build_scene(site)
         self._profile = profile
+        self._names = ros1_interface(profile)
         self._options = options
-        self._base = SimulatedBase(site, scene, profile, options.noise, options.command_lag_s)
+        self._base = SimulatedBase(
+            site, scene, profile, options.noise, options.command_lag_s, self._names.command_timeout_s
+        )
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
         self._shininess = _shininess(scene, len(site.objects))
@@ -86,7 +90,7 @@ class SimulatedRobotNode:
                 logger.warning("/use_sim_time stays set: %s", error)
 
     def _advertise(self, site: Site) -> None:
-        names = self._profile.ros
+        names = self._names
 
         def publisher(topic: str, kind: Any, *, latch: bool = False, queue: int = 10) -> Any:
             return rospy.Publisher(topic, kind, queue_size=queue, latch=latch, tcp_nodelay=True) if topic else None
@@ -182,7 +186,7 @@ class SimulatedRobotNode:
 
     def _run_camera(self) -> None:
         """Take pictures at the camera's rate while somebody looks."""
-        period_s = 1 / self._profile.ros.camera_rate_hz / self._options.rate_factor
+        period_s = 1 / self._names.camera_rate_hz / self._options.rate_factor
         due_s = time.monotonic()
         while not self._closed.is_set():
             if any(p is not None and p.get_num_connections() for p in (self._color, self._depth, self._instances)):

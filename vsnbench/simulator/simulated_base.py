@@ -43,11 +43,12 @@ class SimulatedBase:
         profile: RobotProfile,
         noise: NoiseSettings | None = None,
         command_lag_s: float = 0.0,
+        command_timeout_s: float = 0.6,
     ) -> None:
         self._site = site
-        self._profile = profile
         self._noise = noise
         self._lag_s = command_lag_s
+        self._command_timeout_s = command_timeout_s
         self._physics = Physics(scene, profile.base)
         self._commands: deque[tuple[float, Command]] = deque()
         self._current = STANDSTILL
@@ -71,7 +72,7 @@ class SimulatedBase:
     @property
     def command(self) -> Command:
         """What the wheels are told now."""
-        silent = self.now_s - self._heard_s > self._profile.ros.command_timeout_s
+        silent = self.now_s - self._heard_s > self._command_timeout_s
         return STANDSTILL if silent else self._current
 
     def hear(self, command: Command) -> None:
