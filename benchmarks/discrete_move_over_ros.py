@@ -112,10 +112,10 @@ def drive(rate_hz: float, lag_s: float, actions: int) -> dict:
 
     def here() -> tuple:
         asked_s = time.monotonic()
-        link.wait_for(lambda: link.tracker.latest is not None and link.tracker.latest.arrival_s > asked_s, 5.0)
-        link.wait_for(lambda: link.truth is not None and link.truth.arrival_s > asked_s, 5.0)
-        with link.news:
-            return link.tracker.latest.pose, link.truth.payload
+        link.wait_for(lambda now: now.latest is not None and now.latest.arrival_s > asked_s, 5.0)
+        link.wait_for(lambda now: now.truth is not None and now.truth.arrival_s > asked_s, 5.0)
+        now = link.snapshot()
+        return now.latest.pose, now.truth.payload
 
     errors_m, errors_deg, true_m, ratios, refused, dishonest = [], [], [], [], 0, 0
     before, true_before = here()

@@ -71,17 +71,17 @@ def measure(name: str, steps: int) -> str:
             moved_s = time.perf_counter()
             robot.observe()
             ended_s = time.perf_counter()
-            outcome, look = robot.last_outcome, robot.last_look
-            if not result.completed or outcome is None or look is None:
+            outcome, capture = robot.last_outcome, robot.last_capture
+            if not result.completed or outcome is None or capture is None:
                 sys.stderr.write(f"step {step}: {result.failure}\n")
                 continue
             parts["step"].append(ended_s - began_s)
             parts["motion"].append(outcome.duration_s)
-            parts["frames"].append(min(frames_s, look.waited_s))
+            parts["frames"].append(min(frames_s, capture.waited_s))
             parts["call"].append(moved_s - began_s - outcome.duration_s)
-            parts["wait"].append(max(look.waited_s - frames_s, 0.0))
-            parts["compute"].append(look.computed_s)
-            parts["ours"].append(ended_s - began_s - outcome.duration_s - min(frames_s, look.waited_s))
+            parts["wait"].append(max(capture.waited_s - frames_s, 0.0))
+            parts["compute"].append(capture.computed_s)
+            parts["ours"].append(ended_s - began_s - outcome.duration_s - min(frames_s, capture.waited_s))
     lines = [f"{name}, {len(parts['step'])} steps", "", "| part of a step | median | p90 |", "| --- | --- | --- |"]
     for part, words in PARTS.items():
         median, p90 = statistics.median(parts[part]), statistics.quantiles(parts[part], n=10)[-1]

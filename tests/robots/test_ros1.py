@@ -175,10 +175,10 @@ def test_images_are_younger_than_the_motion_and_depth_is_the_median_of_several(r
     assert seen["rgb"] == [48, 64, 3]
     assert seen["stamp_s"] > ended_s - 0.3
     assert abs(seen["stamp_s"] - seen["depth_stamp_s"]) <= 0.1
-    assert seen["look"]["depth_frames"] == 5
-    wait_until(lambda: rig.client("observe")["look"]["invalid_before"] > 0.02, "the camera has holes")
+    assert seen["capture"]["depth_frames"] == 5
+    wait_until(lambda: rig.client("observe")["capture"]["invalid_before"] > 0.02, "the camera has holes")
     seen = rig.client("observe")
-    assert seen["look"]["invalid_after"] < seen["look"]["invalid_before"]
+    assert seen["capture"]["invalid_after"] < seen["capture"]["invalid_before"]
 
 
 @pytest.mark.parametrize(

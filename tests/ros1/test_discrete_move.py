@@ -99,7 +99,7 @@ def moved(stand: Stand, movement: str, angle: int = 0) -> tuple[float, float]:
         ("Backward", 0, -0.25, 0),
         ("Left", 30, 0, 30),
         ("Right", 45, 0, -45),
-        ("Left", 0, 0, 30),
+        ("Left", 0, 0, 0),
     ],
 )
 def test_a_movement_meets_the_tolerances_of_the_paper(stand, movement, angle, metres, degrees) -> None:

@@ -1,4 +1,4 @@
-"""Odometry is relative to the episode's start, its heading never wraps, and what cannot be true is noticed."""
+"""The heading of odometry never wraps, and what cannot be true is noticed."""
 
 import math
 
@@ -30,31 +30,12 @@ def test_what_is_no_orientation_has_no_heading(broken) -> None:
 def test_turning_adds_up_beyond_half_turns(turns: list[float]) -> None:
     odometry = tracker()
     odometry.add(0, 0, 0, 0, 0)
-    odometry.rebase()
     total = 0.0
     for index, turn in enumerate(turns, 1):
         total += turn
         assert odometry.add(0, 0, wrap_angle(total), index, index) == ""
-    assert odometry.relative.heading_rad == pytest.approx(total, abs=1e-9)
-
-
-def test_the_pose_is_relative_to_where_the_episode_started() -> None:
-    odometry = tracker()
-    odometry.add(5.0, -2.0, math.pi / 2, 0, 0)
-    odometry.rebase()
-    odometry.add(5.0, -1.8, math.pi / 2, 1, 1)
-    assert odometry.relative.x_m == pytest.approx(0.2)
-    assert odometry.relative.y_m == pytest.approx(0.0)
-    assert odometry.relative.heading_rad == pytest.approx(0.0)
-
-
-def test_there_is_no_pose_before_a_start() -> None:
-    odometry = tracker()
-    with pytest.raises(ValueError, match="no odometry yet"):
-        odometry.rebase()
-    odometry.add(0, 0, 0, 0, 0)
-    with pytest.raises(ValueError, match="since the start"):
-        _ = odometry.relative
+    assert odometry.latest is not None
+    assert odometry.latest.pose.heading_rad == pytest.approx(total, abs=1e-9)
 
 
 def test_a_base_that_teleports_is_noticed_and_followed() -> None:

@@ -40,31 +40,31 @@ def command(
     from rich.table import Table
 
     from vsnbench.record.results import ResultsDirectory
-    from vsnbench.robots.finding import Finding, Health
+    from vsnbench.robots.check_result import CheckResult, Health
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros1_checkup import check_ros_robot
     from vsnbench.runner.machine_checkup import check_machine
 
     simulated = robot.partition(":")[0] == "simulated"
     profile = None if simulated else load_profile(robot)
-    findings: list[Finding] = list(check_machine(ResultsDirectory.locate(results, db)))
+    checks: list[CheckResult] = list(check_machine(ResultsDirectory.locate(results, db)))
     if profile is not None:
-        findings += check_ros_robot(profile, move=move)
-    failed = sum(finding.health is Health.FAILED for finding in findings)
+        checks += check_ros_robot(profile, move=move)
+    failed = sum(check.health is Health.FAILED for check in checks)
     if as_json:
-        typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
+        typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
         raise typer.Exit(1 if failed else 0)
     console = Console(highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    for finding in findings:
-        advice = f"\n[bold]→[/bold] {escape(finding.advice)}" if finding.advice else ""
-        style = _STYLE[finding.health]
-        table.add_row(f"[{style}]{finding.health}[/]", finding.what, escape(finding.seen) + advice)
+    for check in checks:
+        advice = f"\n[bold]→[/bold] {escape(check.advice)}" if check.advice else ""
+        style = _STYLE[check.health]
+        table.add_row(f"[{style}]{check.health}[/]", check.what, escape(check.seen) + advice)
     console.print(table)
-    warnings = sum(finding.health is Health.WARNING for finding in findings)
+    warnings = sum(check.health is Health.WARNING for check in checks)
     who = "this machine" if profile is None else f"{profile.title} and this machine"
     if failed:
         console.print(f"[red]{failed} failed[/red]: {who} cannot run a session yet")

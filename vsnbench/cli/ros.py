@@ -42,7 +42,9 @@ def discrete_move(
     from vsnbench.ros1.discrete_move_node import NODE, DiscreteMoveNode
     from vsnbench.ros1.node import run_node
 
-    run_node(NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {served}")
+    run_node(
+        NODE, ros_arguments or [], lambda _: DiscreteMoveNode(profile, config), f"serving {served}", serves=[served]
+    )
 
 
 @app.command("simulate")
@@ -76,19 +78,18 @@ def simulate(
     from vsnbench.ros1.installation import require_ros
 
     profile, place = load_profile(robot), load_site(site)
-    if odometry_rate is not None:
-        base = profile.base.model_copy(update={"odometry_rate_hz": odometry_rate})
-        profile = profile.model_copy(update={"base": base})
     require_ros()
     from vsnbench.ros1.node import run_node
     from vsnbench.ros1.simulated_robot_node import NODE, SimulatedRobotNode, SimulationOptions
+    from vsnbench.ros1.simulation import PLACE
     from vsnbench.simulator.noise import NoiseSettings
 
-    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag)
+    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate)
     run_node(
         NODE,
         ros_arguments or [],
         lambda master: SimulatedRobotNode(place, profile, options, master),
         f"playing {profile.title} in {place.name}",
+        serves=[PLACE],
         simulated_time=rate_factor != 1,
     )

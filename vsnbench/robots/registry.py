@@ -61,8 +61,22 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
     if name in embedded_profiles() or name.endswith((".yaml", ".yml")):
         from vsnbench.robots.ros1 import RosRobot
 
-        return RosRobot(load_profile(name), parameters)
-    return _plug_in_robot(name, site, parameters)
+        return _in_its_site(RosRobot(load_profile(name), parameters), name, site)
+    return _in_its_site(_plug_in_robot(name, site, parameters), name, site)
+
+
+def _in_its_site(robot: Robot, name: str, site: Site) -> Robot:
+    """Return the robot, unless it is played in another site than the run is about: then it is closed and refused."""
+    played = robot.identity.site_sha256
+    if played in ("", site.sha256):
+        return robot
+    try:
+        raise RobotError(
+            f"robot {name} is simulated in another site than {site.name}: it plays content {played[:12]}, the run is "
+            f"about {site.sha256[:12]}: start its simulator with the same --site"
+        )
+    finally:
+        robot.close()
 
 
 def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Robot:

@@ -7,12 +7,12 @@ odometry: upstream's server answers True whatever happened.
 import logging
 import math
 import time
-from collections.abc import Mapping
-from types import TracebackType
+from collections.abc import Callable
+from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 from vsnbench.errors import RobotError, SensorLostError
-from vsnbench.motion.law import direction, ideal_duration_s
+from vsnbench.motion.law import ideal_duration_s
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
@@ -24,17 +24,21 @@ from vsnbench.protocol.robot_identity import ROS1, RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
-from vsnbench.robots.ros1_camera import CAMERA_TIMEOUT_S, LookReport, RosCamera
+from vsnbench.robots.ros1_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
+from vsnbench.robots.ros1_simulation import await_account, require_same_account
 from vsnbench.robots.ros1_start import (
-    await_zeroed_odometry,
+    Patience,
+    await_fresh_odometry,
     have_it_placed_by_a_person,
     have_it_placed_by_the_simulator,
     wait_until_ready,
 )
 from vsnbench.ros1.installation import require_ros
-from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros1.robot_snapshot import RobotSnapshot
 from vsnbench.ros1.service_call import ServiceError
+from vsnbench.ros1.simulation import SimulationAccount
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
+from vsnbench.sensing.movement_check import AskedMovement, distance_along
 from vsnbench.sensing.pairing import MotionEnd
 
 logger = logging.getLogger(__name__)
@@ -47,9 +51,6 @@ _WEDGED_S = 3.0
 """Nobody steers for this long in the middle of a movement: discrete_move is wedged."""
 _STANDSTILL_TIMEOUT_S = 1.5
 _STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
-_LIE_M, _LIE_RAD = 0.10, math.radians(10)
-"""A server that says True while the odometry is off by more than this has not done what was asked. Upstream's own
-tolerance of 0.08 rad, and its overshoot on a base with a lag, stay well below."""
 _WORD_OF = {action: word for word, action in MOVEMENTS.items()}
 
 
@@ -80,57 +81,71 @@ class RosRobot:
         self.profile = profile
         self.attendant = attendant
         self._parameters = parameters if parameters is not None else ProtocolParameters()
+        if self._parameters.turn_deg != round(self._parameters.turn_deg):
+            raise RobotError(f"discrete_move takes whole degrees: {self._parameters.turn_deg:g}° cannot be asked")
         self._settings = MotionSettings.for_robot(profile, self._parameters)
         self._patience_s = patience_s
-        self.last_look: LookReport | None = None
+        self.last_capture: CaptureReport | None = None
         self.last_outcome: Outcome | None = None
-        """What our own discrete_move told about the last movement; None from a server that tells nothing."""
+        """What our own discrete_move reported of the last movement; None from a server that reports nothing."""
         self._start: Pose | None = None
+        self._origin = Pose(0.0, 0.0)
+        """Where the odometry stood at the start of the episode."""
         self._end = MotionEnd(0.0, 0.0)
         self._moving = False
         self._asked_s = 0.0
         self._link = RobotLink(profile)
+        self._simulation: SimulationAccount | None = None
         try:
-            wait_until_ready(self._link, profile, patience_s)
-            self.simulated = self._link.can_be_placed
-            self.needs_a_person = not self.simulated
-            if self.simulated:
+            patience = Patience(patience_s)
+            wait_until_ready(self._link, profile, patience)
+            self.needs_a_person = not self._link.can_be_placed
+            if not self.needs_a_person:
                 self._link.join_simulation()
+                self._simulation = await_account(self._link, profile, patience)
+            self._camera = RosCamera(self._link, profile)
+            self.conditions = MappingProxyType(self._found_conditions())
         except BaseException:
             self._link.close()
             raise
-        self._camera = RosCamera(self._link, profile)
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
-            | ({Sensor.DEPTH} if ros1_interface(profile).depth else set())
+            | ({Sensor.DEPTH} if self._link.names.depth else set())
             | ({Sensor.INSTANCES} if self._camera.labelled else set())
         )
-        self.conditions: Mapping[str, Any] = {"depth_frames": self._camera.depth_frames}
 
     @property
     def identity(self) -> RobotIdentity:
-        """Who it is; whether it is simulated is what the network says."""
-        return RobotIdentity(self.profile, ROS1, simulated=self.simulated)
+        """Who it is; whether it is simulated, and in which site, is what the other end says."""
+        played = self._simulation.site_sha256 if self._simulation else ""
+        return RobotIdentity(self.profile, ROS1, simulated=self._simulation is not None, site_sha256=played)
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start`, placed by the simulator or by a person, with every part of the robot answering.
+
+        Odometry counts from there: its present pose is remembered, and the base is asked for nothing.
 
         Raises:
             RobotError: a part does not answer within the patience, or the robot cannot stand there.
         """
         self._start = None
-        self._link.master.wait(self._patience_s)
-        wait_until_ready(self._link, self.profile, self._patience_s)
-        if self.simulated:
-            have_it_placed_by_the_simulator(self._link, start, seed, self._patience_s)
+        patience = Patience(self._patience_s)
+        wait_until_ready(self._link, self.profile, patience)
+        if self._simulation is not None:
+            require_same_account(self._link, self._simulation)
+            have_it_placed_by_the_simulator(self._link, start, seed, patience)
         else:
             have_it_placed_by_a_person(self._link, start, self.attendant, self.profile)
-        self._link.begin_episode(2.0)
-        await_zeroed_odometry(self._link, self.profile)
-        with self._link.news:
-            self._link.clear_hazards()
-            self._link.tracker.rebase()
-            self._end = self._now()
+            # The base may have been switched off to carry it.
+            patience = Patience(self._patience_s)
+            wait_until_ready(self._link, self.profile, patience)
+        patience.insist_on(lambda: self._link.begin_episode(min(patience.left_s, 2.0)))
+        await_fresh_odometry(self._link, patience)
+        self._link.clear_events()
+        now = self._link.snapshot()
+        assert now.latest is not None  # noqa: S101  # awaited above
+        self._origin = now.latest.pose
+        self._end = _present(now)
         self._start = start.pose
 
     def observe(self) -> Observation:
@@ -140,11 +155,9 @@ class RosRobot:
             SensorLostError: a camera or the odometry is silent, or sends what is not in the profile.
         """
         self._require_begun()
-        images = self._camera.look(self._end)
-        with self._link.news:
-            self._require_fresh_odometry()
-            pose = self._link.tracker.relative
-        self.last_look = images.report
+        images = self._camera.capture(self._end)
+        pose = self._relative(self._fresh())
+        self.last_capture = images.report
         return Observation(
             rgb=images.rgb,
             depth_m=images.depth_m,
@@ -159,15 +172,14 @@ class RosRobot:
     def execute(self, action: Action) -> MotionResult:
         """Have discrete_move carry out one action, and measure what the odometry says about it."""
         self._require_begun()
-        with self._link.news:
-            self._require_fresh_odometry()
-            before = self._link.tracker.relative
+        before = self._relative(self._fresh())
+        asked = AskedMovement.of(action, self._settings)
         began_s, self._asked_s = self._link.now_s, time.monotonic()
         failure, sensor_lost, answered = "", False, False
         self._moving = True
         try:
-            self._watch()
-            answered = self._ask(action)
+            self._watch(asked, before)
+            answered = self._ask(action, lambda: self._watch(asked, before))
         except _AlarmError as alarm:
             failure, sensor_lost = str(alarm), alarm.sensor_lost
         except ServiceError as error:
@@ -175,7 +187,7 @@ class RosRobot:
         if failure:
             self._force_standstill()
         self._moving = False
-        outcome = self.last_outcome = self._link.outcome
+        outcome = self.last_outcome = self._link.snapshot().outcome
         if not failure and not answered:
             failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
             sensor_lost = outcome is not None and outcome.sensor_lost
@@ -185,9 +197,11 @@ class RosRobot:
         except SensorLostError as error:
             failure, sensor_lost = failure or str(error), sensor_lost or not failure
         collision = self._collision()
+        if not failure and (contradiction := asked.contradiction(before, after)):
+            failure = f"discrete_move answered True to {_WORD_OF[action]}, but {contradiction}"
         return MotionResult(
-            completed=not (failure := failure or self._lie(action, before, after)) and collision is None,
-            displacement_m=_along(before, after),
+            completed=not failure and collision is None,
+            displacement_m=distance_along(before, after),
             turn_rad=after.heading_rad - before.heading_rad,
             duration_s=self._link.now_s - began_s,
             collision=collision,
@@ -200,13 +214,13 @@ class RosRobot:
     def locate(self) -> Fix:
         """Return the simulator's truth, or what the odometry makes of the surveyed start."""
         self._require_begun()
-        with self._link.news:
-            if self.simulated:
-                if self._link.truth is None or time.monotonic() - self._link.truth.arrival_s > CAMERA_TIMEOUT_S:
-                    raise SensorLostError("the simulator is silent: is vsnbench ros simulate running?")
-                return Fix(self._link.truth.payload, PoseSource.SIMULATED)
-            assert self._start is not None  # noqa: S101  # _require_begun
-            return Fix(self._start.compose(self._link.tracker.relative), PoseSource.ESTIMATED)
+        now = self._link.snapshot()
+        if self._simulation is not None:
+            if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
+                raise SensorLostError("the simulator is silent: is vsnbench ros simulate running?")
+            return Fix(now.truth.payload, PoseSource.SIMULATED)
+        assert self._start is not None  # noqa: S101  # _require_begun
+        return Fix(self._start.compose(self._relative(now)), PoseSource.ESTIMATED)
 
     def halt(self) -> None:
         """Command zero velocity, and insist on it while a movement may still be under way."""
@@ -229,29 +243,36 @@ class RosRobot:
     ) -> None:
         self.close()
 
-    def _ask(self, action: Action) -> bool:
+    def _found_conditions(self) -> dict[str, Any]:
+        """Return what results depend on, asked of the network once."""
+        found: dict[str, Any] = {
+            "depth_frames": self._camera.depth_frames,
+            "discrete_move": "vsnbench" if self._link.server_reports_outcomes else "another",
+        }
+        return found | dict(self._simulation.conditions if self._simulation else {})
+
+    def _ask(self, action: Action, watch: Callable[[], None]) -> bool:
         angle_deg = round(self._parameters.turn_deg) if action.turns else 0
         limit_s = ideal_duration_s(action, self._settings) + self._settings.timeout_s + 2.0
-        answered = self._link.move(
-            _WORD_OF[action], angle_deg, limit_s, self._watch if action is not Action.STOP else None
-        )
-        # Our own server says on a topic what the answer's bool cannot; upstream's says nothing.
-        self._link.wait_for(lambda: self._link.outcome is not None, 0.1 if self._link.tells_outcomes else 0.0)
+        answered = self._link.move(_WORD_OF[action], angle_deg, limit_s, watch if action is not Action.STOP else None)
+        # Our own server reports on a topic what the answer's bool cannot; upstream's reports nothing.
+        self._link.wait_for(lambda now: now.outcome is not None, 0.1 if self._link.reports_outcomes else 0.0)
         return answered
 
-    def _watch(self) -> None:
+    def _watch(self, asked: AskedMovement, before: Pose) -> None:
         """Raise when something has happened for which no movement may go on."""
-        link, now_s = self._link, time.monotonic()
-        with link.news:
-            for hazard, where in link.hazard_events:
-                raise _AlarmError(f"{hazard.value} ({where})")
-            if link.contact:
-                raise _AlarmError(f"touched {link.contact}")
-            if link.odometry_fault:
-                raise _AlarmError(link.odometry_fault, sensor_lost=True)
-            if (silent_s := self._odometry_age_s()) > _ODOMETRY_TIMEOUT_S:
-                raise _AlarmError(_no_odometry(self.profile, silent_s), sensor_lost=True)
-        unsteered_s = now_s - max(link.commanded_s, self._asked_s)
+        link, now, now_s = self._link, self._link.snapshot(), time.monotonic()
+        for hazard, where in now.hazard_events:
+            raise _AlarmError(f"{hazard.value} ({where})")
+        if now.contact:
+            raise _AlarmError(f"touched {now.contact}")
+        if now.odometry_fault:
+            raise _AlarmError(now.odometry_fault, sensor_lost=True)
+        if (silent_s := now.odometry_age_s(now_s)) > _ODOMETRY_TIMEOUT_S:
+            raise _AlarmError(_no_odometry(link.names.odometry, silent_s), sensor_lost=True)
+        if overshoot := asked.overshoot(before, self._relative(now)):
+            raise _AlarmError(f"{link.names.discrete_move} was stopped: {overshoot}")
+        unsteered_s = now_s - max(now.steered_s, self._asked_s)
         if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nobody steers: whatever the base was told last, it is told to stand now.
             link.stand_still()
@@ -259,24 +280,11 @@ class RosRobot:
             raise _AlarmError(f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server")
 
     def _collision(self) -> Collision | None:
-        with self._link.news:
-            touched = self._link.contact
-            bumped = [where for hazard, where in self._link.hazard_events if hazard is Hazard.BUMPER]
+        now = self._link.snapshot()
+        bumped = [where for hazard, where in now.hazard_events if hazard is Hazard.BUMPER]
         if bumped:
-            return Collision(CollisionSource.BUMPER, touched or bumped[0])
-        return Collision(CollisionSource.CONTACT, touched) if touched else None
-
-    def _lie(self, action: Action, before: Pose, after: Pose) -> str:
-        """Return in words how far the odometry contradicts an answer of True; empty when it does not."""
-        way = self._settings.way(action) * direction(action)
-        asked_m, asked_rad = (0.0, way) if action.turns else (way, 0.0)
-        moved_m, turned_rad = _along(before, after), after.heading_rad - before.heading_rad
-        if abs(moved_m - asked_m) <= _LIE_M and abs(turned_rad - asked_rad) <= _LIE_RAD:
-            return ""
-        return (
-            f"discrete_move answered True to {_WORD_OF[action]}, but the odometry moved {moved_m * 100:.1f} cm and "
-            f"turned {math.degrees(turned_rad):.1f}° instead of {asked_m * 100:g} cm and {math.degrees(asked_rad):g}°"
-        )
+            return Collision(CollisionSource.BUMPER, now.contact or bumped[0])
+        return Collision(CollisionSource.CONTACT, now.contact) if now.contact else None
 
     def _force_standstill(self) -> None:
         """Command zero velocity until the odometry stands still; against a server that goes on driving, too."""
@@ -295,49 +303,37 @@ class RosRobot:
     def _pose_at_rest(self) -> Pose:
         """Return the pose once the odometry stands still; a base with a lag rolls on after the answer."""
         self._link.wait_for(self._at_rest, _STANDSTILL_TIMEOUT_S)
-        with self._link.news:
-            self._require_fresh_odometry()
-            self._end = self._now()
-            return self._link.tracker.relative
+        now = self._fresh()
+        self._end = _present(now)
+        return self._relative(now)
 
-    def _at_rest(self) -> bool:
-        """Return whether the readings of the last moments are all the same place."""
-        readings = self._link.readings
-        if not readings:
-            return False
-        newest = readings[-1]
-        for reading in reversed(readings):
-            if reading.pose.distance_to(newest.pose) > _STILL_M:
-                return False
-            if abs(reading.pose.heading_rad - newest.pose.heading_rad) > _STILL_RAD:
-                return False
-            if newest.stamp_s - reading.stamp_s >= self._settings.settle_s - 1e-3:
-                return True
-        return False
+    def _at_rest(self, now: RobotSnapshot) -> bool:
+        return now.at_rest(self._settings.settle_s, _STILL_M, _STILL_RAD)
 
-    def _odometry_age_s(self) -> float:
-        latest = self._link.tracker.latest
-        return math.inf if latest is None else time.monotonic() - latest.arrival_s
+    def _fresh(self) -> RobotSnapshot:
+        """Return the present snapshot.
 
-    def _require_fresh_odometry(self) -> None:
-        if (silent_s := self._odometry_age_s()) > _ODOMETRY_TIMEOUT_S:
-            raise SensorLostError(_no_odometry(self.profile, silent_s))
+        Raises:
+            SensorLostError: its odometry is old.
+        """
+        now = self._link.snapshot()
+        if (silent_s := now.odometry_age_s(time.monotonic())) > _ODOMETRY_TIMEOUT_S:
+            raise SensorLostError(now.odometry_fault or _no_odometry(self._link.names.odometry, silent_s))
+        return now
 
-    def _now(self) -> MotionEnd:
-        """Return the present on the robot's clock and on ours."""
-        latest = self._link.tracker.latest
-        return MotionEnd(latest.stamp_s if latest else 0.0, time.monotonic())
+    def _relative(self, now: RobotSnapshot) -> Pose:
+        """Return the newest odometry relative to the start of the episode."""
+        return now.latest.pose.relative_to(self._origin) if now.latest else Pose(0.0, 0.0)
 
     def _require_begun(self) -> None:
         if self._start is None:
             raise RobotError("the robot stands nowhere yet: begin an episode first")
 
 
-def _no_odometry(profile: RobotProfile, silent_s: float) -> str:
-    return f"no odometry on {ros1_interface(profile).odometry} for {silent_s:.1f} s: is the base's driver running?"
+def _present(now: RobotSnapshot) -> MotionEnd:
+    """Return the present on the robot's clock and on ours."""
+    return MotionEnd(now.latest.stamp_s if now.latest else 0.0, time.monotonic())
 
 
-def _along(before: Pose, after: Pose) -> float:
-    """Return the distance between two poses, negative where the second lies behind the first."""
-    distance_m = before.distance_to(after)
-    return distance_m if after.relative_to(before).x_m >= 0 else -distance_m
+def _no_odometry(topic: str, silent_s: float) -> str:
+    return f"no odometry on {topic} for {silent_s:.1f} s: is the base's driver running?"

@@ -1,4 +1,4 @@
-"""What the cameras of a robot on a ROS 1 network show after a motion: colour, the median of several depths, labels."""
+"""Images of a robot on a ROS 1 network, captured after a motion: colour, the median of several depths, labels."""
 
 import math
 import time
@@ -13,9 +13,10 @@ from vsnbench.errors import SensorLostError
 from vsnbench.protocol.observation import InstanceImage
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros1.robot_snapshot import RobotSnapshot
 from vsnbench.sensing.depth_filter import median_depth_m, share_invalid
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth, decode_labels
-from vsnbench.sensing.pairing import Look, MotionEnd, Stamped, choose_look
+from vsnbench.sensing.pairing import MatchedImages, MotionEnd, Stamped, match_images
 
 if TYPE_CHECKING:
     from vsnbench.ros1.robot_link import RobotLink
@@ -25,7 +26,7 @@ _MAX_SKEW_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class LookReport:
+class CaptureReport:
     """How the images of an observation came about."""
 
     waited_s: float
@@ -58,7 +59,7 @@ class Images:
     """None without labels, which only a simulator has."""
     stamp_s: float
     depth_stamp_s: float | None
-    report: LookReport
+    report: CaptureReport
 
 
 class RosCamera:
@@ -73,20 +74,19 @@ class RosCamera:
         self.labelled = link.has_labels
         """Whether a simulator labels the images; asked once, of the master, which may die in an episode."""
 
-    def look(self, end: MotionEnd) -> Images:
+    def capture(self, end: MotionEnd) -> Images:
         """Return images taken after `end`.
 
         Raises:
             SensorLostError: a camera is silent, or sends what is not in the profile.
         """
         began_s = time.monotonic()
-        look = self._await_look(end)
-        instances = self._labels_of(look.color)  # now: while depth is filtered, newer labels push these out
+        match, instances = self._await_images(end)
         got_s = time.monotonic()
         camera = self._profile.camera
         try:
-            rgb = decode_color(look.color.payload)
-            frames = [decode_depth(frame.payload) for frame in look.depths]
+            rgb = decode_color(match.color.payload)
+            frames = [decode_depth(frame.payload) for frame in match.depths]
         except ImageError as error:
             raise SensorLostError(f"{error}: is the camera driver the one of the profile?") from error
         for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
@@ -100,40 +100,46 @@ class RosCamera:
             depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
         except ValueError as error:
             raise SensorLostError(f"{self._names.depth}: {error}") from error
-        report = LookReport(
+        report = CaptureReport(
             waited_s=got_s - began_s,
             computed_s=time.monotonic() - got_s,
-            skew_s=look.skew_s,
+            skew_s=match.skew_s,
             depth_frames=len(frames),
             invalid_before=float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
             invalid_after=share_invalid(depth_m) if depth_m is not None else math.nan,
         )
-        depth_stamp_s = look.depths[-1].stamp_s if look.depths else None
-        return Images(rgb, depth_m, instances, look.color.stamp_s, depth_stamp_s, report)
+        depth_stamp_s = match.depths[-1].stamp_s if match.depths else None
+        return Images(rgb, depth_m, instances, match.color.stamp_s, depth_stamp_s, report)
 
-    def _await_look(self, end: MotionEnd) -> Look[Any]:
-        found: list[Look[Any]] = []
+    def _await_images(self, end: MotionEnd) -> tuple[MatchedImages[Any], InstanceImage | None]:
+        """Return images that belong together, and the simulator's labels of the colour image where there are some."""
 
-        def complete() -> bool:
-            link = self._link
-            colors: Sequence[Stamped[Any]] = link.colors
+        def complete(now: RobotSnapshot) -> tuple[MatchedImages[Any], RobotSnapshot] | None:
+            colors: Sequence[Stamped[Any]] = now.colors
             if self.labelled:
-                labelled = {frame.stamp_s for frame in link.labels} if link.categories else set()
-                colors = [frame for frame in link.colors if frame.stamp_s in labelled]
-            look = choose_look(colors, link.depths, end, self.depth_frames, _MAX_SKEW_S)
-            found.extend([look] if look else [])
-            return bool(found)
+                labelled = {image.stamp_s for image in now.labels} if now.categories else set()
+                colors = [image for image in now.colors if image.stamp_s in labelled]
+            match = match_images(colors, now.depths, end, self.depth_frames, _MAX_SKEW_S)
+            return (match, now) if match else None
 
         timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._names.camera_rate_hz
-        if not self._link.wait_for(complete, timeout_s):
+        found = self._link.wait_for(complete, timeout_s)
+        if found is None:
             raise SensorLostError(self._missing_images(timeout_s))
-        return found[0]
+        match, now = found
+        for labels in now.labels if self.labelled else ():
+            if labels.stamp_s == match.color.stamp_s:
+                return match, InstanceImage(ids=decode_labels(labels.payload), categories=now.categories)
+        return match, None
 
     def _missing_images(self, waited_s: float) -> str:
-        names, now_s = self._names, time.monotonic()
+        names, now, now_s = self._names, self._link.snapshot(), time.monotonic()
         silent = []
-        for topic, frames in ((names.color, self._link.colors), (names.depth, self._link.depths)):
-            if topic and (not frames or now_s - frames[-1].arrival_s > 1.0):
+        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
+            nodes = now.nodes_heard_on(topic, now_s)
+            if len(nodes) > 1:
+                return f"{' and '.join(nodes)} both publish {topic}: end one of them"
+            if topic and (not images or now_s - images[-1].arrival_s > 1.0):
                 silent.append(topic)
         if silent:
             return f"no image on {' and '.join(silent)} for {waited_s:.0f} s: is the camera driver running?"
@@ -141,11 +147,3 @@ class RosCamera:
             f"images come on {names.color} and {names.depth}, but none within {waited_s:.0f} s that was stamped after "
             f"the motion, colour within {_MAX_SKEW_S:g} s of depth: are the clocks in step (vsnbench doctor)?"
         )
-
-    def _labels_of(self, color: Stamped[Any]) -> InstanceImage | None:
-        """Return the simulator's labels of a colour image; its look was chosen so that there are some."""
-        with self._link.news:
-            for frame in self._link.labels:
-                if frame.stamp_s == color.stamp_s:
-                    return InstanceImage(ids=decode_labels(frame.payload), categories=self._link.categories)
-        return None

@@ -1,16 +1,22 @@
-"""Before an episode over ROS: every part answers, the robot stands at its start, odometry counts from there."""
+"""Before an episode over ROS: every part answers, the robot stands at its start, its odometry is fresh.
+
+All of it, but for the person's time, shares one patience: parts that come up late, or come back, are waited for.
+"""
 
 import logging
-import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import Attendant
-from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros1.graph_check import GraphFault, graph_faults, unknown_to_master
+from vsnbench.ros1.master import MasterError, SystemState
+from vsnbench.ros1.robot_snapshot import RobotSnapshot
+from vsnbench.ros1.service_call import ServiceError
 
 if TYPE_CHECKING:
     from vsnbench.ros1.robot_link import RobotLink
@@ -19,38 +25,78 @@ logger = logging.getLogger(__name__)
 
 _AGE_LIMIT_S = 1.0
 """A part whose last message is older does not answer."""
+_RETRY_S = 0.25
 
 
-def wait_until_ready(link: "RobotLink", profile: RobotProfile, patience_s: float) -> None:
+@dataclass
+class Patience:
+    """How long the parts of a robot may still take to answer; says once what is waited for."""
+
+    allowed_s: float
+    _give_up_s: float = field(init=False)
+    _said: str = field(init=False, default="")
+
+    def __post_init__(self) -> None:
+        self._give_up_s = time.monotonic() + self.allowed_s
+
+    @property
+    def left_s(self) -> float:
+        """Seconds that are left; not less than one period of trying again."""
+        return max(self._give_up_s - time.monotonic(), _RETRY_S)
+
+    def wait(self, missing: str) -> None:
+        """Pause before another try.
+
+        Raises:
+            RobotError: there is no patience left.
+        """
+        if time.monotonic() >= self._give_up_s:
+            raise RobotError(f"{missing} (waited {self.allowed_s:.0f} s)")
+        if missing != self._said:
+            logger.warning("waiting: %s", missing)
+            self._said = missing
+        time.sleep(_RETRY_S)
+
+    def insist_on(self, step: Callable[[], None]) -> None:
+        """Do `step`, again and again while a part of the robot does not answer.
+
+        Raises:
+            RobotError: there is no patience left, or it fails for another reason.
+        """
+        while True:
+            try:
+                return step()
+            except (ServiceError, MasterError, SensorLostError) as error:
+                self.wait(str(error))
+
+
+def wait_until_ready(link: "RobotLink", profile: RobotProfile, patience: Patience) -> None:
     """Wait until every part of the robot answers; say what is waited for.
 
     Raises:
-        RobotError: a part does not answer within the patience; the message says what to start.
+        RobotError: a part does not answer within the patience, or never will; the message says what to start.
     """
-    give_up_s = time.monotonic() + patience_s
-    told = ""
-    while missing := _missing_part(link, profile):
-        if time.monotonic() >= give_up_s:
-            raise RobotError(f"{missing} (waited {patience_s:.0f} s)")
-        if missing != told:
-            logger.warning("waiting: %s", missing)
-            told = missing
-        time.sleep(0.25)
+    warned: set[str] = set()
+    while missing := _missing_part(link, profile, warned):
+        patience.wait(missing)
 
 
-def have_it_placed_by_the_simulator(link: "RobotLink", start: StartingPosition, seed: int, timeout_s: float) -> None:
+def have_it_placed_by_the_simulator(link: "RobotLink", start: StartingPosition, seed: int, patience: Patience) -> None:
     """Have the simulator put the robot at `start`.
 
     Raises:
         RobotError: it cannot stand there, or the simulator does not answer.
     """
-    if problem := link.place(start.pose, seed, timeout_s):
-        raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
 
-    def is_there() -> bool:
-        return link.truth is not None and link.truth.payload.distance_to(start.pose) < 0.02
+    def is_there(now: RobotSnapshot) -> bool:
+        return now.truth is not None and now.truth.payload.distance_to(start.pose) < 0.02
 
-    _wait(link, is_there, 5.0, "the simulator's ground truth")
+    def place() -> None:
+        if problem := link.place(start.pose, seed, patience.left_s):
+            raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
+        _wait(link, is_there, 2.0, "the simulator's ground truth")
+
+    patience.insist_on(place)
 
 
 def have_it_placed_by_a_person(
@@ -69,45 +115,55 @@ def have_it_placed_by_a_person(
     problem = ""
     while True:
         attendant.put_at(start, problem)
-        with link.news:
-            pressed = [hazard.value for hazard, sensors in link.hazards.items() if sensors]
+        pressed = sorted({hazard.value for hazard, _ in link.snapshot().pressed})
         if not pressed:
             return
         problem = f"the base still reports: {', '.join(pressed)}"
 
 
-def await_zeroed_odometry(link: "RobotLink", profile: RobotProfile) -> None:
-    """Wait until a base that can reset its position has done so, and for a reading from after that.
+def await_fresh_odometry(link: "RobotLink", patience: Patience) -> None:
+    """Wait for a reading from after now, to call it the start of the episode.
 
     Raises:
-        SensorLostError: no odometry comes.
+        RobotError: no odometry comes.
     """
-    if ros1_interface(profile).reset_odometry:
-
-        def zeroed() -> bool:
-            latest = link.tracker.latest
-            return latest is not None and math.hypot(*latest.pose.position) < 0.001
-
-        link.wait_for(zeroed, 0.5)
     asked_s = time.monotonic()
 
-    def fresh() -> bool:
-        latest = link.tracker.latest
-        return latest is not None and latest.arrival_s > asked_s
+    def fresh(now: RobotSnapshot) -> bool:
+        return now.latest is not None and now.latest.arrival_s > asked_s
 
-    _wait(link, fresh, 2.0, f"odometry on {ros1_interface(profile).odometry}")
+    patience.insist_on(lambda: _wait(link, fresh, 2.0, f"odometry on {link.names.odometry}"))
 
 
-def _missing_part(link: "RobotLink", profile: RobotProfile) -> str:
-    """Return the first part that does not answer and what to do about it; empty when all do."""
-    names, now_s = ros1_interface(profile), time.monotonic()
-    with link.news:
-        latest = link.tracker.latest
-        if latest is None or now_s - latest.arrival_s > _AGE_LIMIT_S:
-            return f"no odometry on {names.odometry}: start the base's driver"
-        for topic, frames in ((names.color, link.colors), (names.depth, link.depths)):
-            if topic and (not frames or now_s - frames[-1].arrival_s > _AGE_LIMIT_S):
-                return f"no image on {topic}: start the camera's driver"
+def _missing_part(link: "RobotLink", profile: RobotProfile, warned: set[str]) -> str:
+    """Return the first part that does not answer and what to do about it; empty when all do.
+
+    Raises:
+        RobotError: the master was restarted, which no patience heals.
+    """
+    names, now, now_s = link.names, link.snapshot(), time.monotonic()
+    try:
+        state, types = link.master.state(), link.master.topic_types()
+    except MasterError as error:
+        return str(error)
+    if link.master.caller not in state.subscribers.get(names.odometry, []):
+        raise RobotError(
+            f"the master at {link.master.uri} was restarted and knows nothing of this session: restart all nodes "
+            "(driver, camera, discrete_move), then the same command goes on"
+        )
+    for fault in graph_faults(names, state, types, frozenset({link.master.caller})):
+        if fault.fatal:
+            return fault.line
+        if fault.line not in warned:
+            warned.add(fault.line)
+            logger.warning("%s", fault.line)
+    if now.odometry_age_s(now_s) > _AGE_LIMIT_S:
+        return _silence("odometry", names.odometry, state, "the base's driver")
+    for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
+        if topic and (not images or now_s - images[-1].arrival_s > _AGE_LIMIT_S):
+            return _silence("image", topic, state, "the camera's driver")
+    if (unknown := _unknown_node(link, now, state)) is not None:
+        return unknown.line
     try:
         link.discrete_move.probe()
     except RobotError as error:
@@ -115,6 +171,21 @@ def _missing_part(link: "RobotLink", profile: RobotProfile) -> str:
     return ""
 
 
-def _wait(link: "RobotLink", condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+def _unknown_node(link: "RobotLink", now: RobotSnapshot, state: SystemState) -> GraphFault | None:
+    now_s = time.monotonic()
+    topics = [topic for topic in (link.names.odometry, link.names.color, link.names.depth) if topic]
+    faults = (unknown_to_master(topic, now.nodes_heard_on(topic, now_s), state) for topic in topics)
+    return next((fault for fault in faults if fault is not None), None)
+
+
+def _silence(what: str, topic: str, state: SystemState, driver: str) -> str:
+    """Say why nothing comes on a topic, as far as the master knows."""
+    if publishers := state.publishers.get(topic):
+        nodes = " and ".join(publishers)
+        return f"no {what} on {topic}, which {nodes} publishes: is it alive, and are ROS_IP and cables right?"
+    return f"no {what} on {topic}: start {driver}; if it runs, the master was restarted after it: restart all nodes"
+
+
+def _wait(link: "RobotLink", condition: Callable[[RobotSnapshot], bool], timeout_s: float, what: str) -> None:
     if not link.wait_for(condition, timeout_s):
         raise SensorLostError(f"waited {timeout_s:g} s in vain for {what}")

@@ -23,7 +23,6 @@ class DiscreteMoveParameters(BaseModel):
     linear_velocity_m_s: float | None = Field(default=None, gt=0, le=3)
     angular_velocity_rad_s: float | None = Field(default=None, gt=0, le=10)
     forward_distance_m: float | None = Field(default=None, gt=0, le=10)
-    turn_angle_deg: float | None = Field(default=None, gt=0, le=360)
     acceleration_share: float | None = Field(default=None, gt=0, le=0.5)
     deceleration_share: float | None = Field(default=None, gt=0, le=0.5)
     position_tolerance_m: float | None = Field(default=None, gt=0, le=0.1)
@@ -60,12 +59,10 @@ _FIELD_OF = {
     "linear_velocity_m_s": "linear_m_s",
     "angular_velocity_rad_s": "angular_rad_s",
     "forward_distance_m": "forward_m",
-    "turn_angle_deg": "turn_rad",
     "turn_tolerance_deg": "heading_tolerance_rad",
     "control_rate_hz": "control_period_s",
 }
 _TO_SETTINGS: dict[str, Callable[[Any], float]] = {
-    "turn_angle_deg": math.radians,
     "turn_tolerance_deg": math.radians,
     "control_rate_hz": lambda rate_hz: 1 / rate_hz,
     "max_corrections": int,

@@ -18,7 +18,10 @@ import rospy
 import rospy.rostime
 
 from vsnbench.errors import RobotError
-from vsnbench.ros1.master import Master, call_xmlrpc
+from vsnbench.ros1.graph_check import server_of
+from vsnbench.ros1.master import Master, MasterError, call_xmlrpc
+
+_WATCH_PERIOD_S = 3.0
 
 
 def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
@@ -56,6 +59,17 @@ def _who(uri: str) -> str:
         return uri
 
 
+def require_unserved(name: str, master: Master) -> None:
+    """Make sure that no other node serves `name`: ROS would let us take it over without a word.
+
+    Raises:
+        RobotError: a living node serves it; the message names it.
+    """
+    server = server_of(name, master.state())
+    if server and server != master.caller and (uri := master.live_node(server)) is not None:
+        raise RobotError(f"{name} is already served by {server} ({_who(uri)}): end it first")
+
+
 def now_s() -> float:
     """Return the time that control runs on: monotonic, or simulated where /use_sim_time says so."""
     return time.monotonic() if rospy.rostime.is_wallclock() else float(rospy.get_time())
@@ -84,12 +98,46 @@ class Closable(Protocol):
         ...
 
 
+class MasterWatch:
+    """Notices what a master does without a word: forget us in a restart, and hand our service to another node."""
+
+    def __init__(self, master: Master, serves: Sequence[str]) -> None:
+        self._master = master
+        self._serves = serves
+        self._due_s = 0.0
+        self._said: set[str] = set()
+
+    def check(self) -> None:
+        """Ask the master, once in _WATCH_PERIOD_S, and say once what is wrong."""
+        if time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + _WATCH_PERIOD_S
+        try:
+            state = self._master.state()
+            self._master.ask("lookupNode", self._master.caller)
+        except LookupError:
+            self._say(f"the master at {self._master.uri} was restarted and does not know this node: restart all nodes")
+        except MasterError:
+            return  # a master that is gone may come back, and topics go on without it
+        else:
+            for name in self._serves:
+                server = server_of(name, state)
+                if server not in ("", self._master.caller):
+                    self._say(f"{name} was taken over by {server}: end one of the two servers")
+
+    def _say(self, text: str) -> None:
+        if text not in self._said:
+            self._said.add(text)
+            rospy.logerr(text)
+
+
 def run_node(
     name: str,
     ros_arguments: Sequence[str],
     make: Callable[[Master], Closable],
     what: str,
     *,
+    serves: Sequence[str] = (),
     simulated_time: bool = False,
 ) -> None:
     """Be a node until SIGINT, SIGTERM or SIGHUP, or until another node of this name takes its place.
@@ -99,10 +147,11 @@ def run_node(
         ros_arguments: see `start_node`.
         make: what starts the node's work.
         what: what the node does, in words, for the terminal.
+        serves: the services that it offers and no other node may.
         simulated_time: whether this node is the clock of the whole network, and nodes started after it follow it.
 
     Raises:
-        RobotError: no master answers, or a node of this name runs already.
+        RobotError: no master answers, a node of this name runs already, or another one serves what this one would.
     """
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -111,11 +160,14 @@ def run_node(
     if simulated_time:
         rospy.set_param("/use_sim_time", True)
     rospy.on_shutdown(ended.set)
+    for service in serves:
+        require_unserved(service, master)
     node = make(master)
     try:
         sys.stderr.write(f"{what}; Ctrl-C ends it\n")
+        watch = MasterWatch(master, serves)
         while not ended.wait(1.0):
-            pass
+            watch.check()
     finally:
         node.close()
         # The last command leaves through rospy's own threads.

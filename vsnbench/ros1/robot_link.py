@@ -1,22 +1,25 @@
-"""The client's connections to a robot: what its topics last said, a way to command zero velocity, its services.
+"""The client's connections to a robot: snapshots of what its topics reported, zero velocity, its services.
 
-Messages are kept as they came and decoded only when they are looked at. Imported only where ROS is installed.
+Imported only where ROS is installed.
 """
 
 import json
+import logging
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
-from std_msgs.msg import Empty, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from vsnbench.errors import RobotError
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.hazard_events import subscribe_hazard
@@ -24,41 +27,34 @@ from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
 from vsnbench.ros1.node import now_s, start_node
+from vsnbench.ros1.robot_snapshot import SOURCE_MEMORY_S, RobotSnapshot
 from vsnbench.ros1.service_call import ServiceClient
-from vsnbench.ros1.simulated_topics import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
+from vsnbench.ros1.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE, read_account
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
-from vsnbench.sensing.odometry import OdometryReading, OdometryTracker, heading_of_quaternion
+from vsnbench.sensing.odometry import OdometryTracker, heading_of_quaternion
 from vsnbench.sensing.pairing import Stamped
+
+logger = logging.getLogger(__name__)
 
 NODE = "vsnbench"
 _COLOR_FRAMES = 6
 _IMAGE_BUFFER = 1 << 24
 
+Found = TypeVar("Found")
+
 
 class RobotLink:
     """Everything that a client hears from a robot and can ask of it; one a process.
 
-    `news` is notified with every message; hold it to read several things that belong together.
+    Messages come in threads of ROS; each makes a new RobotSnapshot, and nothing else is shared.
     """
 
     def __init__(self, profile: RobotProfile) -> None:
         names = ros1_interface(profile)
-        self.news = threading.Condition()
-        self.tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
-        self.readings: deque[OdometryReading] = deque(maxlen=max(10, round(2 * profile.base.odometry_rate_hz)))
-        self.odometry_fault = ""
-        self.colors: deque[Stamped[Any]] = deque(maxlen=_COLOR_FRAMES)
-        self.depths: deque[Stamped[Any]] = deque(maxlen=names.depth_frames + 2)
-        self.labels: deque[Stamped[Any]] = deque(maxlen=_COLOR_FRAMES)
-        self.categories: Mapping[int, str] = {}
-        self.hazards: dict[Hazard, set[int]] = {hazard: set() for hazard in Hazard}
-        self.hazard_events: list[tuple[Hazard, str]] = []
-        self.contact = ""
-        """What a simulated robot touches, or has touched since `clear_hazards`."""
-        self.truth: Stamped[Pose] | None = None
-        self.outcome: Outcome | None = None
-        self.commanded_s = 0.0
-        """When somebody else last commanded a velocity (monotonic clock)."""
+        self._changed = threading.Condition()
+        self._snapshot = RobotSnapshot()
+        self._tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
+        self._most_readings = max(10, round(2 * profile.base.odometry_rate_hz))
 
         self.master: Master = start_node(NODE)
         self.names = names
@@ -66,16 +62,26 @@ class RobotLink:
         self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master, self.master.caller)
         self._place = ServiceClient(PLACE, PlaceRobot, self.master, self.master.caller)
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
-        self._reset_odometry = (
-            rospy.Publisher(names.reset_odometry, Empty, queue_size=1) if names.reset_odometry else None
-        )
-        self._subscribe(profile)
+        self._subscribe()
 
     def close(self) -> None:
         """Leave the ROS network."""
         # What was published last leaves through rospy's own threads.
         time.sleep(0.05)
         rospy.signal_shutdown("closed")
+
+    def snapshot(self) -> RobotSnapshot:
+        """Return what has been reported until now."""
+        return self._snapshot
+
+    def wait_for(self, condition: Callable[[RobotSnapshot], Found], timeout_s: float) -> Found:
+        """Ask `condition` of the present snapshot and of every new one until it answers with something true.
+
+        Returns:
+            Its last answer: the first true one, or a false one when none came in time.
+        """
+        with self._changed:
+            return self._changed.wait_for(lambda: condition(self._snapshot), timeout_s)
 
     @property
     def can_be_placed(self) -> bool:
@@ -93,25 +99,23 @@ class RobotLink:
         return now_s()
 
     @property
-    def tells_outcomes(self) -> bool:
+    def reports_outcomes(self) -> bool:
         """Whether the server of discrete_move is ours, which says more than its answer's bool."""
         return bool(self._outcomes.get_num_connections())
 
+    @property
+    def server_reports_outcomes(self) -> bool:
+        """Whether the server of discrete_move is ours, as the master knows; needs no connection yet."""
+        return f"{self.names.discrete_move}/outcome" in self.master.state().publishers
+
     def join_simulation(self) -> None:
-        """Listen to what only a simulated robot tells."""
+        """Listen to what only a simulated robot reports."""
+        rospy.Subscriber(ACCOUNT, String, self._on_account, queue_size=2)
         rospy.Subscriber(GROUND_TRUTH, Odometry, self._on_truth, queue_size=5, tcp_nodelay=True)
         rospy.Subscriber(CONTACT, String, self._on_contact, queue_size=20, tcp_nodelay=True)
         if self.has_labels:
-            self._subscribe_image(INSTANCES, self.labels)
+            self._subscribe_image(INSTANCES, "labels", _COLOR_FRAMES)
             rospy.Subscriber(CATEGORIES, String, self._on_categories, queue_size=1)
-
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until `condition()` holds, looked at with every message; False when it never did.
-
-        `news` is held while `condition` is asked.
-        """
-        with self.news:
-            return self.news.wait_for(condition, timeout_s)
 
     def stand_still(self) -> None:
         """Command zero velocity."""
@@ -119,8 +123,7 @@ class RobotLink:
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Ask discrete_move for one movement and return its answer; see `ServiceClient.call` for what it raises."""
-        with self.news:
-            self.outcome = None
+        self._update(lambda _: {"outcome": None})
         request = DiscreteServerRequest(movement, angle_deg)
         return bool(self.discrete_move.call(request, timeout_s, watch).response)
 
@@ -131,83 +134,111 @@ class RobotLink:
         return "" if answer.success else str(answer.message)
 
     def begin_episode(self, timeout_s: float) -> None:
-        """Tell base and discrete_move that an episode starts here, as far as they can be told."""
-        if self._reset_odometry is not None:
-            self._reset_odometry.publish(Empty())
+        """Tell discrete_move that an episode starts here, where it can be told.
+
+        The base is not asked to zero its odometry: a Kobuki does so some time after it was asked, heading and all, and
+        nothing says when. The start of an episode is a pose that the client remembers.
+        """
         if f"{self.names.discrete_move}/reset" in self.master.state().services:
             self._reset.call(Trigger._request_class(), timeout_s)  # noqa: SLF001
 
-    def clear_hazards(self) -> None:
+    def clear_events(self) -> None:
         """Forget what has happened; what is pressed stays known."""
-        with self.news:
-            self.hazard_events.clear()
-            self.odometry_fault = ""
-            self.contact = ""
+        self._update(lambda _: {"hazard_events": (), "odometry_fault": "", "contact": ""})
 
-    def _subscribe(self, profile: RobotProfile) -> None:
-        names = ros1_interface(profile)
+    def _update(self, changes: Callable[[RobotSnapshot], dict[str, Any]]) -> None:
+        """Replace the snapshot by one with `changes(present one)`, and wake who waits."""
+        with self._changed:
+            self._snapshot = replace(self._snapshot, **changes(self._snapshot))
+            self._changed.notify_all()
+
+    def _subscribe(self) -> None:
+        names = self.names
         rospy.Subscriber(names.odometry, Odometry, self._on_odometry, queue_size=20, tcp_nodelay=True)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
-        for topic, store in ((names.color, self.colors), (names.depth, self.depths)):
-            if topic:
-                self._subscribe_image(topic, store)
+        self._subscribe_image(names.color, "colors", _COLOR_FRAMES)
+        if names.depth:
+            self._subscribe_image(names.depth, "depths", names.depth_frames + 2)
         for hazard in Hazard:
             subscribe_hazard(names, hazard, self._on_hazard)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
         )
 
-    def _subscribe_image(self, topic: str, store: "deque[Stamped[Any]]") -> None:
+    def _subscribe_image(self, topic: str, field: str, most: int) -> None:
         def on_image(message: Any) -> None:
-            with self.news:
-                store.append(Stamped(message, message.header.stamp.to_sec(), time.monotonic()))
-                self.news.notify_all()
+            image = Stamped(message, message.header.stamp.to_sec(), time.monotonic())
+            self._update(
+                lambda now: {field: (*getattr(now, field), image)[-most:], "sources": _heard(now, topic, message)}
+            )
 
         rospy.Subscriber(topic, Image, on_image, queue_size=5, buff_size=_IMAGE_BUFFER, tcp_nodelay=True)
 
     def _on_odometry(self, message: Any) -> None:
         pose, arrival_s = _planar(message), time.monotonic()
-        with self.news:
-            fault = self.tracker.add(*pose, message.header.stamp.to_sec(), arrival_s)
+
+        def changes(now: RobotSnapshot) -> dict[str, Any]:
+            sources = _heard(now, self.names.odometry, message)
+            fault = self._tracker.add(*pose, message.header.stamp.to_sec(), arrival_s)
             if fault:
-                self.odometry_fault = fault
-            elif self.tracker.latest is not None:
-                self.readings.append(self.tracker.latest)
-            self.news.notify_all()
+                nodes = sorted(node for topic, node in sources if topic == self.names.odometry)
+                if len(nodes) > 1:
+                    fault = f"{' and '.join(nodes)} both publish {self.names.odometry}: end one of them ({fault})"
+                return {"sources": sources, "odometry_fault": fault}
+            return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._most_readings :]}
+
+        self._update(changes)
 
     def _on_command(self, message: Any) -> None:
-        if message._connection_header.get("callerid") != self.master.caller:  # noqa: SLF001
-            self.commanded_s = time.monotonic()
+        if _sender(message) != self.master.caller:
+            self._update(lambda _: {"steered_s": time.monotonic()})
 
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
-        with self.news:
-            if active:
-                self.hazards[hazard].add(sensor)
-                self.hazard_events.append((hazard, where))
-            else:
-                self.hazards[hazard].discard(sensor)
-            self.news.notify_all()
+        if active:
+            self._update(
+                lambda now: {
+                    "pressed": now.pressed | {(hazard, sensor)},
+                    "hazard_events": (*now.hazard_events, (hazard, where)),
+                }
+            )
+        else:
+            self._update(lambda now: {"pressed": now.pressed - {(hazard, sensor)}})
 
     def _on_contact(self, message: Any) -> None:
         if message.data:
-            with self.news:
-                self.contact = message.data
-                self.news.notify_all()
+            self._update(lambda _: {"contact": message.data})
 
     def _on_truth(self, message: Any) -> None:
-        with self.news:
-            self.truth = Stamped(Pose(*_planar(message)), message.header.stamp.to_sec(), time.monotonic())
-            self.news.notify_all()
+        truth = Stamped(Pose(*_planar(message)), message.header.stamp.to_sec(), time.monotonic())
+        self._update(lambda _: {"truth": truth})
 
     def _on_outcome(self, message: Any) -> None:
-        with self.news:
-            self.outcome = Outcome(**json.loads(message.data))
-            self.news.notify_all()
+        outcome = Outcome(**json.loads(message.data))
+        self._update(lambda _: {"outcome": outcome})
 
     def _on_categories(self, message: Any) -> None:
-        with self.news:
-            self.categories = {int(number): str(name) for number, name in json.loads(message.data).items()}
-            self.news.notify_all()
+        named = {int(number): str(name) for number, name in json.loads(message.data).items()}
+        self._update(lambda _: {"categories": MappingProxyType(named)})
+
+    def _on_account(self, message: Any) -> None:
+        try:
+            account = read_account(message.data)
+        except RobotError as error:
+            logger.warning("%s", error)
+            return
+        self._update(lambda _: {"simulation": account})
+
+
+def _sender(message: Any) -> str:
+    """Return the node that published a message."""
+    return str(message._connection_header.get("callerid", "?"))  # noqa: SLF001
+
+
+def _heard(now: RobotSnapshot, topic: str, message: Any) -> MappingProxyType[tuple[str, str], float]:
+    """Return who has published lately, this message included."""
+    at_s = time.monotonic()
+    lately = {source: heard_s for source, heard_s in now.sources.items() if at_s - heard_s < SOURCE_MEMORY_S}
+    return MappingProxyType(lately | {(topic, _sender(message)): at_s})
 
 
 def _planar(message: Any) -> tuple[float, float, float]:

@@ -27,9 +27,17 @@ from vsnbench.protocol.site import Site
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master, MasterError
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
-from vsnbench.ros1.simulated_topics import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
+from vsnbench.ros1.simulation import (
+    ACCOUNT,
+    CATEGORIES,
+    CONTACT,
+    GROUND_TRUTH,
+    INSTANCES,
+    PLACE,
+    SimulationAccount,
+)
 from vsnbench.simulator.noise import NoiseSettings, noisy_depth
-from vsnbench.simulator.physics import CONTROL_PERIOD_S
+from vsnbench.simulator.physics import CONTROL_PERIOD_S, simulator_version
 from vsnbench.simulator.renderer import Frame, Renderer
 from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_base import Contact, SimulatedBase
@@ -49,6 +57,8 @@ class SimulationOptions:
     noise: NoiseSettings | None = None
     command_lag_s: float = 0.0
     """Dead time of the base."""
+    odometry_rate_hz: float | None = None
+    """Instead of the profile's."""
 
 
 class SimulatedRobotNode:
@@ -60,6 +70,7 @@ class SimulatedRobotNode:
         self._profile = profile
         self._names = ros1_interface(profile)
         self._options = options
+        self._odometry_rate_hz = options.odometry_rate_hz or profile.base.odometry_rate_hz
         self._base = SimulatedBase(
             site, scene, profile, options.noise, options.command_lag_s, self._names.command_timeout_s
         )
@@ -110,6 +121,8 @@ class SimulatedRobotNode:
         self._contact = publisher(CONTACT, String, latch=True)
         self._instances = publisher(INSTANCES, Image, queue=1)
         self._clock = publisher("/clock", Clock) if self._options.rate_factor != 1 else None
+        account = publisher(ACCOUNT, String, latch=True)
+        account.publish(String(self._account(site).model_dump_json()))
         categories = publisher(CATEGORIES, String, latch=True)
         categories.publish(String(json.dumps({n: thing.category for n, thing in enumerate(site.objects, start=1)})))
         self._contact.publish(String(""))
@@ -117,6 +130,19 @@ class SimulatedRobotNode:
         if names.reset_odometry:
             rospy.Subscriber(names.reset_odometry, Empty, self._on_reset_odometry, queue_size=1)
         rospy.Service(PLACE, PlaceRobot, self._on_place)
+
+    def _account(self, site: Site) -> SimulationAccount:
+        noise = self._options.noise
+        return SimulationAccount(
+            simulator=simulator_version(),
+            site=site.name,
+            site_sha256=site.sha256,
+            profile_sha256=self._profile.sha256,
+            odometry_rate_hz=self._odometry_rate_hz,
+            command_lag_s=self._options.command_lag_s,
+            rate_factor=self._options.rate_factor,
+            noise=None if noise is None else noise.model_dump(mode="json"),
+        )
 
     def _on_command(self, twist: Any) -> None:
         with self._lock:
@@ -160,7 +186,7 @@ class SimulatedRobotNode:
             if self._clock is not None:
                 self._clock.publish(Clock(stamp))
             if now_s >= odometry_due_s - 1e-6:
-                odometry_due_s = max(odometry_due_s + 1 / self._profile.base.odometry_rate_hz, now_s - CONTROL_PERIOD_S)
+                odometry_due_s = max(odometry_due_s + 1 / self._odometry_rate_hz, now_s - CONTROL_PERIOD_S)
                 self._odometry.publish(_odometry_message(odometry, stamp, "odom"))
             if self._truth.get_num_connections():
                 self._truth.publish(_odometry_message(truth, stamp, "site"))

@@ -28,6 +28,8 @@ class Heard:
     """The stamp that each message carries, where its type begins with a header."""
     messages: list[bytes] = field(default_factory=list)
     """The last few messages."""
+    senders: set[str] = field(default_factory=set)
+    """The nodes that sent them."""
 
     @property
     def rate_hz(self) -> float:
@@ -92,6 +94,7 @@ class TopicListener:
                 heard.arrivals.append(arrival_s)
                 heard.stamps.append(secs + nsecs * 1e-9)
                 heard.messages.append(data)
+                heard.senders.add(str(message._connection_header.get("callerid", "?")))  # noqa: SLF001
                 del heard.messages[:-_KEEP]
 
         return keep

@@ -141,7 +141,7 @@ class DiscreteMover:
 
         Args:
             movement: a word of MOVEMENTS.
-            angle_deg: of a turn; 0 for the configured angle.
+            angle_deg: of a turn; 0 turns nothing.
             caller_gone: whether the one who asked is no longer there; nobody drives on for a dead caller.
         """
         action = MOVEMENTS.get(movement)
@@ -150,7 +150,9 @@ class DiscreteMover:
         if action.turns and not 0 <= angle_deg <= 360:
             return Outcome(movement, False, f"{movement} {angle_deg}: the angle of a turn is 0 to 360 degrees")
         settings = self._settings
-        if action.turns and angle_deg:
+        if action.turns and angle_deg == 0:
+            action = Action.STOP
+        elif action.turns:
             settings = settings.model_copy(update={"turn_rad": math.radians(angle_deg)})
         ticket = self._take_ticket(f"pre-empted by {movement}")
         with self._moving:

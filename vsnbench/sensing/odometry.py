@@ -1,7 +1,6 @@
-"""Odometry processing (paper, Section 3.1.4): checked, heading unwrapped, and relative to the start of the episode.
+"""Odometry processing (paper, Section 3.1.4): checked, and the heading unwrapped.
 
-Pure: it is fed what messages carry and knows no ROS. `reset_odometry` of a real base resets the position at best, so
-the start of an episode is a pose remembered here, not a command to the base.
+Pure: it is fed what messages carry and knows no ROS.
 """
 
 import math
@@ -36,12 +35,11 @@ def heading_of_quaternion(x: float, y: float, z: float, w: float) -> float:
 
 
 class OdometryTracker:
-    """Follows one base's odometry: notices readings that cannot be true, and knows the start of the episode."""
+    """Follows one base's odometry: notices readings that cannot be true."""
 
     def __init__(self, max_linear_m_s: float, max_angular_rad_s: float) -> None:
         self._max_linear_m_s = max_linear_m_s
         self._max_angular_rad_s = max_angular_rad_s
-        self._origin: Pose | None = None
         self.latest: OdometryReading | None = None
 
     def add(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float, arrival_s: float) -> str:
@@ -67,27 +65,6 @@ class OdometryTracker:
         if abs(turned_rad) > _JUMP_FACTOR * self._max_angular_rad_s * elapsed_s + _JUMP_MARGIN_RAD:
             return f"odometry jumped {math.degrees(turned_rad):.0f}° in {elapsed_s:.2f} s"
         return ""
-
-    def rebase(self) -> None:
-        """Make the latest reading the start of the episode.
-
-        Raises:
-            ValueError: there has been no reading.
-        """
-        if self.latest is None:
-            raise ValueError("no odometry yet")
-        self._origin = self.latest.pose
-
-    @property
-    def relative(self) -> Pose:
-        """The latest pose relative to the start of the episode.
-
-        Raises:
-            ValueError: there has been no reading, or no start.
-        """
-        if self.latest is None or self._origin is None:
-            raise ValueError("no odometry since the start of the episode")
-        return self.latest.pose.relative_to(self._origin)
 
 
 class ClockOffset:

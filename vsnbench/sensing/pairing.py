@@ -1,4 +1,4 @@
-"""Which images belong to one look at the world: all taken after the motion ended, colour and depth close in time."""
+"""Which images make one observation: all taken after the motion ended, colour and depth close in time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class MotionEnd:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look(Generic[Payload]):
-    """The images of one look: one colour image and the depth images that one depth is filtered from."""
+class MatchedImages(Generic[Payload]):
+    """One colour image, and the depth images that one depth is filtered from."""
 
     color: Stamped[Payload]
     depths: tuple[Stamped[Payload], ...]
@@ -42,30 +42,30 @@ def frames_after(frames: Sequence[Stamped[Payload]], end: MotionEnd) -> list[Sta
     return [frame for frame in frames if frame.stamp_s > end.stamp_s and frame.arrival_s > end.arrival_s]
 
 
-def choose_look(
+def match_images(
     colors: Sequence[Stamped[Payload]],
     depths: Sequence[Stamped[Payload]],
     end: MotionEnd,
     depth_frames: int,
     max_skew_s: float,
-) -> Look[Payload] | None:
-    """Return the newest complete look, or None while images are still missing.
+) -> MatchedImages[Payload] | None:
+    """Return the newest complete match, or None while images are still missing.
 
     Args:
         colors: the last colour images, oldest first.
         depths: the last depth images, oldest first.
         end: when the last motion ended.
-        depth_frames: how many depth images one look needs; 0 for a robot without depth.
+        depth_frames: how many depth images one observation needs; 0 for a robot without depth.
         max_skew_s: the colour image must be this close to the newest depth image.
     """
     fresh_colors = frames_after(colors, end)
     if not fresh_colors:
         return None
     if depth_frames == 0:
-        return Look(fresh_colors[-1], ())
+        return MatchedImages(fresh_colors[-1], ())
     fresh_depths = frames_after(depths, end)[-depth_frames:]
     if len(fresh_depths) < depth_frames:
         return None
     newest_s = fresh_depths[-1].stamp_s
-    look = Look(min(fresh_colors, key=lambda frame: abs(frame.stamp_s - newest_s)), tuple(fresh_depths))
-    return look if abs(look.skew_s) <= max_skew_s else None
+    match = MatchedImages(min(fresh_colors, key=lambda frame: abs(frame.stamp_s - newest_s)), tuple(fresh_depths))
+    return match if abs(match.skew_s) <= max_skew_s else None

@@ -1,8 +1,9 @@
 """The base's own computer in simulation: commands in, motion of the embedded world, odometry and events out; no ROS.
 
 It behaves as a real base's driver does: a command acts until the next one, or until none has come for a while;
-odometry goes on counting when a person picks the robot up and puts it down elsewhere; resetting it zeroes the
-position and leaves the heading alone.
+odometry goes on counting when a person picks the robot up and puts it down elsewhere. Resetting it zeroes position
+AND heading, some time after it was asked: kobuki_driver (`Kobuki::resetOdometry`) calls the gyro's present angle zero,
+too, and the driver's pose follows with the base's next packets of data, some 10 to 30 ms later.
 """
 
 import math
@@ -53,6 +54,7 @@ class SimulatedBase:
         self._commands: deque[tuple[float, Command]] = deque()
         self._current = STANDSTILL
         self._heard_s = -math.inf
+        self._reset_due_s = math.inf
         self._drift: OdometryDrift | None = None
         self._origin = self._counted = Pose(0.0, 0.0, 0.0)
         self.now_s = 0.0
@@ -87,6 +89,9 @@ class SimulatedBase:
         self.now_s += CONTROL_PERIOD_S
         counted = self._wheels.update(self._physics.wheel_angles)
         self._counted = self._drift.update(counted) if self._drift is not None else counted
+        if self.now_s >= self._reset_due_s - 1e-9:
+            self._reset_due_s = math.inf
+            self._origin = Pose(0.0, 0.0).relative_to(self._counted)
         return self._contact_of(touch) if touch else None
 
     def put_down(self, pose: Pose, seed: int) -> str:
@@ -106,13 +111,8 @@ class SimulatedBase:
         return self._contact_of(touch).name if touch else ""
 
     def reset_odometry(self) -> None:
-        """Zero the position and leave the heading alone."""
-        here = self.odometry
-        at_zero = Pose(0.0, 0.0, here.heading_rad)
-        # The frame in which the pose counted so far lands on (0, 0) with the heading it has.
-        turn_rad = at_zero.heading_rad - self._counted.heading_rad
-        turned = Pose(0.0, 0.0, turn_rad).compose(self._counted)
-        self._origin = Pose(-turned.x_m, -turned.y_m, turn_rad)
+        """Ask for position and heading zero; the second period from now is the first to have them."""
+        self._reset_due_s = self.now_s + 2 * CONTROL_PERIOD_S
 
     def _contact_of(self, touch: Touch) -> Contact:
         name = self._site.objects[touch.instance - 1].id if touch.instance else touch.category

@@ -46,7 +46,7 @@ class Client:
             "stamp_s": seen.stamp_s,
             "depth_stamp_s": seen.depth_stamp_s,
             "pose": dataclasses.astuple(seen.pose),
-            "look": dataclasses.asdict(self.robot.last_look),
+            "capture": dataclasses.asdict(self.robot.last_capture),
         }
 
     def execute(self, action: str) -> dict:
@@ -62,7 +62,7 @@ class Client:
 
     def stamp(self) -> float:
         """The newest stamp of the odometry."""
-        return self.robot._link.tracker.latest.stamp_s
+        return self.robot._link.snapshot().latest.stamp_s
 
 
 client = Client()

@@ -3,6 +3,7 @@
 Parameters: ~rate_hz of odometry, ~lag_s from command to motion, ~heading_deg at start, ~command_timeout_s. The topic
 /base/fault takes a word: `silent`, `nan`, `jump`, `stuck`, `slip` (odometry says half), `bumper`, `cliff`, `drop`,
 `raise` (the wheels carry again), `release` (the bumper), `good` (back to normal). /base/truth says where it really is.
+Asked to reset its odometry, it zeroes position and heading 30 ms later, as kobuki_driver does.
 """
 
 import math
@@ -13,7 +14,7 @@ from collections import deque
 import rospy
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from vsnbench.protocol.pose import Pose
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
@@ -24,6 +25,8 @@ lag_s = float(rospy.get_param("~lag_s", 0))
 timeout_s = float(rospy.get_param("~command_timeout_s", 0.6))
 pose = Pose.from_degrees(0, 0, float(rospy.get_param("~heading_deg", 0)))
 offset_m = 0.0
+zero = Pose(0, 0, 0)
+reset_due = math.inf
 fault = "good"
 lock = threading.Lock()
 commands: deque = deque()
@@ -54,12 +57,19 @@ def on_fault(message: String) -> None:
             fault = message.data
 
 
+def on_reset(_message: Empty) -> None:
+    global reset_due
+    with lock:
+        reset_due = time.monotonic() + 0.03
+
+
 def on_command(twist: Twist) -> None:
     with lock:
         commands.append((time.monotonic() + lag_s, twist))
 
 
 rospy.Subscriber("/base/fault", String, on_fault, queue_size=10)
+rospy.Subscriber("/mobile_base/commands/reset_odometry", Empty, on_reset, queue_size=1)
 rospy.Subscriber("/cmd_vel", Twist, on_command, queue_size=50, tcp_nodelay=True)
 current, heard = Twist(), 0.0
 last = next_odometry = time.monotonic()
@@ -87,13 +97,16 @@ while not rospy.is_shutdown():
         where.pose.position.x, where.pose.position.y = pose.position
         where.pose.orientation.z, where.pose.orientation.w = pose.heading_rad, abs(linear) + abs(angular)
         truth.publish(where)
+        if now >= reset_due:
+            zero, reset_due = pose, math.inf
         if now < next_odometry or fault == "silent":
             continue
         next_odometry = max(next_odometry + 1 / rate_hz, now)
         message = Odometry()
         message.header.stamp = stamp
-        message.pose.pose.position.x = math.nan if fault == "nan" else pose.x_m + offset_m
-        message.pose.pose.position.y = pose.y_m
-        message.pose.pose.orientation.z = math.sin(pose.heading_rad / 2)
-        message.pose.pose.orientation.w = math.cos(pose.heading_rad / 2)
+        counted = pose.relative_to(zero)
+        message.pose.pose.position.x = math.nan if fault == "nan" else counted.x_m + offset_m
+        message.pose.pose.position.y = counted.y_m
+        message.pose.pose.orientation.z = math.sin(counted.heading_rad / 2)
+        message.pose.pose.orientation.w = math.cos(counted.heading_rad / 2)
         odometry.publish(message)
