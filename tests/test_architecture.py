@@ -29,7 +29,17 @@ MAY_IMPORT: dict[str, set[str]] = {
     "runner": {"protocol"} | _MACHINERY | _RESOURCES,
     "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},
 }
-GROUND = {"database_url", "errors", "harmless_text", "loopback", "plugins", "resources", "whole_files", "workers"}
+GROUND = {
+    "database_url",
+    "errors",
+    "git_checkout",
+    "harmless_text",
+    "loopback",
+    "plugins",
+    "resources",
+    "whole_files",
+    "workers",
+}
 """Modules beside the rooms that every room may import."""
 
 

@@ -5,7 +5,6 @@ import os
 import platform
 import shlex
 import socket
-import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ import psutil
 
 from vsnbench import __version__
 from vsnbench.database_url import without_passwords
+from vsnbench.git_checkout import checkout_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +69,15 @@ def gather_provenance(operator: str | None = None) -> Provenance:
     Args:
         operator: who is responsible for the robot; $VSNBENCH_OPERATOR, then the login name, when None.
     """
-    commit, dirty = _git_state()
+    code = checkout_of(Path(__file__))
     return Provenance(
         identity=this_process(),
         started_at=datetime.now(UTC),
         operator=operator or os.environ.get("VSNBENCH_OPERATOR") or _login(),
         command=without_passwords(shlex.join(sys.argv)),
         vsnbench_version=__version__,
-        git_commit=commit,
-        git_dirty=dirty,
+        git_commit=code.commit,
+        git_dirty=code.dirty,
         packages=_packages(),
         platform={
             "system": platform.platform(),
@@ -128,24 +128,6 @@ def _login() -> str:
         return getpass.getuser()
     except (KeyError, OSError):  # a container's user without a name
         return f"uid {os.getuid()}"
-
-
-@cache
-def _git_state() -> tuple[str, bool]:
-    """Return the commit of the checkout that this code runs from and whether it was changed; empty for a release."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return "", False
-    try:
-        commit, changes = (
-            subprocess.run(
-                ["git", "-C", str(root), *words], capture_output=True, text=True, check=True, timeout=5
-            ).stdout
-            for words in (("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "unknown", False
-    return commit.strip(), bool(changes.strip())
 
 
 @cache

@@ -42,11 +42,18 @@ class ModelIdentity:
     settings: Mapping[str, Any] = field(default_factory=dict)
     surveyed: bool = False
     """It is handed the site."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the files that were handed to it, by what they were handed over as."""
+    code: Mapping[str, str] = field(default_factory=dict)
+    """Of a third party's policy: its class, the hash of its source, its package's version and commit."""
 
     @property
     def sha256(self) -> str:
-        """Hash of what tells one model from another: name, weights and settings."""
-        return content_sha256([self.name, self.weights_sha256, dict(self.settings), self.surveyed])
+        """Hash of what tells one model from another: name, weights, settings, files and code."""
+        told = [self.name, self.weights_sha256, dict(self.settings), self.surveyed]
+        # A commit that changes nothing of the source makes no other model.
+        code = {name: value for name, value in self.code.items() if name != "commit"}
+        return content_sha256([*told, dict(self.files), code] if self.files or code else told)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from vsnbench.database.provenance import gather_provenance
 from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.observation import Sensor
@@ -94,7 +95,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
         plan = CampaignPlan(
             site=site,
             robot=robot.identity,
-            model=_identity(policy),
+            model=_identity(policy, request.model_options),
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
@@ -133,7 +134,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
     return Launched(campaign, result)
 
 
-def _identity(policy: Policy) -> ModelIdentity:
+def _identity(policy: Policy, options: Mapping[str, Any]) -> ModelIdentity:
     card = policy.card
     return ModelIdentity(
         name=card.name,
@@ -143,6 +144,8 @@ def _identity(policy: Policy) -> ModelIdentity:
         weights_label=card.weights_label,
         settings=card.settings,
         surveyed=isinstance(policy, SurveyedPolicy),
+        files=files_handed_over(policy, options),
+        code=code_of(policy),
     )
 
 

@@ -155,7 +155,9 @@ def test_the_record_can_be_written_as_json_and_names_the_weights(policy: PIRLNav
     assert card.sensors == {Sensor.RGB, Sensor.ODOMETRY}
     assert card.weights_sha256 == "df429dd5ffb1d535a3f77a159c506c617eff3a596b7f620589d9393d5f66c03d"
     assert card.weights_label == "ckpt.pth, RL fine-tuned, 260 M steps"
-    assert json.loads(json.dumps(dict(card.settings)))["runtime"] == "torch"
+    assert json.loads(json.dumps(dict(card.settings)))["precision"] == "single"
+    assert (card.runs_on["device"], card.runs_on["runtime"]) == ("cpu", "torch")
+    assert not {"device", "runtime", "threads"} & card.settings.keys(), "where it runs does not make it another model"
     decision = episode(policy, recording, seed=0, steps=1)[0]
     assert list(decision.diagnostics.probabilities) == [action.name for action in ACTIONS]
     assert json.loads(json.dumps(decision.diagnostics.details))["logits"]
@@ -301,7 +303,7 @@ def test_a_graph_of_other_weights_is_noticed_and_not_used(
         policy = PIRLNav(small_checkpoint, None, "cpu")
     assert policy.chosen.runtime is Runtime.TORCH
     assert "disagrees with PyTorch" in caplog.text
-    assert policy.card.settings["runtime"] == "torch"
+    assert policy.card.runs_on["runtime"] == "torch"
 
 
 def test_a_cache_that_cannot_be_written_does_not_stop_the_model(

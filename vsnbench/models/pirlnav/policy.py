@@ -80,6 +80,8 @@ class PIRLNav:
             ModelError: PyTorch, the weights or the device are missing, or the weights cannot be used.
         """
         require_torch()
+        import torch
+
         from vsnbench.models.pirlnav.acceleration import choose_engine
 
         settings = _settings_from(model_config)
@@ -103,6 +105,11 @@ class PIRLNav:
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
+            runs_on={
+                "device": self.chosen.device,
+                "runtime": self.chosen.runtime.value,
+                "threads": torch.get_num_threads(),
+            },
             stand_in=weights is None and checkpoint.path == embedded_weights(self.weights_file),
         )
 
@@ -183,12 +190,10 @@ class PIRLNav:
         return min(drawn, len(ACTIONS) - 1)
 
     def _record_of(self, settings: PIRLNavSettings, checkpoint: Checkpoint) -> dict[str, Any]:
-        """Return the settings as used: every `auto` resolved."""
-        return settings.model_dump(mode="json") | {
+        """Return the settings that results depend on, as used: every `auto` resolved."""
+        return settings.model_dump(mode="json", exclude={"runtime", "threads"}) | {
             "decision": (Choice.SAMPLED if self._sampled else Choice.GREEDY).value,
-            "runtime": self.chosen.runtime.value,
             "precision": self.chosen.precision.value,
-            "device": self.chosen.device,
             "architecture": checkpoint.architecture.summary,
             "training_steps": checkpoint.training_step,
         }

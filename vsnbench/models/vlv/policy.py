@@ -71,6 +71,7 @@ class VLV:
             weights_sha256=self._value.sha256,
             weights_label=f"{self._value.label}; {self._detector.name}",
             settings=self._record(),
+            runs_on={"device": device},
         )
 
     @classmethod
@@ -136,10 +137,9 @@ class VLV:
         )
 
     def _record(self) -> Mapping[str, Any]:
-        """Return the settings as used, and what the two learned parts are."""
-        return self.settings.model_dump(mode="json") | {
-            "value_network": self._value.label,
-            "detector_name": self._detector.name,
+        """Return the settings as used, and what the detector is; where its file lies is no part of that."""
+        return self.settings.model_dump(mode="json", exclude={"detector_weights"}) | {
+            "detector": self._detector.kind.value,
             "detector_settings": dict(self._detector.settings),
             "detector_sha256": self._detector.weights_sha256,
         }

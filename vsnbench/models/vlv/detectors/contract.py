@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.models.vlv.settings import DetectorKind
 from vsnbench.protocol.observation import Observation, Sensor
 
 
@@ -26,6 +27,8 @@ class Detection:
 class Detector(Protocol):
     """Finds objects in what a camera sees."""
 
+    kind: DetectorKind
+    """Never `auto`."""
     name: str
     """What it is, in words, for every record and report."""
     classes: frozenset[str]

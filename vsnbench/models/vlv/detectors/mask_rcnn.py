@@ -12,6 +12,7 @@ from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN, Objects
 from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
+from vsnbench.models.vlv.settings import DetectorKind
 from vsnbench.protocol.observation import Observation, Sensor
 
 
@@ -30,6 +31,7 @@ class MaskRCNNDetector:
             ModelError: the weights cannot be used.
         """
         weights = read_mask_rcnn_weights(path, len(CLASSES_91))
+        self.kind = DetectorKind.MASK_RCNN
         self.name = f"Mask R-CNN R50-FPN ({path.name})"
         self.classes = frozenset(CLASSES_91[1:]) - {"N/A"}
         self.sensors = frozenset({Sensor.RGB})

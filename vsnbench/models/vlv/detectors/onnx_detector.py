@@ -11,6 +11,7 @@ from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
 from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
+from vsnbench.models.vlv.settings import DetectorKind
 from vsnbench.models.weights import file_sha256
 from vsnbench.protocol.observation import Observation, Sensor
 
@@ -59,6 +60,7 @@ class ONNXDetector:
         self._input = inputs[0]
         self._classes = _classes_of(self._session.get_modelmeta().custom_metadata_map, path)
         self._threshold = threshold
+        self.kind = DetectorKind.ONNX
         self.name = f"ONNX detector ({path.name})"
         self.classes = frozenset(self._classes.values())
         self.sensors = frozenset({Sensor.RGB})

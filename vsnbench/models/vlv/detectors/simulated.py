@@ -12,7 +12,7 @@ import numpy.typing as npt
 from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL
-from vsnbench.models.vlv.settings import VLVSettings
+from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
 from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
 
 _CLASSES: Final = tuple(sorted([*CLASS_OF_GOAL.values(), "potted plant", "tv"]))
@@ -28,6 +28,7 @@ class SimulatedDetector:
 
     def __init__(self, settings: VLVSettings) -> None:
         """Take recall, precision, range, least area and box error from the settings `simulated_*`."""
+        self.kind = DetectorKind.SIMULATED
         self.name = (
             f"simulated detector: recall {settings.simulated_recall:g}, "
             f"precision {settings.simulated_precision:g}, range {settings.simulated_range_m:g} m"

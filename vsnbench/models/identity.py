@@ -1,0 +1,118 @@
+"""What tells a model of one's own from another of the same name: the files handed to it, and its code.
+
+The models that vsnbench brings along say all of it themselves, on their cards; and which vsnbench ran is kept with
+every process. A third party's class need not: so the files that it is handed are hashed here, and the source that it
+was made from, which is every module of its own package (or beside its own file) that is loaded once it has been made.
+"""
+
+import hashlib
+import sys
+from collections.abc import Iterator, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from vsnbench.errors import ModelError
+from vsnbench.git_checkout import checkout_of
+from vsnbench.models.contract import Policy
+from vsnbench.models.weights import file_sha256
+
+_OURS = "vsnbench"
+_MOST_FILES = 10_000
+
+
+def is_third_party(policy: Policy) -> bool:
+    """Whether the policy's class is not one of vsnbench's own."""
+    return type(policy).__module__.partition(".")[0] != _OURS
+
+
+def files_handed_over(policy: Policy, options: Mapping[str, Any]) -> dict[str, str]:
+    """Return the SHA-256 of every file or directory among the options of a third party's policy, by option.
+
+    Weights whose hash is on the card already are not repeated.
+
+    Raises:
+        ModelError: one of them cannot be read.
+    """
+    if not is_third_party(policy):
+        return {}
+    hashes = {}
+    for name, value in sorted(options.items()):
+        if isinstance(value, Path) and value.exists():
+            try:
+                sha256 = _directory_sha256(value) if value.is_dir() else file_sha256(value)
+            except OSError as error:
+                raise ModelError(f"cannot read {value}, which is handed to the model: {error.strerror}") from error
+            if sha256 != policy.card.weights_sha256:
+                hashes[name] = sha256
+    return hashes
+
+
+def code_of(policy: Policy) -> dict[str, str]:
+    """Return what a third party's policy was made from; nothing for vsnbench's own.
+
+    Returns:
+        `class`; `sha256` of its source; `version` of its installed package, and the git `commit` of its source
+        (`+changes` where it differs from that), as far as there are such.
+    """
+    if not is_third_party(policy):
+        return {}
+    made = type(policy)
+    found = {"class": f"{made.__module__}:{made.__qualname__}", "sha256": _source_sha256(made)}
+    if version := _package_version(made.__module__.partition(".")[0]):
+        found["version"] = version
+    if file := _file_of(sys.modules.get(made.__module__)):
+        checkout = checkout_of(file)
+        if checkout.commit:
+            found["commit"] = checkout.commit + ("+changes" if checkout.dirty else "")
+    return found
+
+
+def _source_sha256(made: type) -> str:
+    digest = hashlib.sha256()
+    for name, file in sorted(_modules_with(made.__module__)):
+        try:
+            digest.update(f"{name}\0{file_sha256(file)}\n".encode())
+        except OSError:  # gone since it was imported: what runs is not what lies there
+            digest.update(f"{name}\0gone\n".encode())
+    return digest.hexdigest()
+
+
+def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
+    """Yield the loaded modules of one package, or those beside a module that stands alone."""
+    top = name.partition(".")[0]
+    own = _file_of(sys.modules.get(name))
+    if own is None:
+        return
+    alone = not hasattr(sys.modules.get(top), "__path__")
+    installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
+    for other, module in list(sys.modules.items()):
+        if other == "__main__":
+            continue
+        file = _file_of(module)
+        if file is None:
+            continue
+        beside = alone and not installed and file.parent == own.parent
+        if other == name or other.partition(".")[0] == top or beside:
+            yield other, file
+
+
+def _file_of(module: object) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(file) if isinstance(file, str) and Path(file).is_file() else None
+
+
+def _package_version(top: str) -> str:
+    for distribution in metadata.packages_distributions().get(top, ()):
+        return metadata.version(distribution)
+    return ""
+
+
+def _directory_sha256(directory: Path) -> str:
+    digest = hashlib.sha256()
+    files = sorted(path for path in directory.rglob("*") if path.is_file())
+    if len(files) > _MOST_FILES:
+        raise ModelError(f"{directory}, which is handed to the model, holds {len(files)} files: name one of them")
+    for path in files:
+        digest.update(f"{path.relative_to(directory)}\0{file_sha256(path)}\n".encode())
+    return digest.hexdigest()
