@@ -59,7 +59,7 @@ def draw_figures(folder: Path) -> None:
     import cv2
 
     from vsnbench.protocol.site import load_site
-    from vsnbench.report.floor_plan import save_floor_plan
+    from vsnbench.report.plan.floor_plan import save_floor_plan
     from vsnbench.simulator.contact_sheet import contact_sheet, save_image
 
     site = load_site("apartment")

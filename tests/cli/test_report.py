@@ -66,7 +66,7 @@ def test_output_writes_everything(lab: Lab, tmp_path: Path) -> None:
     written = {Path(line) for line in outcome.stdout.splitlines()}
     assert {path.name for path in written} >= {
         *("report.html", "report.md", "report.csv", "report.json", "tables.tex", "report.tex"),
-        *("success-by-goal.svg", "success-by-goal.png", "success-by-goal.pdf", "survival.svg"),
+        *("success-by-goal.svg", "success-by-goal.png", "success-by-goal.pdf", "outcomes-over-actions.svg"),
     }
     assert all(path.is_file() for path in written)
     assert not list((tmp_path / "out").rglob("*.part"))

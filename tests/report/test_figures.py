@@ -12,7 +12,7 @@ from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import Report, build
-from vsnbench.report.drawings import MOST_PLANS, build_and_draw, drawings
+from vsnbench.report.drawings import MOST_TRAJECTORIES, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
 from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
 from vsnbench.report.record import Selection
@@ -95,13 +95,13 @@ def test_outcomes_are_told_apart(lab: Lab) -> None:
     tracks = read_tracks(open_record(lab.url), report.record, report.record.conditions[0])
     assert [outcome(track) for track in tracks] == [name for _, _, name in ends]
     assert {"chair 1/4", "success", "collision"} <= set(texts(figures["trajectories-1"]))
-    assert "never a success: 2, 3, 4; filled part = success rate" in texts(figures["success-map-1"])
+    assert "never a success from: 2, 3, 4" in texts(figures["success-map"])
 
 
 def test_a_name_is_drawn_as_it_is_written(lab: Lab) -> None:
     lab.write([Attempt()], model="$\\frac{1}$ & <b>")
     _, figures = drawn(lab)
-    words = " ".join(texts(figures["survival"]))
+    words = " ".join(texts(figures["outcomes-over-actions"]))
     assert r"$\frac{1}$" in words, words
 
 
@@ -131,13 +131,13 @@ def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
 
 
 def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> None:
-    for model in ("vlv", "oracle", "random", "pirlnav"):
+    for model in ("vlv", "oracle", "random", "pirlnav", "a", "b", "c"):
         lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=model)
     report, beside = build_and_draw(lab.url, Selection())
     here = list(drawings(report, lab.url))
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
-    assert [drawing.name for drawing in here][:2] == ["success-by-goal", "actions"]
-    assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_PLANS
+    assert [drawing.name for drawing in here][:2] == ["success-by-goal", "outcomes-over-actions"]
+    assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_TRAJECTORIES
     for one, other in zip(beside, here, strict=True):
         assert one.figure is None, "nothing is left to be drawn"
         assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())

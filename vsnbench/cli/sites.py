@@ -156,7 +156,7 @@ def draw(
 
     from vsnbench.errors import UsageError
     from vsnbench.protocol.site import load_site
-    from vsnbench.report.floor_plan import PlanStyle, save_floor_plan
+    from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan
 
     site = load_site(site_name)
     if goal is not None and not site.instances(goal):

@@ -1,7 +1,7 @@
 """Chooses the figures of a report and draws them."""
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,8 @@ from vsnbench.protocol.site import Site
 from vsnbench.report.build import Report, build
 from vsnbench.report.conditions import Condition
 from vsnbench.report.figures.actions import action_histogram
-from vsnbench.report.figures.courses import mileage, survival
-from vsnbench.report.figures.plans import success_map, trajectory_plan
+from vsnbench.report.figures.courses import mileage, outcomes_over_actions
+from vsnbench.report.figures.plans import success_maps, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.published import published_results
@@ -22,26 +22,29 @@ from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
 from vsnbench.workers import end_with_parent
 
-MOST_PLANS = 3
-"""Conditions whose floor plans are drawn; a report on fewer models draws the others'."""
+MOST_TRAJECTORIES = 6
+"""Conditions whose trajectories are drawn; every other figure goes on over as many pages as it needs."""
 
-PLANS_BESIDE = 2
-"""Of these conditions a second process draws the plans: they take about as long as all that is left for the first."""
+TRAJECTORIES_BESIDE = 3
+"""Of these conditions a second process draws the trajectories: they take about as long as all that is left."""
+
+_ORDER = ("success-by-goal", "outcomes-over-actions", "success-map", "trajectories", "actions", "mileage")
+"""Figures in the order in which they are looked at, by the beginning of their names."""
 
 
-def drawings(report: Report, url: str) -> Iterator[Drawing]:
+def drawings(report: Report, url: str) -> list[Drawing]:
     """Draw the figures of a report, in the order in which they are looked at.
 
     Args:
         report: with its activity.
         url: of the database, where the trajectories are read.
     """
-    charts = _charts(report)
-    yield next(charts)
-    yield from _histograms(report)
-    yield from charts
-    for plan in _plans(report, url):
-        yield from plan.drawings()
+    drawn = [*_charts(report), *_histograms(report)]
+    return _in_order([*drawn, *(one for plan in _plans(report, url) if (one := plan.drawing()))])
+
+
+def _in_order(drawn: Iterable[Drawing]) -> list[Drawing]:
+    return sorted(drawn, key=lambda each: next(n for n, name in enumerate(_ORDER) if each.name.startswith(name)))
 
 
 def build_and_draw(
@@ -62,16 +65,16 @@ def build_and_draw(
         UsageError: the selection fits nothing in it.
     """
     can_fork = "fork" in multiprocessing.get_all_start_methods()
-    shared = PLANS_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
+    shared = TRAJECTORIES_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
     with _beside(can_fork=can_fork) as beside:
-        plans: list[_Plans] = []
-        waiting: list[Future[list[Drawing]]] = []
-        charts: list[Drawing] = []
+        plans: list[_Plan] = []
+        waiting: list[Future[Drawing | None]] = []
+        drawn: list[Drawing] = []
 
         def draw_what_needs_no_counts(uncounted: Report) -> None:
             plans.extend(_plans(uncounted, url))
             waiting.extend(beside.submit(plan.finished) for plan in plans[:shared])
-            charts.extend(chart.finish() for chart in _charts(uncounted))
+            drawn.extend(chart.finish() for chart in _charts(uncounted))
 
         report = build(
             *(url, selection, results_directory),
@@ -79,11 +82,10 @@ def build_and_draw(
             meanwhile=draw_what_needs_no_counts,
             beside=beside,
         )
-        histograms = [histogram.finish() for histogram in _histograms(report)]
-        own = [drawing for plan in plans[shared:] for drawing in plan.finished()]
-        drawn_beside = [drawing for each in waiting for drawing in each.result()]
-    first, *others = charts
-    return report, [first, *histograms, *others, *drawn_beside, *own]
+        drawn += [histogram.finish() for histogram in _histograms(report)]
+        trajectories = [plan.finished() for plan in plans[shared:]]
+        trajectories = [*(each.result() for each in waiting), *trajectories]
+    return report, _in_order([*drawn, *(each for each in trajectories if each)])
 
 
 def _beside(*, can_fork: bool) -> Executor:
@@ -94,42 +96,54 @@ def _beside(*, can_fork: bool) -> Executor:
 
 
 def _charts(report: Report) -> Iterator[Drawing]:
-    """Draw what needs no counted actions, success by goal first."""
+    """Draw what needs no counted actions."""
     record, results = report.record, report.results
-    yield success_by_goal(results, published_results() if report.reference else None)
-    yield from (course for course in (survival(record, results), mileage(record)) if course)
+    yield from success_by_goal(results, published_results() if report.reference else None)
+    yield from outcomes_over_actions(record, results)
+    yield from success_maps(
+        [(site, one) for one in results.conditions if (site := _site(report, one.condition)) is not None]
+    )
+    if course := mileage(record):
+        yield course
 
 
 def _histograms(report: Report) -> Iterator[Drawing]:
-    if report.activity and (histogram := action_histogram(report.results, report.activity.actions)):
-        yield histogram
+    if report.activity:
+        yield from action_histogram(report.results, report.activity.actions)
 
 
 @dataclass(frozen=True, slots=True)
-class _Plans:
-    """What the floor plans of one condition are drawn from."""
+class _Plan:
+    """What the trajectories of one condition are drawn from."""
 
     site: Site
     summary: ConditionSummary
     tracks: tuple[Track, ...]
+    left_out: str
+    """What to say of the conditions that are not drawn; empty for none."""
 
-    def drawings(self) -> list[Drawing]:
-        """Draw them: the trajectories, then the success by starting position."""
-        drawn = (trajectory_plan(self.site, self.summary, self.tracks), success_map(self.site, self.summary))
-        return [drawing for drawing in drawn if drawing is not None]
+    def drawing(self) -> Drawing | None:
+        """Draw it; None when no track is known."""
+        return trajectory_plan(self.site, self.summary, self.tracks, self.left_out)
 
-    def finished(self) -> list[Drawing]:
-        """Draw and save them."""
-        return [drawing.finish() for drawing in self.drawings()]
+    def finished(self) -> Drawing | None:
+        """Draw and save it."""
+        drawing = self.drawing()
+        return drawing.finish() if drawing else None
 
 
-def _plans(report: Report, url: str) -> Iterator[_Plans]:
+def _plans(report: Report, url: str) -> Iterator[_Plan]:
+    placed = [(site, one) for one in report.results.conditions if (site := _site(report, one.condition)) is not None]
+    left_out = ""
+    if others := [one.condition.name for _, one in placed[MOST_TRAJECTORIES:]]:
+        left_out = (
+            f"Drawn for {MOST_TRAJECTORIES} of {len(placed)} conditions, not for {', '.join(others)}: "
+            "`vsnbench report --model NAME --output DIR` draws those of one model. "
+        )
     engine = open_record(url)
     try:
-        for one in report.results.conditions[:MOST_PLANS]:
-            site = _site(report, one.condition)
-            if site is not None:
-                yield _Plans(site, one, read_tracks(engine, report.record, one.condition))
+        for site, one in placed[:MOST_TRAJECTORIES]:
+            yield _Plan(site, one, read_tracks(engine, report.record, one.condition), left_out)
     finally:
         engine.dispose()
 

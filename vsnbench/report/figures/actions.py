@@ -1,40 +1,51 @@
 """The action histogram (paper, Figure 9): what the model chose and what the robot did, rare actions readable too."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from vsnbench.protocol.actions import Action
 from vsnbench.report.activity import ActionCount
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import legend_below, shown, wrapped
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
     INK,
     PAGE_IN,
     Drawing,
+    in_pages,
     light_grid,
     new_figure,
-    shown,
+    page_name,
     styled,
 )
 from vsnbench.report.summary import ConditionSummary, Results
 
 MOST_PANELS = 6
+"""To a figure."""
 
 
-def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawing | None:
-    """Draw one panel a condition: the model's own actions, and those that were executed; None for no actions."""
+_Panel = tuple[ConditionSummary, Sequence[ActionCount]]
+
+
+def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Iterator[Drawing]:
+    """Draw one panel a condition: the model's own actions, and those that were executed; nothing for no actions."""
     panels = [
         (one, mine)
         for one in results.conditions
         if (mine := [each for each in actions if each.condition == one.condition.number])
-    ][:MOST_PANELS]
-    if not panels:
-        return None
+    ]
+    pages = in_pages(panels, MOST_PANELS)
+    for number, page in enumerate(pages, start=1):
+        yield _drawing(page, number, len(pages))
+
+
+def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
     columns = 1 if len(panels) == 1 else 2
     lines = -(-len(panels) // columns)
     tallest = max(len(_names(mine)) for _, mine in panels)
     with styled():
-        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.67 + 0.3 * tallest) + 0.35)
+        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.67 + 0.3 * tallest))
         grid = figure.subplots(lines, columns, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_axis_off()
@@ -59,11 +70,24 @@ def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Drawin
             axes.set_xlim(0, 128)
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("% of the model's actions")
-            axes.set_title(f"{shown(one.condition.name, 40)}\n{one.total.episodes} episodes", loc="left", color=INK)
+            title = wrapped(
+                f"{one.condition.name}: {one.total.episodes} episodes", figure.get_figwidth() / columns - 1, 7.5
+            )
+            axes.set_title(title, loc="left", color=INK)
             light_grid(axes, "x")
         handles, labels = grid.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    return Drawing("actions", "Actions chosen and executed", _alt(panels), figure)
+        legend_below(figure, handles, labels)
+    caption = (
+        "What the model chose, and what was executed, in percent of the model's actions over the episodes that count "
+        "(paper, Figure 9). Blocked: refused by the depth guard."
+    )
+    return Drawing(
+        page_name("actions", number),
+        f"Actions chosen and executed{f' ({number} of {pages})' if pages > 1 else ''}",
+        _alt(panels),
+        " ".join([caption, *footnotes([one.condition for one, _ in panels])]),
+        figure,
+    )
 
 
 def _counts(mine: Sequence[ActionCount]) -> tuple[Counter[str], Counter[str]]:
@@ -87,7 +111,7 @@ def _share(percent: float) -> str:
     return f"{percent:.1f}" if percent >= 0.1 or percent == 0 else f"{percent:.2g}"
 
 
-def _alt(panels: Sequence[tuple[ConditionSummary, Sequence[ActionCount]]]) -> str:
+def _alt(panels: Sequence[_Panel]) -> str:
     parts = []
     for one, mine in panels:
         raw, _ = _counts(mine)
@@ -95,5 +119,5 @@ def _alt(panels: Sequence[tuple[ConditionSummary, Sequence[ActionCount]]]) -> st
         shares = ", ".join(
             f"{shown(name)} {count} ({_share(100 * count / whole)} %)" for name, count in raw.most_common()
         )
-        parts.append(f"{shown(one.condition.name, 80)}: {shares}")
+        parts.append(f"{shown(one.condition.name)}: {shares}")
     return f"Histogram of actions. {'; '.join(parts)}."

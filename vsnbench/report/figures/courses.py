@@ -1,56 +1,97 @@
-"""Courses over time: how many episodes are still going after so many actions, and how far each robot has driven."""
+"""Courses: how many episodes had succeeded or failed after so many actions, and how far each robot has driven."""
 
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import legend_below, shown
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
     DASHES,
     MOST_CONDITIONS,
+    PAGE_IN,
     Drawing,
+    in_pages,
     light_grid,
     new_figure,
-    shown,
+    page_name,
     styled,
 )
 from vsnbench.report.record import Record
-from vsnbench.report.summary import Results
+from vsnbench.report.summary import ConditionSummary, Results
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _MOST_POINTS = 2000
 """More points than that on a curve are no more seen."""
 
 
-def survival(record: Record, results: Results) -> Drawing | None:
-    """Draw the share of episodes that go on after each number of actions; None when no episode counts."""
+def outcomes_over_actions(record: Record, results: Results) -> Iterator[Drawing]:
+    """Draw how many episodes had succeeded, and how many had failed, after each number of actions.
+
+    The two compete for every episode (cumulative incidence): one curve of episodes still going would call a model that
+    crashes early as good as one that arrives early. Nothing is drawn when no episode counts.
+    """
+    done = [one for one in results.conditions if one.total.episodes]
+    pages = in_pages(done, MOST_CONDITIONS)
+    for number, drawn in enumerate(pages, start=1):
+        yield _outcomes(record, drawn, number, len(pages))
+
+
+def _outcomes(record: Record, drawn: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
+
+    with styled():
+        figure = new_figure(COLUMN_IN if len(drawn) <= 3 else PAGE_IN * 0.75, 2.0)
+        panels = figure.subplots(1, 2, sharex=True, sharey=True)
+        longest = max(int(record.counted(one.condition)["actions"].max()) for one in drawn)
+        lines, labels = [], []
+        for index, one in enumerate(drawn):
+            rows = record.counted(one.condition)
+            actions, success = rows["actions"].to_numpy(), rows["success"].to_numpy()
+            look: dict[str, Any] = {"color": COLORS[index], "linestyle": DASHES[index], "linewidth": 1.1}
+            for axes, which in zip(panels, (success, ~success), strict=True):
+                lengths, share = _incidence(actions, which, longest)
+                (line,) = axes.step([0, *lengths], [0, *(100 * share)], where="post", **look)
+            lines.append(line)
+            labels.append(f"{one.condition.name} (n = {len(rows)})")
+        for axes, title in zip(panels, ("succeeded", "failed"), strict=True):
+            axes.set_title(title, loc="left")
+            axes.set_xlim(0, longest * 1.02)
+            axes.set_ylim(0, 102)
+            axes.set_xlabel("actions")
+            light_grid(axes, "both")
+        panels[0].set_ylabel("episodes (%)")
+        legend_below(figure, lines, labels)
+    words = "; ".join(
+        f"{shown(one.condition.name)}: {one.total.successes} of {one.total.episodes} succeeded, "
+        f"mean {one.total.mean_actions:.0f} actions"
+        for one in drawn
+    )
+    caption = (
+        "Share of the episodes that had succeeded (left) and failed (right) after so many actions; the curves of a "
+        "model end at its success rate and at the rest of 100 %. Failed: STOP too far away, a collision, or the cap."
+    )
+    return Drawing(
+        page_name("outcomes-over-actions", number),
+        f"When episodes succeed, and when they fail{f' ({number} of {pages})' if pages > 1 else ''}",
+        f"Shares of episodes that succeeded and failed by action count. {words}.",
+        " ".join([caption, *footnotes([one.condition for one in drawn])]),
+        figure,
+    )
+
+
+def _incidence(
+    actions: "NDArray[np.int64]", which: "NDArray[np.bool_]", longest: int
+) -> "tuple[NDArray[np.int64], NDArray[np.float64]]":
+    """Return numbers of actions, ascending, and the share of all episodes that ended so by then, up to the longest."""
     import numpy as np
 
-    drawn = [one for one in results.conditions if one.total.episodes][:MOST_CONDITIONS]
-    if not drawn:
-        return None
-    with styled():
-        figure = new_figure(COLUMN_IN, 2.2 + 0.13 * len(drawn))
-        axes = figure.subplots()
-        longest = 1
-        for index, one in enumerate(drawn):
-            actions = np.sort(record.counted(one.condition)["actions"].to_numpy())
-            lengths, ended = np.unique(actions, return_counts=True)
-            left = 1 - np.cumsum(ended) / len(actions)
-            longest = max(longest, int(lengths[-1]))
-            axes.step(
-                [0, *lengths],
-                [100, *(100 * left)],
-                where="post",
-                color=COLORS[index],
-                linestyle=DASHES[index],
-                linewidth=1.1,
-                label=f"{shown(one.condition.name)} (n = {len(actions)})",
-            )
-        axes.set_xlim(0, longest * 1.02)
-        axes.set_ylim(0, 102)
-        axes.set_xlabel("actions")
-        axes.set_ylabel("episodes still going (%)")
-        light_grid(axes, "both")
-        figure.legend(loc="outside lower center", handlelength=3)
-    words = "; ".join(f"{shown(one.condition.name, 80)}: mean {one.total.mean_actions:.0f} actions" for one in drawn)
-    return Drawing("survival", "Episodes still going", f"Share of episodes going on by action count. {words}.", figure)
+    lengths, ended = np.unique(actions[which], return_counts=True)
+    share = np.cumsum(ended) / len(actions)
+    return np.append(lengths, longest), np.append(share, share[-1] if len(share) else 0.0)
 
 
 def mileage(record: Record) -> Drawing | None:
@@ -75,22 +116,27 @@ def mileage(record: Record) -> Drawing | None:
     if not curves:
         return None
     with styled():
-        figure = new_figure(COLUMN_IN, 2.1 + 0.23 * len(curves))
+        figure = new_figure(COLUMN_IN, 2.0)
         axes = figure.subplots()
+        lines, labels = [], []
         for index, (title, hours, kilometres) in enumerate(curves[:MOST_CONDITIONS]):
-            axes.plot(
+            (line,) = axes.plot(
                 [0, *hours],
                 [0, *kilometres],
                 color=COLORS[index],
                 linestyle=DASHES[index],
                 linewidth=1.1,
-                label=f"{shown(title, 50)}\n{kilometres[-1]:.2f} km in {hours[-1]:.2f} h",
             )
+            lines.append(line)
+            labels.append(f"{title}: {kilometres[-1]:.2f} km in {hours[-1]:.2f} h")
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)
         axes.set_xlabel("driving time (h)")
         axes.set_ylabel("distance driven (km)")
         light_grid(axes, "both")
-        figure.legend(loc="outside lower center", handlelength=3)
-    words = "; ".join(f"{shown(title, 80)} {km[-1]:.2f} km in {h[-1]:.2f} h" for title, h, km in curves)
-    return Drawing("mileage", "Mileage", f"Distance over driving time. {words}.", figure)
+        legend_below(figure, lines, labels)
+    words = "; ".join(f"{shown(title)} {km[-1]:.2f} km in {h[-1]:.2f} h" for title, h, km in curves)
+    caption = (
+        "Distance over driving time on the robot's clock, over all attempts: the robot drove in the void ones too."
+    )
+    return Drawing("mileage", "Mileage", f"Distance over driving time. {words}.", caption, figure)

@@ -1,10 +1,12 @@
 """Floor plans: where the robot went by goal and outcome, and from which starting positions it succeeds."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.site import Site
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import legend_below, shown, wrapped
 from vsnbench.report.figures.style import (
     COLLISION,
     COLUMN_IN,
@@ -14,18 +16,19 @@ from vsnbench.report.figures.style import (
     PAGE_IN,
     SUCCESS,
     Drawing,
+    in_pages,
     new_figure,
-    shown,
+    page_name,
     styled,
 )
-from vsnbench.report.floor_plan import PlanStyle, draw_floor_plan
+from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
 from vsnbench.report.record import goal_order
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _LOOKS = {
     "success": (SUCCESS, (0, ()), "o"),
@@ -36,8 +39,20 @@ _LOOKS = {
 """Outcome -> colour, dashes and the mark where the episode ended."""
 
 
-def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) -> Drawing | None:
-    """Draw one plan a goal with its tracks, coloured, dashed and marked by outcome; None for no tracks."""
+MOST_MAPS = 6
+"""Maps of successes to a figure."""
+_TITLE_PT = 7.0
+
+
+def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track], left_out: str = "") -> Drawing | None:
+    """Draw one plan a goal with its tracks, coloured, dashed and marked by outcome; None for no tracks.
+
+    Args:
+        site: as it was recorded.
+        one: the condition and its rates.
+        tracks: of the condition.
+        left_out: what the caption is to say of other conditions.
+    """
     goals = sorted({track.goal for track in tracks}, key=goal_order)
     if not goals:
         return None
@@ -45,7 +60,9 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) 
     lines = -(-len(goals) // columns)
     width = COLUMN_IN if columns == 1 else PAGE_IN
     with styled():
-        figure = new_figure(width, lines * width / columns * _shape(site) + 0.25 * lines + 0.25)
+        title = wrapped(one.condition.name, width - 0.4, 7.5)
+        height = lines * width / columns * _shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
+        figure = new_figure(width, height)
         grid = figure.subplots(lines, columns, squeeze=False)
         for axes in grid.flat[len(goals) :]:
             axes.set_axis_off()
@@ -56,55 +73,87 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track]) 
             whole = next((each.summary for each in one.goals if each.goal == goal), None)
             sample = f", {len(mine)} drawn" if whole and len(mine) < whole.episodes else ""
             rate = f"{whole.successes}/{whole.episodes}" if whole else ""
-            axes.set_title(f"{shown(goal, 20)} {rate}{sample}", pad=2)
-        _legend(figure)
-        figure.suptitle(f"{shown(one.condition.name, 60)}", fontsize=7.5, color=INK)
+            axes.set_title(wrapped(f"{goal} {rate}{sample}", width / columns - 0.15, _TITLE_PT), pad=2)
+        legend_below(figure, *_looks())
+        figure.suptitle(title, fontsize=7.5, color=INK)
+    name = shown(one.condition.name)
     return Drawing(
         f"trajectories-{one.condition.number}",
-        f"Trajectories of {shown(one.condition.name, 80)}",
-        f"Floor plans with the trajectories of {shown(one.condition.name, 80)}, one plan a goal, by outcome.",
+        f"Trajectories of {name}",
+        f"Floor plans with the trajectories of {name}, one plan a goal, by outcome.",
+        "Where the robot went, one plan a goal, its instances in colour; the numbers are successes of episodes. "
+        f"{left_out}{footnotes([one.condition])[0]}",
         figure,
     )
 
 
-def success_map(site: Site, one: ConditionSummary) -> Drawing | None:
-    """Draw the share of successes from each starting position as a filled disk; None when no trial is done."""
+def success_maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Iterator[Drawing]:
+    """Draw, a plan a condition, the share of successes from each starting position as a filled disk."""
+    known = [(site, one) for site, one in plans if _places(site, one)]
+    pages = in_pages(known, MOST_MAPS)
+    for number, page in enumerate(pages, start=1):
+        yield _maps(page, number, len(pages))
+
+
+def _places(site: Site, one: ConditionSummary) -> dict[int, tuple[float, float]]:
+    """Return the starting positions from which trials are done, and where they lie."""
+    done = {each.start for each in one.starts if each.summary.episodes}
+    return {start.number: start.position for start in site.starts if start.number in done}
+
+
+def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: int) -> Drawing:
+    columns = min(2, len(plans))
+    room_in = (COLUMN_IN if columns == 1 else PAGE_IN) / columns - 0.25
+    never = [", ".join(map(str, one.never_succeeding)) or "none" for _, one in plans]
+    with styled():
+        titles = [wrapped(one.condition.name, room_in, 7.5) for _, one in plans]
+        below = [wrapped(f"never a success from: {words}", room_in, 6.0) for words in never]
+        letters = max(title.count("\n") + words.count("\n") for title, words in zip(titles, below, strict=True))
+        tallest = max(_shape(site) for site, _ in plans)
+        lines = -(-len(plans) // columns)
+        height = lines * ((room_in + 0.25) * tallest + 0.35 + 0.12 * letters)
+        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, height)
+        grid = figure.subplots(lines, columns, squeeze=False)
+        for axes in grid.flat[len(plans) :]:
+            axes.set_axis_off()
+        for axes, (site, one), title, words in zip(grid.flat, plans, titles, below, strict=False):
+            _bare_plan(site, axes, None)
+            _draw_shares(axes, site, one)
+            axes.set_title(title, pad=3)
+            axes.text(0.5, -0.01, words, transform=axes.transAxes, ha="center", va="top", fontsize=6)
+    conditions = [one.condition for _, one in plans]
+    said = "; ".join(f"{shown(one.name)}: {words}" for one, words in zip(conditions, never, strict=True))
+    return Drawing(
+        page_name("success-map", number),
+        f"Success by starting position{f' ({number} of {pages})' if pages > 1 else ''}",
+        f"Floor plans with the success rate at each starting position. Never a success from: {said}.",
+        " ".join(
+            ["The filled part of a disk is the success rate from that starting position.", *footnotes(conditions)]
+        ),
+        figure,
+    )
+
+
+def _draw_shares(axes: "Axes", site: Site, one: ConditionSummary) -> None:
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
-    rates = {each.start: each.summary for each in one.starts if each.summary.episodes}
-    places = {start.number: start.position for start in site.starts if start.number in rates}
-    if not places:
-        return None
-    with styled():
-        figure = new_figure(COLUMN_IN, COLUMN_IN * _shape(site) + 0.35)
-        axes = figure.subplots()
-        _bare_plan(site, axes, None)
-        for number, (x, y) in places.items():
-            summary = rates[number]
-            axes.add_patch(Circle((x, y), 0.27, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=12))
-            if summary.successes:
-                axes.add_patch(
-                    Wedge((x, y), 0.27, 90 - 360 * summary.success_rate, 90, facecolor=SUCCESS, alpha=0.55, zorder=12.1)
-                )
-            axes.text(x, y, str(number), ha="center", va="center_baseline", fontsize=6, weight="bold", zorder=13)
-            axes.text(
-                *(x, y - 0.31, f"{summary.successes}/{summary.episodes}"),
-                ha="center",
-                va="top",
-                fontsize=5.5,
-                zorder=13,
-                path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
-            )
-        axes.set_title(f"{shown(one.condition.name, 48)}\nsuccess by starting position", pad=3)
-        never = ", ".join(map(str, one.never_succeeding))
-        figure.supxlabel(f"never a success: {never or 'none of them'}; filled part = success rate", fontsize=6)
-    return Drawing(
-        f"success-map-{one.condition.number}",
-        f"Success by starting position of {shown(one.condition.name, 80)}",
-        f"Floor plan with the success rate at each starting position. Never a success from: {never or 'none'}.",
-        figure,
-    )
+    rates = {each.start: each.summary for each in one.starts}
+    for number, (x, y) in _places(site, one).items():
+        summary = rates[number]
+        axes.add_artist(Circle((x, y), 0.27, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=12))
+        if summary.successes:
+            share = 360 * summary.success_rate
+            axes.add_artist(Wedge((x, y), 0.27, 90 - share, 90, facecolor=SUCCESS, alpha=0.55, zorder=12.1))
+        axes.text(x, y, str(number), ha="center", va="center_baseline", fontsize=6, weight="bold", zorder=13)
+        axes.text(
+            *(x, y - 0.31, f"{summary.successes}/{summary.episodes}"),
+            ha="center",
+            va="top",
+            fontsize=5.5,
+            zorder=13,
+            path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
+        )
 
 
 def outcome(track: Track) -> str:
@@ -135,15 +184,15 @@ def _draw_tracks(axes: "Axes", tracks: Sequence[Track]) -> None:
     axes.add_artist(Line2D(*zip(*starts, strict=True), linestyle="", marker="o", markersize=1.6, color=INK, zorder=11))
 
 
-def _legend(figure: "Figure") -> None:
+def _looks() -> "tuple[list[Line2D], list[str]]":
+    """Return a sample of each outcome's line, and its words."""
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=color, linestyle=dashes, marker=marker, markersize=3, linewidth=0.9, label=name)
-        for name, (color, dashes, marker) in _LOOKS.items()
+    samples = [
+        Line2D([], [], color=color, linestyle=dashes, marker=marker, markersize=3, linewidth=0.9)
+        for color, dashes, marker in _LOOKS.values()
     ]
-    handles.append(Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none", label="start"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=3, columnspacing=1.2)
+    return [*samples, Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none")], [*_LOOKS, "start"]
 
 
 def _bare_plan(site: Site, axes: "Axes", goal: str | None) -> None:

@@ -1,7 +1,10 @@
 """Success by goal with intervals, the paper's values beside."""
 
 import itertools
+from collections.abc import Iterator, Sequence
 
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import legend_below, shown
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
@@ -10,25 +13,31 @@ from vsnbench.report.figures.style import (
     MOST_CONDITIONS,
     PAGE_IN,
     Drawing,
+    in_pages,
     light_grid,
     new_figure,
-    shown,
+    page_name,
     styled,
 )
 from vsnbench.report.record import goal_order
 from vsnbench.report.summary import ConditionSummary, Results
 
 
-def success_by_goal(results: Results, published: Results | None = None) -> Drawing:
+def success_by_goal(results: Results, published: Results | None = None) -> Iterator[Drawing]:
     """Draw each goal's success rate with its 95 % interval, one row a goal and one mark a condition.
 
     Args:
-        results: ours; the first `MOST_CONDITIONS` of them are drawn.
-        published: the paper's, drawn hollow.
+        results: ours; so many to a figure as colours tell apart.
+        published: the paper's, drawn grey and hollow in every figure.
     """
-    series = [*results.conditions[: MOST_CONDITIONS - (2 if published else 0)]]
-    measured = len(series)
-    series += published.conditions if published else ()
+    paper = published.conditions if published else ()
+    pages = in_pages(results.conditions, MOST_CONDITIONS - len(paper))
+    for number, ours in enumerate(pages, start=1):
+        yield _drawing(ours, paper, number, len(pages))
+
+
+def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
+    series = [*ours, *paper]
     goals = sorted({goal.goal for one in series for goal in one.goals}, key=goal_order)
     rows = [*goals, "all"]
     drawn = [{goal.goal: goal.summary for goal in one.goals} | {"all": one.total} for one in series]
@@ -38,14 +47,15 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
     tops = [sum(heights[:index]) for index in range(len(rows) + 1)]
     with styled():
         width = COLUMN_IN if len(series) <= 3 else PAGE_IN * 0.75
-        figure = new_figure(width, 0.7 + 0.115 * tops[-1] + 0.14 * len(series) / (1 if len(series) <= 3 else 2))
+        figure = new_figure(width, 0.55 + 0.115 * tops[-1])
         axes = figure.subplots()
         taken = [0.95] * len(rows)
+        marks, labels = [], []
         for index, (one, summaries) in enumerate(zip(series, drawn, strict=True)):
-            hollow = index >= measured
+            hollow = one.condition.published
             color = FAINT if hollow else COLORS[index]
             # The paper's two take the last marks, so that they never look like one of ours.
-            marker = MARKERS[-1 - (index - measured)] if hollow else MARKERS[index]
+            marker = MARKERS[-1 - (index - len(ours))] if hollow else MARKERS[index]
             places, values, below, above = [], [], [], []
             for row, name in enumerate(rows):
                 if summary := summaries.get(name):
@@ -54,19 +64,21 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
                     values.append(100 * summary.success_rate)
                     below.append(100 * (summary.success_rate - summary.interval.low))
                     above.append(100 * (summary.interval.high - summary.success_rate))
-            axes.errorbar(
+            mark = axes.errorbar(
                 values,
                 places,
                 xerr=[below, above],
                 fmt=marker,
                 color=color,
-                markerfacecolor="white" if hollow else color,
+                markerfacecolor="white" if hollow or one.condition.surveyed else color,
                 markersize=4,
                 linewidth=0.9,
                 capsize=1.8,
                 capthick=0.7,
-                label=f"{shown(one.condition.name)} ({one.total.successes}/{one.total.episodes})",
             )
+            marks.append(mark)
+            bound = ", upper bound" if one.condition.surveyed else ""
+            labels.append(f"{one.condition.name}{bound} ({one.total.successes}/{one.total.episodes})")
         middles = [(top + bottom) / 2 for top, bottom in itertools.pairwise(tops)]
         axes.set_yticks(middles, [shown(row, 24) for row in rows])
         axes.tick_params(axis="y", length=0)
@@ -76,13 +88,23 @@ def success_by_goal(results: Results, published: Results | None = None) -> Drawi
         axes.set_xlim(-2, 102)
         axes.set_xlabel("success rate (%), Wilson 95 % interval")
         light_grid(axes, "x")
-        figure.legend(loc="outside lower center", ncols=1 if width == COLUMN_IN else 2, handletextpad=0.3)
-    return Drawing("success-by-goal", "Success by goal", _alt(results.conditions), figure)
+        legend_below(figure, marks, labels)
+    caption = (
+        "Success rate by goal with 95 % intervals; in brackets the successes of the episodes that count, all goals. "
+        "A hollow mark is no competitor: an upper bound that is handed the site, or the paper's published value."
+    )
+    return Drawing(
+        page_name("success-by-goal", number),
+        f"Success by goal{f' ({number} of {pages})' if pages > 1 else ''}",
+        _alt(ours),
+        " ".join([caption, *footnotes([one.condition for one in series])]),
+        figure,
+    )
 
 
-def _alt(conditions: tuple[ConditionSummary, ...]) -> str:
+def _alt(conditions: Sequence[ConditionSummary]) -> str:
     rates = [
-        f"{shown(one.condition.name, 80)} {one.total.successes} of {one.total.episodes}"
+        f"{shown(one.condition.name)} {one.total.successes} of {one.total.episodes}"
         for one in conditions
         if one.total.episodes
     ]

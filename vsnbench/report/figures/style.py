@@ -1,16 +1,16 @@
 """How figures look: colours that colour-blind readers tell apart, sizes of a two-column paper, one way to save."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
-
-from vsnbench.harmless_text import harmless
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_Item = TypeVar("_Item")
 
 COLUMN_IN = 3.4
 """Width of one column, inches."""
@@ -51,6 +51,8 @@ class Drawing:
     title: str
     alt: str
     """What it shows, for who cannot see it; the numbers are in the tables."""
+    caption: str
+    """How to read it, which conditions it draws, and what their names stand for."""
     figure: "Figure | None"
     """None once it is finished."""
     width_in: float = field(init=False)
@@ -153,10 +155,14 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     return figure
 
 
-def shown(text: str, most: int = 48) -> str:
-    """Return a name as a label: one harmless line of bounded length."""
-    words = harmless(text)
-    return words if len(words) <= most else f"{words[: most - 1]}…"
+def in_pages(items: Sequence[_Item], most: int) -> list[Sequence[_Item]]:
+    """Return the items in groups of so many, for a figure each."""
+    return [items[at : at + most] for at in range(0, len(items), most)]
+
+
+def page_name(name: str, number: int) -> str:
+    """Return the name of a figure that goes over several pages, from 1; the first has the bare name."""
+    return name if number == 1 else f"{name}-{number}"
 
 
 def light_grid(axes: "Axes", axis: str) -> None:

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.site import Site, load_site
-from vsnbench.report.floor_plan import GOAL_COLORS, PlanStyle, draw_floor_plan, save_floor_plan
+from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan, save_floor_plan
+from vsnbench.report.plan.furniture import GOAL_COLORS
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,7 @@ def test_only_the_highlighted_goal_is_in_colour(apartment: Site) -> None:
     from matplotlib.colors import to_hex
 
     axes = draw_floor_plan(apartment, style=PlanStyle(highlight="bed", legend=False))
-    shown = {to_hex(patch.get_facecolor()) for patch in axes.patches}
+    shown = {to_hex(face) for layer in axes.collections for face in np.atleast_2d(layer.get_facecolor())}
     assert GOAL_COLORS["bed"] in shown
     assert GOAL_COLORS["sofa"] not in shown
 
@@ -69,7 +71,8 @@ def test_it_draws_into_axes_that_are_given(apartment: Site) -> None:
 
     axes = Figure().add_subplot()
     assert draw_floor_plan(apartment, axes) is axes
-    assert len(axes.patches) > len(apartment.objects)
+    drawn = sum(len(layer.get_paths()) for layer in axes.collections)
+    assert drawn > len([thing for thing in apartment.objects if thing.category != "picture"])
 
 
 def test_the_same_site_gives_the_same_svg(apartment: Site, tmp_path: Path) -> None:
