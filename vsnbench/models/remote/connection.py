@@ -218,6 +218,8 @@ def _open(address: Address) -> "ClientConnection":
         else:
             opened = connect(address.url, **options)
     except (InvalidHandshake, InvalidMessage, EOFError) as error:
+        if isinstance(error, EOFError) or isinstance(error.__cause__, EOFError | OSError):
+            raise ModelLostError(f"what listens at {address} hangs up at once: is it a model's server?") from error
         raise ModelError(f"what listens at {address} is no model's server: {_words(error)}") from error
     except TimeoutError as error:
         raise ModelLostError(

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
@@ -106,6 +106,11 @@ class IsolatedProcess:
         return started
 
     @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
+    @property
     def socket_file(self) -> str:
         """Where it listens."""
         return str(self._directory / "model.sock")
@@ -160,7 +165,7 @@ class IsolatedProcess:
 
 
 class IsolatedPolicy(RemotePolicy):
-    """A policy in a process of its own on this machine, which ends with it."""
+    """A policy in a process of its own on this machine, which ends with it and is not started again when it dies."""
 
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
@@ -185,16 +190,13 @@ class IsolatedPolicy(RemotePolicy):
             self._process.close()
             raise
 
-    def reset(self, goal: str, seed: int) -> None:
-        """Start an episode; a process that has died is not started again.
+    def _end_of_server(self) -> str | None:
+        return self._process.death
 
-        Raises:
-            ModelLostError: the process is gone, or does not answer in time.
-            ModelError: the model failed.
-        """
-        if (words := self._process.death) is not None:
-            raise ModelLostError(words)
-        super().reset(goal, seed)
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
 
     def close(self) -> None:
         """End the process."""

@@ -108,12 +108,18 @@ class RemotePolicy:
             self._connection.close()
             self._connection = None
 
+    def _end_of_server(self) -> str | None:
+        """Return how the server ended, where it is known that it is gone for good."""
+        return None
+
     def _connected(self) -> Connection:
         give_up = time.monotonic() + self.settings.patience_s
         while self._connection is None:
             try:
                 connection = Connection(self._address, self._token, f"vsnbench {__version__}")
             except (ModelLostError, ModelBusyError):  # it may still be at the question that it answered too late
+                if (words := self._end_of_server()) is not None:
+                    raise ModelLostError(words) from None
                 if time.monotonic() > give_up:
                     raise
                 time.sleep(_RETRY_PERIOD_S)

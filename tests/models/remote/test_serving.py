@@ -1,0 +1,201 @@
+"""Our own models behind the wire answer to the bit what they answer in this process."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.models.pirlnav.conftest import DATA
+from tests.models.remote.servers import PATIENCE_S, await_port, free_port, look
+from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.models.registry import create_policy
+from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
+from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.remote.serving import ServedPolicy
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.pose import Pose
+
+ROOT = Path(__file__).resolve().parents[3]
+SETTINGS = "runtime: torch\ndecision: sampled\n"
+CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
+
+
+@contextmanager
+def served(*arguments: str, cwd: Path) -> Iterator[str]:
+    port = free_port()
+    command = [sys.executable, "-m", "vsnbench.cli.main", "models", "serve", *arguments, "--port", str(port)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}  # the last bits depend on it
+    with (cwd / "server.log").open("wb") as log:
+        process = subprocess.Popen(command, cwd=cwd, env=environment, stderr=log)
+    try:
+        await_port(port, process)
+        yield f"ws://127.0.0.1:{port}"
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait(PATIENCE_S)
+
+
+def test_pirlnav_elsewhere_gives_the_same_logits_and_actions_to_the_bit(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    weights = DATA / "ckpt.pth"
+    settings = tmp_path / "pirlnav.yaml"
+    settings.write_text(SETTINGS)
+    frames = np.random.default_rng(3).integers(0, 256, (12, 480, 640, 3), np.uint8)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    request.addfinalizer(lambda: torch.set_num_threads(threads))
+    here = create_policy("pirlnav", weights=weights, model_config=settings, device="cpu")
+    arguments = ("pirlnav", "--weights", str(weights), "--model-config", str(settings), "--device", "cpu")
+    with served(*arguments, cwd=tmp_path) as url:
+        there = create_policy(url)
+        assert there.card == here.card
+        for number, frame in enumerate(frames):
+            if number % 6 == 0:
+                here.reset("chair", number)
+                there.reset("chair", number)
+            seen = Observation(frame, None, Pose(0.1 * number, -0.05 * number, 0.2 * number), float(number), CAMERA)
+            expected, answered = here.act(seen), there.act(seen)
+            assert answered.action is expected.action
+            assert answered.raw_action == expected.raw_action
+            assert answered.diagnostics.details["logits"] == expected.diagnostics.details["logits"]
+            assert answered.diagnostics.probabilities == expected.diagnostics.probabilities
+
+
+def test_an_upper_bound_and_a_model_that_needs_labels_are_not_served() -> None:
+    with pytest.raises(UsageError, match="handed the site"):
+        ServedPolicy(create_policy("oracle"))
+    with pytest.raises(UsageError, match="simulator's own labels"):
+        ServedPolicy(create_policy("vlv"))
+
+
+CRASHES = """
+import os
+import signal
+
+class Model:
+    card = {"name": "crashes", "sensors": ["rgb"]}
+
+    def reset(self, goal, seed):
+        self.seed = seed
+
+    def act(self, observation):
+        if self.seed == 1:
+            os._exit(3)
+        if self.seed == 2:
+            self.hoard = [bytearray(1 << 26) for _ in range(64)]
+        if self.seed == 3:
+            signal.raise_signal(signal.SIGSEGV)
+        return "TURN_RIGHT"
+"""
+
+
+@pytest.fixture
+def models_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "crashing.py").write_text(CRASHES)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def isolated(memory_bytes: int | None = None) -> IsolatedPolicy:
+    return IsolatedPolicy("crashing:Model", {}, Isolation(Path(sys.executable), memory_bytes))
+
+
+@pytest.mark.parametrize(("seed", "how"), [(1, "exit code 3"), (3, "SIGSEGV")])
+def test_an_isolated_model_that_exits_is_lost_and_named(models_directory: Path, seed: int, how: str) -> None:
+    policy = isolated()
+    try:
+        policy.reset("chair", 0)
+        assert policy.act(look()).action.value == "TURN_RIGHT"
+        policy.reset("chair", seed)
+        with pytest.raises(ModelLostError):
+            policy.act(look())
+        with pytest.raises(ModelLostError, match=how):
+            policy.reset("chair", 0)
+    finally:
+        policy.close()
+
+
+def test_an_isolated_model_has_the_memory_it_was_given_and_no_more(models_directory: Path) -> None:
+    policy = isolated(memory_bytes=2 << 30)
+    try:
+        policy.reset("chair", 2)
+        with pytest.raises(ModelError, match="MemoryError"):
+            policy.act(look())
+        policy.reset("chair", 0)
+        assert policy.act(look()).action.value == "TURN_RIGHT"
+    finally:
+        policy.close()
+
+
+def test_an_isolated_process_ends_with_its_policy(models_directory: Path) -> None:
+    policy = isolated()
+    pid = policy.pid
+    policy.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_an_interpreter_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(UsageError, match="there is no interpreter"):
+        IsolatedPolicy("crashing:Model", {}, Isolation(Path("/nowhere/python")))
+
+
+def test_a_model_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelError, match="No module named 'absent'"):
+        IsolatedPolicy("absent:Model", {}, Isolation(Path(sys.executable)))
+
+
+def test_the_stub_is_written_out_whole(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "vsnbench.cli.main", "models", "serve", "--write-stub", str(tmp_path / "mine")]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run(command, check=True, env=environment, cwd=tmp_path, timeout=60, capture_output=True)
+    from vsnbench.models.remote import vsnbench_policy
+
+    assert (tmp_path / "mine" / "vsnbench_policy.py").read_bytes() == Path(vsnbench_policy.__file__).read_bytes()
+
+
+AGENT = """
+import numpy as np
+
+class Agent:
+    def __init__(self, turns=3):
+        self.turns = turns
+
+    def reset(self):
+        self.count = 0
+
+    def act(self, observations):
+        assert observations["rgb"].dtype == np.uint8
+        assert observations["depth"].shape == observations["rgb"].shape[:2] + (1,)
+        assert 0 <= observations["depth"].min() and observations["depth"].max() <= 1
+        assert observations["gps"].dtype == np.float32
+        np.testing.assert_allclose(observations["gps"], [1.0, 0.5])
+        np.testing.assert_allclose(observations["compass"], [0.25])
+        assert observations["objectgoal"].tolist() == [5]
+        self.count += 1
+        return {"action": np.int64(0 if self.count > self.turns else 2)}
+"""
+
+
+def test_a_habitat_agent_runs_unchanged(tmp_path: Path) -> None:
+    from tests.models.remote.servers import stub_server
+
+    (tmp_path / "settings.json").write_text('{"name": "mine", "arguments": {"turns": 2}}')
+    arguments = ("--habitat-agent", "served_model:Agent", "--settings", "settings.json")
+    with stub_server(AGENT, tmp_path, *arguments) as (url, _):
+        policy = RemotePolicy(url)
+        assert policy.card.name == "mine"
+        assert policy.card.goals == {"chair", "bed", "plant", "toilet", "monitor", "sofa"}
+        policy.reset("sofa", 7)
+        assert [policy.act(look()).raw_action for _ in range(3)] == ["2", "2", "0"]
+        assert policy.act(look()).action.value == "STOP"
