@@ -22,10 +22,10 @@ from pathlib import Path
 
 from sqlalchemy import inspect
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
 from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import upgrade
-from vsnbench.database.records import CampaignPlan, ModelIdentity, PlannedTrial
 from vsnbench.database.tables import Base
 from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.categories import GOAL_CATEGORIES
@@ -37,13 +37,13 @@ from vsnbench.robots.profiles import load_profile
 MODELS = ("oracle", "random", "vlv", "pirlnav")
 STEPS_AN_EPISODE = 50
 VOID_SHARE = 0.02
-INDEXES = ("ix_step_actions", "ix_verdict_episode_id_id", "ix_episode_trial_id")
+INDEXES = ("ix_step_actions", "ix_verdict_episode_id_proposed_id", "ix_episode_trial_id")
 
 
 def make_record(directory: Path, episodes: int) -> None:
     """Write a record of so many episodes of 25 to 75 steps each."""
     directory.mkdir(parents=True)
-    site = load_site("apartment")
+    site, profile = load_site("apartment"), load_profile("turtlebot2")
     cells = len(MODELS) * 2 * len(GOAL_CATEGORIES) * len(site.starts)
     repetitions = max(1, round(episodes * (1 - VOID_SHARE)) // cells)
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
@@ -52,7 +52,7 @@ def make_record(directory: Path, episodes: int) -> None:
                 journal.find_or_create_campaign(
                     CampaignPlan(
                         site=site,
-                        robot=RobotIdentity(load_profile("turtlebot2"), "simulated" if simulated else "ros", simulated),
+                        robot=RobotIdentity(profile, "simulated" if simulated else "ros1", simulated),
                         model=ModelIdentity(model),
                         protocol=ProtocolParameters(),
                         seed=0,
@@ -81,11 +81,11 @@ CREATE TEMP TABLE attempt AS
         UNION ALL
         SELECT * FROM (SELECT id, 1 FROM trial ORDER BY random() LIMIT {episodes} - (SELECT count(*) FROM trial))
     );
-INSERT INTO episode (id, uuid, trial_id, process_id, origin, seed, started_at, ended_at, end_reason, error, actions,
-    path_length_m, geodesic_start_m, geodesic_end_m, duration_s, wall_duration_s, distance_to_goal_m, distance_source,
-    goal_instance, start_x_m, start_y_m, start_heading_rad, final_x_m, final_y_m, final_heading_rad, final_source,
-    images_directory)
-SELECT id, hex(randomblob(16)), trial_id, 1, 'run', id,
+INSERT INTO episode (id, uuid, trial_id, process_id, origin, state, seed, started_at, ended_at, end_reason, error,
+    actions, path_length_m, geodesic_start_m, geodesic_end_m, duration_s, wall_duration_s, distance_to_goal_m,
+    distance_source, goal_instance, start_x_m, start_y_m, start_heading_rad, final_x_m, final_y_m,
+    final_heading_rad, final_source, images_directory)
+SELECT id, hex(randomblob(16)), trial_id, 1, 'run', CASE WHEN void THEN 'void' ELSE 'judged' END, id,
     strftime('%Y-%m-%d %H:%M:%S.000000', 1700000000 + id * 60, 'unixepoch'),
     strftime('%Y-%m-%d %H:%M:%S.000000', 1700000000 + id * 60 + 50, 'unixepoch'),
     CASE WHEN void THEN 'motion_failed' WHEN luck < 0.5 THEN 'stop' WHEN luck < 0.8 THEN 'step_limit'
@@ -93,10 +93,10 @@ SELECT id, hex(randomblob(16)), trial_id, 1, 'run', id,
     '', actions, 1 + 8 * way, 1 + 5 * way, 4 * luck, actions * 1.2, actions * 1.3, 4 * luck, 'simulated', 'chair_1',
     1.0, 1.0, 0.0, 1 + 5 * way, 1 + 4 * luck, 0.0, 'simulated', ''
 FROM attempt;
-INSERT INTO verdict (episode_id, created_at, success, end_reason, distance_m, distance_source, goal_instance, author,
-    source, reason)
-SELECT e.id, e.ended_at, CASE WHEN a.void THEN NULL ELSE a.luck < 0.25 END, e.end_reason, e.distance_to_goal_m,
-    'simulated', 'chair_1', 'vsnbench', 'protocol', 'made up'
+INSERT INTO verdict (episode_id, created_at, proposed, success, end_reason, distance_m, distance_source, goal_instance,
+    author, source, reason, note)
+SELECT e.id, e.ended_at, 0, CASE WHEN a.void THEN NULL ELSE a.luck < 0.25 END, e.end_reason, e.distance_to_goal_m,
+    'simulated', 'chair_1', 'vsnbench', 'protocol', 'made up', ''
 FROM episode AS e JOIN attempt AS a ON a.id = e.id;
 WITH RECURSIVE number(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM number WHERE n < 2 * {steps})
 INSERT INTO step (episode_id, number, raw_action, action, blocked, completed, failure, recorded_at, stamp_s,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, trial_seed
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import CampaignPlan, ModelIdentity
 from vsnbench.models.random_walk import RandomWalk
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
@@ -24,7 +24,7 @@ from vsnbench.protocol.site import Site, load_site
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.campaign import plan_trials, trial_seed
+from vsnbench.runner.campaign import plan_trials
 from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
@@ -113,7 +113,7 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
         target = RecordingTarget(journal, results, "wanderer", robot.profile, RerunEpisodes(live=False))
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
-        run_session(journal, campaign, site, PARAMETERS, 0, robot, Wanderer(), recorder, tally, stop)
+        run_session(journal, campaign, site, PARAMETERS, robot, Wanderer(), recorder, tally, stop)
         tally.seconds = time.perf_counter() - began
     return tally
 

@@ -14,7 +14,7 @@ from vsnbench.database import tables
 
 PAGE = Path(__file__).parent.parent / "docs" / "schema.md"
 
-STANDING = "LEFT JOIN verdict v ON v.id = (SELECT max(id) FROM verdict WHERE episode_id = e.id)"
+STANDING = "LEFT JOIN verdict v ON v.id = (SELECT max(id) FROM verdict WHERE episode_id = e.id AND NOT proposed)"
 
 QUERIES: tuple[tuple[str, str], ...] = (
     (
@@ -43,9 +43,8 @@ WHERE v.success IS NOT NULL GROUP BY m.id, m.name, t.start HAVING sum(v.success)
     ),
     (
         "Trials left to do, campaign by campaign",
-        f"""SELECT c.id, c.name, count(*) AS trials_left FROM trial t JOIN campaign c ON c.id = t.campaign_id
-WHERE NOT EXISTS (SELECT 1 FROM episode e {STANDING}
-                  WHERE e.trial_id = t.id AND v.success IS NOT NULL)
+        """SELECT c.id, c.name, count(*) AS trials_left FROM trial t JOIN campaign c ON c.id = t.campaign_id
+WHERE NOT EXISTS (SELECT 1 FROM episode e WHERE e.trial_id = t.id AND e.state <> 'void')
 GROUP BY c.id, c.name ORDER BY c.id;""",
     ),
     (
@@ -76,7 +75,8 @@ ORDER BY metres;""",
     ),
     (
         "Verdicts that a person overruled",
-        """SELECT v.episode_id, v.created_at, v.author, v.source, v.end_reason, v.success, v.reason FROM verdict v
+        """SELECT v.episode_id, v.created_at, v.author, v.source, v.proposed, v.end_reason, v.success, v.reason, v.note
+FROM verdict v
 WHERE v.episode_id IN (SELECT episode_id FROM verdict GROUP BY episode_id HAVING count(*) > 1)
 ORDER BY v.episode_id, v.id;""",
     ),

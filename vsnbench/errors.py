@@ -49,5 +49,5 @@ class RecordError(VsnbenchError):
     """The results directory or its database cannot be used."""
 
 
-class TrialTakenError(RecordError):
-    """Another process is running this trial, or it has been done meanwhile."""
+class EpisodeClosedError(RecordError):
+    """The episode is not this process's to write to: it has ended, or another process has it."""

@@ -11,6 +11,7 @@ import pytest
 
 from tests.database.records_of_a_lab import plan, run, stopped, void
 from vsnbench.cli.main import main
+from vsnbench.database import migrate
 from vsnbench.database.journal import Journal
 from vsnbench.database_url import sqlite_url
 
@@ -52,8 +53,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     hostile = replace(given, model=replace(given.model, name="[red]evil\x1b[31m\n"))
     with Journal.open(sqlite_url(folder / "vsnbench.db")) as journal:
         trials = journal.find_or_create_campaign(hostile).trials
-        run(journal, trials[0].id, void())
-        run(journal, trials[0].id, stopped(success=True))
+        run(journal, trials[0], void())
+        run(journal, trials[0], stopped(success=True))
     return folder
 
 
@@ -112,7 +113,7 @@ def test_a_mistake_is_one_line(results: Path, words: list[str], code: int, line:
 
 def test_the_database_can_be_found_upgraded_and_backed_up(tmp_path: Path) -> None:
     assert vsnbench(tmp_path, "db", "path").stdout.strip() == str(tmp_path / "vsnbench.db")
-    assert vsnbench(tmp_path, "db", "upgrade").stdout.strip().endswith("schema none -> 0001")
+    assert vsnbench(tmp_path, "db", "upgrade").stdout.strip().endswith(f"schema none -> {migrate.HEAD}")
     assert "is up to date" in vsnbench(tmp_path, "db", "upgrade").stdout
     state = json.loads(vsnbench(tmp_path, "db", "status", "--json").stdout)
     assert (state["schema"], state["campaigns"]) == (state["newest_schema"], [])

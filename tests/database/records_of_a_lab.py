@@ -1,15 +1,8 @@
 """A small plan, and episodes of it, for the tests of the record."""
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, StepRecord
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import (
-    CampaignPlan,
-    EpisodeEnd,
-    EpisodeHandle,
-    EpisodeStart,
-    ModelIdentity,
-    PlannedTrial,
-    StepRecord,
-)
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
@@ -98,8 +91,31 @@ def void(reason: EndReason = EndReason.ABORTED) -> EpisodeEnd:
     return EpisodeEnd(reason, 1, Verdict(reason, None, "void"), error="a person ended it")
 
 
-def run(journal: Journal, trial_id: int, end: EpisodeEnd, steps: int = 3) -> EpisodeHandle:
-    episode = journal.begin_episode(EpisodeStart(trial_id, seed=1, pose=Pose(1.0, 1.0, 0.0), geodesic_m=2.0))
+def begun(journal: Journal, trial: Trial) -> Claim:
+    """An episode of the trial that is under way."""
+    claim = journal.claim_next(trial.campaign_id, [trial.id])
+    assert claim is not None
+    return going(journal, claim)
+
+
+def going(journal: Journal, claim: Claim) -> Claim:
+    """Place a claimed episode and let it begin."""
+    journal.place(claim.id, Fix(Pose(1.0, 1.0, 0.0), PoseSource.SIMULATED))
+    journal.begin(claim.id, EpisodeBegin(geodesic_m=2.0))
+    return claim
+
+
+def run(journal: Journal, trial: Trial, end: EpisodeEnd, steps: int = 3) -> Claim:
+    return complete(journal, begun(journal, trial), end, steps)
+
+
+def finish(journal: Journal, claim: Claim, end: EpisodeEnd, steps: int = 3) -> Claim:
+    """Run a claimed episode from its placing to its end."""
+    return complete(journal, going(journal, claim), end, steps)
+
+
+def complete(journal: Journal, episode: Claim, end: EpisodeEnd, steps: int = 3) -> Claim:
+    """Let an episode that is under way take its steps and end."""
     for number in range(1, steps + 1):
         journal.append_step(episode.id, forward(number))
     journal.end_episode(episode.id, end)

@@ -15,20 +15,19 @@ from vsnbench.database.engine import open_engine, to_json
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import list_episodes
-from vsnbench.database.views import EpisodeFilter
+from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.database_url import shown_url, sqlite_url
 from vsnbench.errors import RecordError, UsageError
 
 WRITER_ON_A_FULL_DISK = """
 import resource, sys
-from tests.database.records_of_a_lab import forward, plan
+from tests.database.records_of_a_lab import begun, forward, plan
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import EpisodeStart
 from vsnbench.errors import RecordError
 
 journal = Journal.open(sys.argv[1])
 trial = journal.find_or_create_campaign(plan()).trials[0]
-episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+episode = begun(journal, trial)
 resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
 for number in range(1, 100_000):
     try:
@@ -94,7 +93,7 @@ READER_WITHOUT_RIGHTS = """
 import os, sys
 from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import list_episodes
-from vsnbench.database.views import EpisodeFilter
+from vsnbench.database.read_shapes import EpisodeFilter
 
 def episodes():
     engine = open_record(sys.argv[1])
@@ -118,7 +117,7 @@ def test_an_archive_that_cannot_be_written_can_be_read() -> None:
     url = sqlite_url(archive / "vsnbench.db")
     try:
         with Journal.open(url) as journal:
-            run(journal, journal.find_or_create_campaign(plan()).trials[0].id, stopped(success=True))
+            run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
         archive.chmod(0o555)
         (archive / "vsnbench.db").chmod(0o444)
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -157,7 +156,7 @@ def test_whatever_a_model_reports_becomes_strict_json(value: object) -> None:
 
 def test_a_listing_is_one_query_however_many_episodes(sqlite: str) -> None:
     with Journal.open(sqlite) as journal:
-        run(journal, journal.find_or_create_campaign(plan()).trials[0].id, stopped(success=True))
+        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
         queries: list[str] = []
         from sqlalchemy import event
 

@@ -12,14 +12,13 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
-from tests.database.records_of_a_lab import forward, plan, run, stopped
+from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
 from vsnbench.database import migrate
 from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_steps, list_episodes
-from vsnbench.database.records import EpisodeStart
+from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.database.tables import Base
-from vsnbench.database.views import EpisodeFilter
 from vsnbench.database_url import sqlite_path, sqlite_url
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
@@ -209,8 +208,8 @@ def test_two_processes_that_start_on_an_empty_server_migrate_it_once(postgresql:
 def test_a_backup_taken_while_steps_are_written_is_whole(sqlite: str, tmp_path: Path) -> None:
     with Journal.open(sqlite) as journal:
         campaign = journal.find_or_create_campaign(plan())
-        run(journal, campaign.trials[0].id, stopped(success=True))
-        episode = journal.begin_episode(EpisodeStart(campaign.trials[1].id, seed=1))
+        run(journal, campaign.trials[0], stopped(success=True))
+        episode = begun(journal, campaign.trials[1])
         stop = threading.Event()
         written = 0
 

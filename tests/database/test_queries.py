@@ -1,10 +1,10 @@
 import pytest
 
-from tests.database.records_of_a_lab import forward, plan, run, stopped, void
+from tests.database.records_of_a_lab import begun, forward, plan, run, stopped, void
+from vsnbench.database.episode_entries import EpisodeEnd
 from vsnbench.database.journal import Journal
-from vsnbench.database.queries import campaign_states, count_episodes, counting_episodes, episode_summary, list_episodes
-from vsnbench.database.records import EpisodeEnd, EpisodeStart
-from vsnbench.database.views import EpisodeFilter
+from vsnbench.database.queries import campaign_states, count_episodes, episode_details, list_episodes
+from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
 
@@ -14,14 +14,14 @@ def journal(url: str) -> Journal:
     """Six episodes: void, success, failure by collision, unjudged, running, and one of another campaign."""
     journal = Journal.open(url)
     chair_1, chair_2, sofa_1, sofa_2 = journal.find_or_create_campaign(plan()).trials
-    run(journal, chair_1.id, void())
-    run(journal, chair_1.id, stopped(success=True))
+    run(journal, chair_1, void())
+    run(journal, chair_1, stopped(success=True))
     collision = Verdict(EndReason.COLLISION, False, "failed: collision at action 3")
-    run(journal, chair_2.id, EpisodeEnd(EndReason.COLLISION, 3, collision))
-    run(journal, sofa_1.id, EpisodeEnd(EndReason.STOP, 3))
-    journal.append_step(journal.begin_episode(EpisodeStart(sofa_2.id, seed=1)).id, forward(1))
+    run(journal, chair_2, EpisodeEnd(EndReason.COLLISION, 3, collision))
+    run(journal, sofa_1, EpisodeEnd(EndReason.STOP, 3))
+    journal.append_step(begun(journal, sofa_2).id, forward(1))
     other = journal.find_or_create_campaign(plan(goals=("bed",), seed=8))
-    run(journal, other.trials[0].id, stopped(success=False))
+    run(journal, other.trials[0], stopped(success=False))
     return journal
 
 
@@ -57,12 +57,12 @@ def test_a_limit_gives_the_latest_in_order(journal: Journal) -> None:
 
 
 def test_one_episode_of_a_trial_counts_and_void_ones_never(journal: Journal) -> None:
-    assert [episode.id for episode in counting_episodes(journal.engine, EpisodeFilter())] == [2, 3, 4, 6]
+    assert [number for number in range(1, 7) if episode_details(journal.engine, number).counts] == [2, 3, 4, 6]
 
 
 def test_when_a_void_attempt_is_pardoned_the_first_result_of_the_trial_counts(journal: Journal) -> None:
-    journal.add_verdict(1, Verdict(EndReason.STOP, False, "it had stopped by itself"), author="ada")
-    assert [episode.id for episode in counting_episodes(journal.engine, EpisodeFilter(goal="chair"))] == [1, 3]
+    journal.judge(1, Verdict(EndReason.STOP, False, "it had stopped by itself"), author="ada")
+    assert [number for number in range(1, 4) if episode_details(journal.engine, number).counts] == [1, 3]
 
 
 def test_campaigns_say_how_far_they_have_come(journal: Journal) -> None:
@@ -70,12 +70,12 @@ def test_campaigns_say_how_far_they_have_come(journal: Journal) -> None:
 
 
 def test_a_collision_is_told_from_the_standing_verdict(journal: Journal) -> None:
-    assert episode_summary(journal.engine, 3).collision
-    assert not episode_summary(journal.engine, 2).collision
-    journal.add_verdict(2, Verdict(EndReason.COLLISION, False, "it brushed the door"), author="ada")
-    assert episode_summary(journal.engine, 2).collision
+    assert episode_details(journal.engine, 3).summary.collision
+    assert not episode_details(journal.engine, 2).summary.collision
+    journal.judge(2, Verdict(EndReason.COLLISION, False, "it brushed the door"), author="ada")
+    assert episode_details(journal.engine, 2).summary.collision
 
 
 def test_an_episode_that_does_not_exist_is_a_mistake_of_the_command(journal: Journal) -> None:
     with pytest.raises(UsageError, match="no episode 77"):
-        episode_summary(journal.engine, 77)
+        episode_details(journal.engine, 77)

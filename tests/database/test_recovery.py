@@ -7,21 +7,19 @@ from pathlib import Path
 
 from sqlalchemy import text
 
-from tests.database.records_of_a_lab import forward, plan, run, stopped
+from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import ProcessIdentity, this_process
 from vsnbench.database.queries import episode_details, episode_steps
-from vsnbench.database.records import EpisodeStart
 
 RUNNER = """
 import sys
-from tests.database.records_of_a_lab import forward, plan
+from tests.database.records_of_a_lab import begun, forward, plan
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import EpisodeStart
 
 journal = Journal.open(sys.argv[1])
 trial = journal.find_or_create_campaign(plan()).trials[0]
-episode = journal.begin_episode(EpisodeStart(trial.id, seed=1))
+episode = begun(journal, trial)
 number = 0
 while True:
     number += 1
@@ -64,10 +62,10 @@ def test_an_episode_whose_process_was_killed_is_interrupted_keeps_its_steps_and_
         assert [event.kind for event in details.events] == ["recovered"]
         campaign = journal.find_or_create_campaign(plan())
         assert campaign.resumed
-        assert journal.trials_left(campaign.id) == campaign.trials
-        for trial in journal.trials_left(campaign.id):
-            run(journal, trial.id, stopped(success=True))
-        assert journal.trials_left(campaign.id) == ()
+        assert journal.standing(campaign).left == campaign.trials
+        for trial in journal.standing(campaign).left:
+            run(journal, trial, stopped(success=True))
+        assert journal.standing(campaign).left == ()
 
 
 def test_recovery_happens_once(sqlite: str) -> None:
@@ -81,7 +79,7 @@ def test_recovery_happens_once(sqlite: str) -> None:
 def test_the_episode_of_a_living_process_is_left_alone(url: str) -> None:
     with Journal.open(url) as first:
         trial = first.find_or_create_campaign(plan()).trials[0]
-        episode = first.begin_episode(EpisodeStart(trial.id, seed=1))
+        episode = begun(first, trial)
         assert Journal.open(url).recovered == ()
         first.append_step(episode.id, forward(1))
         first.end_episode(episode.id, stopped(success=True))
@@ -90,20 +88,20 @@ def test_the_episode_of_a_living_process_is_left_alone(url: str) -> None:
 def test_on_a_shared_server_another_machine_counts_as_dead_only_after_long_silence(postgresql: str) -> None:
     with Journal.open(postgresql) as journal:
         trial = journal.find_or_create_campaign(plan()).trials[0]
-        journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        begun(journal, trial)
         with journal.engine.begin() as connection:
             connection.execute(text("UPDATE process SET boot_id = 'another kernel', host = 'another robot'"))
         assert journal.recover() == ()
         with journal.engine.begin() as connection:
             long_ago = datetime.now(UTC) - timedelta(hours=1)
-            connection.execute(text("UPDATE episode SET started_at = :then"), {"then": long_ago})
+            connection.execute(text("UPDATE episode SET lease_until = :then"), {"then": long_ago})
         assert len(journal.recover()) == 1
 
 
 def test_a_file_written_under_another_kernel_was_written_by_the_dead(sqlite: str) -> None:
     with Journal.open(sqlite) as journal:
         trial = journal.find_or_create_campaign(plan()).trials[0]
-        journal.begin_episode(EpisodeStart(trial.id, seed=1))
+        begun(journal, trial)
         with journal.engine.begin() as connection:
             connection.execute(text("UPDATE process SET boot_id = 'before the power cut'"))
         assert len(journal.recover()) == 1

@@ -23,7 +23,7 @@ def lab(tmp_path: Path) -> Lab:
     taken = [step(1, Action.MOVE_FORWARD, "LOOK_DOWN", x_m=0.25), step(2, Action.STOP, x_m=0.25)]
     lab.write([void(), Attempt(steps=taken), Attempt("bed", success=False, distance_m=1.2), Attempt("bed", 2)])
     with lab.journal() as journal:
-        journal.add_verdict(4, Verdict(EndReason.COLLISION, False, "it touched the bed"), author="Ana")
+        journal.judge(4, Verdict(EndReason.COLLISION, False, "it touched the bed"), author="Ana")
     return lab
 
 

@@ -5,15 +5,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import (
-    CampaignPlan,
-    EpisodeEnd,
-    EpisodeStart,
-    ModelIdentity,
-    PlannedTrial,
-    StepRecord,
-)
 from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
@@ -79,7 +73,7 @@ class Lab:
         planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
         plan = CampaignPlan(
             site=self.site,
-            robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros", simulated),
+            robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros1", simulated),
             model=ModelIdentity(model, weights_label=weights_label, surveyed=surveyed),
             protocol=protocol or ProtocolParameters(),
             seed=seed,
@@ -88,16 +82,18 @@ class Lab:
         numbers = []
         with self.journal() as journal:
             campaign = journal.find_or_create_campaign(plan)
-            trial_ids = {(t.goal, t.start, t.repetition): t.id for t in campaign.trials}
+            trial_of = {(t.goal, t.start, t.repetition): t for t in campaign.trials}
             for place, attempt in enumerate(attempts):
-                trial_id = trial_ids[attempt.goal, attempt.start, attempt.repetition]
-                numbers.append(_write_attempt(journal, trial_id, attempt, MORNING + timedelta(minutes=place)))
+                trial = trial_of[attempt.goal, attempt.start, attempt.repetition]
+                numbers.append(_write_attempt(journal, trial, attempt, MORNING + timedelta(minutes=place)))
         return numbers
 
 
-def _write_attempt(journal: Journal, trial_id: int, attempt: Attempt, at: datetime) -> int:
-    start = EpisodeStart(trial_id, seed=1, pose=Pose(1.0, 1.0), geodesic_m=attempt.shortest_m, started_at=at)
-    handle = journal.begin_episode(start)
+def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetime) -> int:
+    handle = journal.claim_next(trial.campaign_id, [trial.id])
+    assert handle is not None, "an episode of this trial counts already"
+    journal.place(handle.id, Fix(Pose(1.0, 1.0), PoseSource.SIMULATED))
+    journal.begin(handle.id, EpisodeBegin(attempt.shortest_m, started_at=at))
     for step in attempt.steps:
         journal.append_step(handle.id, step)
     distance = None

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.report.records import Attempt, Lab
-from vsnbench.database.records import PlannedTrial
+from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.report.build import read
 from vsnbench.report.compare import Comparison, compare

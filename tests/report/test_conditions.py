@@ -25,7 +25,7 @@ def condition(number: int = 1, **facts: Any) -> Condition:
         "surveyed": False,
         "robot": "turtlebot2",
         "robot_title": "TurtleBot 2",
-        "backend": "simulated",
+        "kind": "simulated",
         "simulated": True,
         "site": "apartment",
         "site_sha256": "5" * 64,
@@ -44,8 +44,8 @@ def names(*facts: Mapping[str, Any]) -> list[str]:
     [
         ([{}], ["vlv"]),
         ([{}, {"model": "oracle"}], ["vlv", "oracle"]),
-        ([{}, {"simulated": False, "robot": "lola2", "backend": "ros1"}], ["vlv simulated", "vlv real"]),
-        ([{}, {"noise": {"depth": 1.0}}], ["vlv without noise", "vlv with noise"]),
+        ([{}, {"simulated": False, "robot": "lola2", "kind": "ros1"}], ["vlv simulated", "vlv real"]),
+        ([{}, {"conditions": {"noise": {"depth": 1.0}}}], ["vlv without noise", "vlv with noise"]),
         (
             [{"settings": {"a": 1, "recall": 0.85}}, {"settings": {"a": 1, "recall": 0.4}}],
             ["vlv recall=0.85", "vlv recall=0.4"],
@@ -77,7 +77,7 @@ FACTS = st.fixed_dictionaries(
         "model": st.sampled_from(["vlv", "vlv real", "oracle"]),
         "simulated": st.booleans(),
         "robot": st.sampled_from(["a", "b"]),
-        "noise": st.sampled_from([{}, {"depth": 1}, {"depth": 2}]),
+        "conditions": st.sampled_from([{}, {"noise": {"depth": 1}}, {"noise": {"depth": 2}}]),
         "settings": SETTINGS,
     }
 )

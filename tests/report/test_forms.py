@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from tests.report.records import Attempt, Lab, void
-from vsnbench.database.records import PlannedTrial
+from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.report.build import Report, build
 from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.latex import escaped as latex_escaped

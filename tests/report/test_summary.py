@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.report.records import Attempt, Lab, void
-from vsnbench.database.records import PlannedTrial
+from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.metrics import soft_spl, spl
@@ -58,7 +58,7 @@ def test_void_attempts_are_counted_beside_and_never_inside(lab: Lab) -> None:
 def test_the_latest_verdict_stands_over_the_end_and_over_the_distance(lab: Lab) -> None:
     (number,) = lab.write([Attempt(success=True)])
     with lab.journal() as journal:
-        journal.add_verdict(number, Verdict(EndReason.COLLISION, False, "it touched the sofa"), author="Ana")
+        journal.judge(number, Verdict(EndReason.COLLISION, False, "it touched the sofa"), author="Ana")
     (one,) = results_of(lab).conditions
     assert (one.total.successes, one.total.episodes, one.total.collisions) == (0, 1, 1)
     assert [(end.end_reason, end.counted) for end in one.ends] == [("collision", 1)]
@@ -67,7 +67,7 @@ def test_the_latest_verdict_stands_over_the_end_and_over_the_distance(lab: Lab) 
 def test_an_attempt_made_void_by_a_verdict_leaves_the_rate_and_the_next_attempt_counts(lab: Lab) -> None:
     (first,) = lab.write([Attempt(success=True)])
     with lab.journal() as journal:
-        journal.add_verdict(first, Verdict(EndReason.ABORTED, None, "a visitor stood in the way"), author="Ana")
+        journal.judge(first, Verdict(EndReason.ABORTED, None, "a visitor stood in the way"), author="Ana")
     lab.write([Attempt(success=False)])
     total = results_of(lab).conditions[0].total
     assert (total.successes, total.episodes, total.void) == (0, 1, 1)
@@ -77,7 +77,7 @@ def test_only_the_first_result_of_a_trial_counts(lab: Lab) -> None:
     (first,) = lab.write([void()])
     lab.write([Attempt(success=False)])
     with lab.journal() as journal:  # the void one turns out to have been a result after all
-        journal.add_verdict(first, Verdict(EndReason.STOP, True, "the log shows a success"), author="Ana")
+        journal.judge(first, Verdict(EndReason.STOP, True, "the log shows a success"), author="Ana")
     total = results_of(lab).conditions[0].total
     assert (total.successes, total.episodes, total.void) == (1, 1, 0)
 

@@ -4,11 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vsnbench.database.campaign_plan import trial_seed
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.site import load_site
-from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials, trial_seed
+from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 
 APARTMENT = load_site("apartment")
 ANY = ModelCard("any")

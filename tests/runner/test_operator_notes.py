@@ -8,11 +8,13 @@ import pytest
 from sqlalchemy import select
 
 from tests.runner.stand_ins import PLAN, PROFILE, ScriptedPolicy, StandInRobot
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
-from vsnbench.database.records import CampaignPlan, EpisodeStart, ModelIdentity, PlannedTrial
 from vsnbench.database.tables import Event
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.robot_identity import RobotIdentity
@@ -35,7 +37,7 @@ def results(tmp_path: Path) -> ResultsDirectory:
 def campaign_of(journal: Journal, *, simulated: bool = False):
     plan = CampaignPlan(
         site=PLAN.site,
-        robot=RobotIdentity(PROFILE, "simulated" if simulated else "ros", simulated),
+        robot=RobotIdentity(PROFILE, "simulated" if simulated else "ros1", simulated),
         model=ModelIdentity("scripted"),
         protocol=PLAN.parameters,
         seed=0,
@@ -46,9 +48,10 @@ def campaign_of(journal: Journal, *, simulated: bool = False):
 
 def stop_in_the_second_motion(journal: Journal, results: ResultsDirectory, *, by_key: bool) -> int:
     """Run an episode that a person stops, and return its number."""
-    recorder = EpisodeRecorderFanOut(
-        RecordingTarget(journal, results, "scripted", PROFILE, operator="maria"), campaign_of(journal).trials[0]
-    )
+    campaign = campaign_of(journal)
+    claim = journal.claim_next(campaign.id, [campaign.trials[0].id])
+    assert claim is not None
+    recorder = EpisodeRecorderFanOut(RecordingTarget(journal, results, "scripted", PROFILE, operator="maria"), claim)
     robot = StandInRobot(simulated=False)
     stop = StopSignals()
 
@@ -101,11 +104,12 @@ def test_what_an_operator_did_is_kept_with_the_episode_and_counted(results: Resu
 def test_an_abort_without_an_event_counts_where_the_robot_is_real(
     results: ResultsDirectory, simulated: bool, interventions: int
 ) -> None:
-    from vsnbench.database.records import EpisodeEnd
-
     with Journal.open(results.database_url) as journal:
         trial = campaign_of(journal, simulated=simulated).trials[0]
-        handle = journal.begin_episode(EpisodeStart(trial.id, 0, PLAN.start.pose))
+        handle = journal.claim_next(trial.campaign_id, [trial.id])
+        assert handle is not None
+        journal.place(handle.id, Fix(PLAN.start.pose, PoseSource.SURVEYED))
+        journal.begin(handle.id, EpisodeBegin())
         void = Verdict(EndReason.ABORTED, None, "void")
         journal.end_episode(handle.id, EpisodeEnd(EndReason.ABORTED, 3, void))
     assert counted(results) == interventions

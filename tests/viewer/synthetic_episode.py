@@ -6,17 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from sqlalchemy import update
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord, StepTimings
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import (
-    CampaignPlan,
-    EpisodeEnd,
-    EpisodeStart,
-    ModelIdentity,
-    PlannedTrial,
-    StepRecord,
-    StepTimings,
-)
+from vsnbench.database.tables import Episode
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision import Box, Decision, Diagnostics, GridMap
@@ -80,7 +75,12 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
     results.prepare()
     with Journal.open(results.database_url) as journal:
         trial = journal.find_or_create_campaign(plan).trials[0]
-        handle = journal.begin_episode(EpisodeStart(trial.id, 0, told.begin.pose, uuid=UUID))
+        handle = journal.claim_next(trial.campaign_id, [trial.id])
+        assert handle is not None
+        with journal.engine.begin() as connection:
+            connection.execute(update(Episode).values(uuid=UUID))
+        journal.place(handle.id, told.begin)
+        journal.begin(handle.id, EpisodeBegin())
         directory = results.episode_directory(handle.images_directory)
         for entry in entries(count):
             match entry:

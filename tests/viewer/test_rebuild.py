@@ -92,7 +92,7 @@ def test_a_later_verdict_is_shown(results: ResultsDirectory) -> None:
     current_recording(results, number)
     taped = Verdict(EndReason.STOP, False, "taped: 1.04 m", GoalDistance(1.04, PoseSource.TAPE, "chair-2"))
     with Journal.open(results.database_url) as journal:
-        journal.add_verdict(number, taped, author="operator")
+        journal.judge(number, taped, author="operator")
     path = current_recording(results, number)
     texts = [
         str(chunk.to_record_batch().column("TextDocument:text").to_pylist())

@@ -41,7 +41,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     from vsnbench.database.engine import open_engine
     from vsnbench.database.migrate import schema_state
     from vsnbench.database.queries import campaign_states, count_episodes
-    from vsnbench.database.views import EpisodeFilter
+    from vsnbench.database.read_shapes import EpisodeFilter
     from vsnbench.database_url import sqlite_path
     from vsnbench.record.results import ResultsDirectory
 

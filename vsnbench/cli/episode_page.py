@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from vsnbench.database.views import EpisodeDetails, StepRow
+    from vsnbench.database.read_shapes import EpisodeDetails, StepRow
 
 COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
 """The colour of each outcome."""
@@ -165,7 +165,7 @@ def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
         ("settings", ", ".join(f"{name}={value}" for name, value in given.model_settings.items()) or "none"),
         ("site", given.site_sha256[:12]),
         ("protocol", given.protocol_sha256[:12]),
-        ("noise", ", ".join(f"{name}={value}" for name, value in given.noise.items()) or "none"),
+        ("conditions", ", ".join(f"{name}={value}" for name, value in given.conditions.items()) or "none"),
         ("command", given.command),
     ]
     for name, value in rows:

@@ -8,7 +8,7 @@ import typer
 from vsnbench.cli.options import Database, Results
 
 if TYPE_CHECKING:
-    from vsnbench.database.views import EpisodeDetails, EpisodeSummary, StepRow
+    from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary, StepRow
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -47,7 +47,7 @@ def list_(
     from vsnbench.cli.episode_page import COLORS, metres, page, safe
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import count_episodes, list_episodes
-    from vsnbench.database.views import OUTCOMES, EpisodeFilter
+    from vsnbench.database.read_shapes import OUTCOMES, EpisodeFilter
     from vsnbench.errors import UsageError
     from vsnbench.record.results import ResultsDirectory
 

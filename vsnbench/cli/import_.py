@@ -40,7 +40,7 @@ def ros4vsn(
     target = ResultsDirectory.locate(results, db)
     target.prepare()
     with Journal.open(target.database_url) as journal:
-        numbers = import_upstream_log(
+        campaign, numbers = import_upstream_log(
             journal,
             target.path,
             episodes,
@@ -51,7 +51,10 @@ def ros4vsn(
             start=start,
         )
     pictures = sum(len(episode.pictures) for episode in episodes)
-    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]}, {pictures} pictures; they await a verdict")
+    typer.echo(
+        f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}, {pictures} pictures; "
+        f"they await a verdict: vsnbench judge --pending{target.options}"
+    )
 
 
 @app.command()
@@ -79,5 +82,26 @@ def habitat(
     target = ResultsDirectory.locate(results, db)
     target.prepare()
     with Journal.open(target.database_url) as journal:
-        numbers = import_habitat(journal, episodes, model=model, site=place, source=file)
-    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]}")
+        campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file)
+    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
+
+
+@app.command()
+def withdraw(
+    campaign: Annotated[int, typer.Argument(help="The import's campaign, as `import` said and `db status` lists it.")],
+    note: Annotated[str, typer.Option("--note", help="Why.")] = "",
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Make all episodes of an import void: they count nowhere any more, and the corrected file can come in.
+
+    Example: [bold]vsnbench import withdraw 4 --note "the wrong checkpoint's results"[/bold]
+    """
+    from vsnbench.database.journal import Journal
+    from vsnbench.database.provenance import gather_provenance
+    from vsnbench.record.results import ResultsDirectory
+
+    provenance = gather_provenance()
+    with Journal.open(ResultsDirectory.locate(results, db).database_url, provenance) as journal:
+        number = journal.withdraw_import(campaign, author=provenance.operator, note=note)
+    typer.echo(f"{number} episodes of campaign {campaign} are void now; `vsnbench judge` can take one back")

@@ -141,9 +141,14 @@ _ADVICE = {
 }
 
 
-def to_json(value: object) -> str:
-    """Return JSON that every database takes: arrays become lists, numbers that are not finite become null."""
-    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+def to_json(value: object, *, in_order: bool = False) -> str:
+    """Return JSON that every database takes: arrays become lists, numbers that are not finite become null.
+
+    Args:
+        value: anything; what JSON does not know becomes its text.
+        in_order: sort the keys, so that equal values give equal text.
+    """
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"), sort_keys=in_order)
 
 
 def _plain(value: object) -> object:

@@ -1,51 +1,27 @@
 """The one place that writes the record: campaigns, episodes, steps, verdicts, events; each committed as it happens."""
 
-import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-from sqlalchemy import Connection, Engine, insert, select, update
+from sqlalchemy import Connection, Engine, insert
 
+from vsnbench.database import campaigns, claims
+from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, OpenCampaign
 from vsnbench.database.engine import open_engine, reading, record_errors
+from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode, StepRecord
+from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
+from vsnbench.database.insertion import insert_row
+from vsnbench.database.judging import end_episode, judge
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
-from vsnbench.database.records import (
-    CampaignPlan,
-    CampaignRecord,
-    EpisodeEnd,
-    EpisodeHandle,
-    EpisodeStart,
-    RecoveredEpisode,
-    StepRecord,
-    TrialRecord,
-)
-from vsnbench.database.recovery import dead_episodes, interrupt
-from vsnbench.database.rows import (
-    Row,
-    campaign_row,
-    episode_end_row,
-    episode_start_row,
-    model_row,
-    process_row,
-    robot_row,
-    site_row,
-    step_row,
-    text,
-    verdict_row,
-)
-from vsnbench.database.tables import Base, Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial
-from vsnbench.database.tables import Verdict as VerdictTable
-from vsnbench.database.validity import counts, standing_verdict_id, takers
-from vsnbench.errors import RecordError, TrialTakenError, UsageError
+from vsnbench.database.recovery import dead_episodes, recover_one
+from vsnbench.database.row_encoding import process_row, text
+from vsnbench.database.tables import Event, Process
+from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
-
-
-def images_directory(episode_id: int) -> str:
-    """Return where an episode's files lie, relative to the results directory."""
-    return f"episodes/{episode_id:06d}"
 
 
 class Journal:
@@ -75,7 +51,7 @@ class Journal:
         try:
             upgrade(engine)
             with _transaction(engine) as connection:
-                process_id = _insert(connection, Process, process_row(provenance or gather_provenance()))
+                process_id = insert_row(connection, Process, process_row(provenance or gather_provenance()))
             journal = cls(engine, process_id)
             journal.recovered = journal.recover()
         except BaseException:
@@ -95,110 +71,118 @@ class Journal:
     ) -> None:
         self.close()
 
-    def find_or_create_campaign(self, plan: CampaignPlan) -> CampaignRecord:
-        """Return the campaign of an equal plan, or write a new one with all its trials."""
-        key = plan.key
+    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
+        """Return the campaign of the plan's condition and seed; trials that it did not have yet are planned in it."""
         with _transaction(self.engine) as connection:
-            found = connection.execute(select(Campaign.id).where(Campaign.key == key)).scalar()
-            campaign_id = self._create_campaign(connection, plan) if found is None else found
-            campaign = connection.execute(
-                select(Campaign.name, Campaign.created_at).where(Campaign.id == campaign_id)
-            ).one()
-            trials = connection.execute(
-                select(Trial.id, Trial.goal, Trial.start, Trial.repetition, Trial.place)
-                .where(Trial.campaign_id == campaign_id)
-                .order_by(Trial.place)
-            )
-            return CampaignRecord(
-                id=campaign_id,
-                key=key,
-                name=campaign.name,
-                created_at=campaign.created_at,
-                resumed=found is not None,
-                trials=tuple(TrialRecord(*row) for row in trials),
-            )
+            return campaigns.find_or_create(connection, plan, self._process_id)
 
-    def trials_left(self, campaign_id: int) -> tuple[TrialRecord, ...]:
-        """Return the trials that nobody has done or is running, in the campaign's order."""
+    def standing(self, campaign: OpenCampaign) -> CampaignStanding:
+        """Say which of the trials that were asked for are done, are run elsewhere, or are left."""
         with _transaction(reading(self.engine)) as connection:
-            rows = connection.execute(
-                select(Trial.id, Trial.goal, Trial.start, Trial.repetition, Trial.place)
-                .where(Trial.campaign_id == campaign_id, ~takers(Trial.id).correlate(Trial).exists())
-                .order_by(Trial.place)
-            )
-            return tuple(TrialRecord(*row) for row in rows)
+            return campaigns.standing(connection, campaign, self._process_id)
 
-    def outcomes(self, campaign_id: int) -> tuple[bool, ...]:
-        """Return, for each trial that is done and judged, whether it succeeded."""
-        with _transaction(reading(self.engine)) as connection:
-            rows = connection.execute(
-                select(VerdictTable.success)
-                .select_from(Episode)
-                .join(Trial, Trial.id == Episode.trial_id)
-                .join(VerdictTable, VerdictTable.id == standing_verdict_id(Episode.id))
-                .where(Trial.campaign_id == campaign_id, counts(Episode, VerdictTable))
-            )
-            return tuple(bool(success) for (success,) in rows)
+    def claim_next(self, campaign_id: int, trial_ids: Sequence[int]) -> Claim | None:
+        """Take the first of these trials that is left, before anybody is asked to wheel a robot to its mark.
 
-    def begin_episode(self, start: EpisodeStart) -> EpisodeHandle:
-        """Write a new episode of a trial.
+        No other process runs it until the claim is released, voided or ended, or this process is taken for dead:
+        `renew` it while a person takes long. None when all of them are done or are run elsewhere.
+        """
+        with _transaction(self.engine) as connection:
+            return claims.claim_first(connection, self._process_id, campaign_id, trial_ids)
+
+    def renew(self, episode_id: int) -> bool:
+        """Show a sign of life for a claim; False when it is this process's no more."""
+        with _transaction(self.engine) as connection:
+            return claims.renew(connection, self._process_id, episode_id)
+
+    def place(self, episode_id: int, start: Fix) -> None:
+        """Write down where the robot of a claimed episode stands, and how that is known; until it begins, again.
 
         Raises:
-            TrialTakenError: the trial is being run by another process, or an episode of it counts already.
+            EpisodeClosedError: the claim is this process's no more, or the episode has begun.
         """
-        identity = start.uuid or str(uuid.uuid4())
         with _transaction(self.engine) as connection:
-            # On a server this row is the lock by which two robots do not take the same trial.
-            connection.execute(select(Trial.id).where(Trial.id == start.trial_id).with_for_update()).one()
-            other = connection.execute(takers(start.trial_id).limit(1)).first()
-            if other is not None:
-                state = "is running it" if other.end_reason is None else "counts for it"
-                raise TrialTakenError(f"trial {start.trial_id} is taken: episode {other.id} {state}")
-            row = {**episode_start_row(start), "uuid": identity, "process_id": self._process_id}
-            episode_id = _insert(connection, Episode, row)
-            directory = images_directory(episode_id) if start.keeps_images else ""
-            if directory:
-                connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
-        return EpisodeHandle(episode_id, identity, directory)
+            claims.place(connection, self._process_id, episode_id, start)
+
+    def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
+        """Let a placed episode run.
+
+        Raises:
+            EpisodeClosedError: it is not placed, or this process's no more.
+        """
+        with _transaction(self.engine) as connection:
+            claims.begin(connection, self._process_id, episode_id, entry)
+
+    def release(self, episode_id: int) -> bool:
+        """Give back a claim that never began, without a trace; False when it has begun or is gone."""
+        with _transaction(self.engine) as connection:
+            return claims.release(connection, episode_id)
 
     def append_step(self, episode_id: int, step: StepRecord) -> None:
-        """Write one step. Its images must be on disk before: then a committed step always has them."""
-        row = step_row(episode_id, step)
-        with _transaction(self.engine) as connection:
-            connection.execute(_INSERT_STEP, row)
-
-    def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
-        """Write an episode's end and its verdict, both or neither.
+        """Write one step. Its images must be on disk before: then a committed step always has them.
 
         Raises:
-            RecordError: it has ended already, for instance because another process took this one for dead.
+            EpisodeClosedError: the episode does not run here: another process took this one for dead.
         """
         with _transaction(self.engine) as connection:
-            done = connection.execute(
-                update(Episode)
-                .where(Episode.id == episode_id, Episode.end_reason.is_(None))
-                .values(**episode_end_row(end))
-            )
-            if done.rowcount != 1:
-                raise RecordError(f"episode {episode_id} has ended already: its end was written by another process")
-            if end.verdict is not None:
-                row = verdict_row(episode_id, end.verdict, author="vsnbench", source="protocol")
-                connection.execute(insert(VerdictTable), row)
+            claims.append_step(connection, self._process_id, episode_id, step)
 
-    def add_verdict(self, episode_id: int, verdict: Verdict, *, author: str, source: str = "person") -> None:
+    def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
+        """Write an episode's end and the protocol's verdict or proposal, both or neither.
+
+        A void end may come before the episode has begun: so an attempt that cannot begin says why.
+
+        Raises:
+            EpisodeClosedError: it has ended already, for instance because another process took this one for dead.
+        """
+        with _transaction(self.engine) as connection:
+            end_episode(connection, self._process_id, episode_id, end)
+
+    def judge(self, episode_id: int, verdict: Verdict, *, author: str, source: str = "person", note: str = "") -> None:
         """Append a judgement to an ended episode; from now on it stands.
+
+        Args:
+            episode_id: the episode's number.
+            verdict: the judgement; `success` None makes the episode void.
+            author: who judges.
+            source: `person`, `protocol`, `recovery` or `import`.
+            note: why, in the author's own words.
 
         Raises:
             UsageError: there is no such episode.
-            RecordError: it is still running.
+            EpisodeClosedError: it has not ended yet.
         """
         with _transaction(self.engine) as connection:
-            row = connection.execute(select(Episode.end_reason).where(Episode.id == episode_id)).first()
-            if row is None:
-                raise UsageError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
-            if row.end_reason is None:
-                raise RecordError(f"episode {episode_id} is still running: judge it when it has ended")
-            connection.execute(insert(VerdictTable), verdict_row(episode_id, verdict, author=author, source=source))
+            judge(connection, episode_id, verdict, author=author, source=source, note=note)
+
+    def import_campaign(
+        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], keep_files: KeepFiles | None = None
+    ) -> tuple[int, tuple[int, ...]]:
+        """Write another tool's episodes, one for each trial of the plan: all of them or none.
+
+        Args:
+            plan: of the campaign that they make.
+            episodes: what the tool said, in the order of the plan's trials.
+            keep_files: called for each episode with its place in the sequence and its directory, relative to the
+                results directory; it puts the episode's images there before anything is committed.
+
+        Returns:
+            The campaign's number and the episodes'.
+
+        Raises:
+            UsageError: a trial of the plan has an episode already that is not void.
+        """
+        with _transaction(self.engine) as connection:
+            return import_episodes(connection, self._process_id, plan, episodes, keep_files)
+
+    def withdraw_import(self, campaign_id: int, *, author: str, note: str = "") -> int:
+        """Make every episode of an imported campaign void, and return how many they were; the same can come again.
+
+        Raises:
+            UsageError: there is no such campaign, or it was run here.
+        """
+        with _transaction(self.engine) as connection:
+            return withdraw(connection, campaign_id, author=author, note=note)
 
     def add_event(
         self,
@@ -215,56 +199,21 @@ class Journal:
             connection.execute(insert(Event), {**row, "step_number": step_number, "created_at": datetime.now(UTC)})
 
     def recover(self) -> tuple[RecoveredEpisode, ...]:
-        """Close, as `interrupted`, the running episodes whose process is dead; their steps stay as they are."""
+        """Close, as `interrupted`, the running episodes whose process is dead; their steps stay as they are.
+
+        What such a process had claimed and not begun is released.
+        """
         here = this_process()
         with _transaction(reading(self.engine)) as connection:
             if not dead_episodes(connection, here):
                 return ()
         with _transaction(self.engine) as connection:
             # Looked at again under the lock: another process may have closed them first.
-            return tuple(interrupt(connection, row) for row in dead_episodes(connection, here))
-
-    def _create_campaign(self, connection: Connection, plan: CampaignPlan) -> int:
-        row = {
-            **campaign_row(plan),
-            "site_id": _find_or_insert(connection, Site, site_row(plan.site), ("sha256",)),
-            "robot_id": _find_or_insert(connection, Robot, robot_row(plan.robot), ("sha256", "backend")),
-            "model_id": _find_or_insert(connection, Model, model_row(plan.model), ("sha256",)),
-            "process_id": self._process_id,
-        }
-        campaign_id = _insert(connection, Campaign, row)
-        connection.execute(
-            insert(Trial),
-            [
-                {
-                    "campaign_id": campaign_id,
-                    "place": place,
-                    "goal": t.goal,
-                    "start": t.start,
-                    "repetition": t.repetition,
-                }
-                for place, t in enumerate(plan.trials)
-            ],
-        )
-        return campaign_id
-
-
-_INSERT_STEP = insert(Step)
+            found = [recover_one(connection, row) for row in dead_episodes(connection, here)]
+        return tuple(one for one in found if one is not None)
 
 
 @contextmanager
 def _transaction(engine: Engine) -> Iterator[Connection]:
     with record_errors(engine), engine.begin() as connection:
         yield connection
-
-
-def _insert(connection: Connection, table: type[Base], row: Row) -> int:
-    key: Any = connection.execute(insert(table), row).inserted_primary_key
-    return int(key[0])
-
-
-def _find_or_insert(connection: Connection, table: type[Base], row: Row, unique: tuple[str, ...]) -> int:
-    columns = table.__table__.c
-    same = [columns[name] == row[name] for name in unique]
-    found: int | None = connection.execute(select(columns.id).where(*same)).scalar()
-    return _insert(connection, table, row) if found is None else found

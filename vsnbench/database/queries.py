@@ -7,9 +7,19 @@ from typing import Any
 from sqlalchemy import Connection, Engine, Select, func, or_, select
 
 from vsnbench.database.engine import reading, record_errors
-from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
-from vsnbench.database.validity import counts, standing_verdict_id
-from vsnbench.database.views import (
+from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
+from vsnbench.database.read_model import (
+    COLLISION,
+    COUNTS,
+    DISTANCE_M,
+    DISTANCE_SOURCE,
+    END_REASON,
+    GOAL_INSTANCE,
+    SUCCESS,
+    episodes_of_campaigns,
+    episodes_of_trials,
+)
+from vsnbench.database.read_shapes import (
     CampaignState,
     EpisodeDetails,
     EpisodeFilter,
@@ -19,9 +29,9 @@ from vsnbench.database.views import (
     StepRow,
     VerdictRow,
 )
+from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.errors import UsageError
 from vsnbench.protocol.fix import Fix, PoseSource
-from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.pose import Pose
 
 
@@ -45,33 +55,9 @@ def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
     Raises:
         RecordError: the database cannot be read.
     """
-    query = _restricted(_summary_query(), which).with_only_columns(func.count(Episode.id))
+    query = _restricted(episodes_of_campaigns(func.count(Episode.id)), which)
     with _reader(engine) as connection:
         return int(connection.execute(query).scalar_one())
-
-
-def episode_summary(engine: Engine, episode_id: int) -> EpisodeSummary:
-    """Return one episode on one line.
-
-    Raises:
-        UsageError: there is no such episode.
-        RecordError: the database cannot be read.
-    """
-    with _reader(engine) as connection:
-        return _one_summary(connection, episode_id)
-
-
-def counting_episodes(engine: Engine, which: EpisodeFilter) -> tuple[EpisodeSummary, ...]:
-    """Return the one episode of each trial that counts: a result, and the first of its trial.
-
-    Unjudged ones are among them: they wait for a person's word, and a success rate leaves them out.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
-    query = _restricted(_summary_query().where(counts(Episode, Verdict)), which).order_by(Episode.id)
-    with _reader(engine) as connection:
-        return tuple(EpisodeSummary(*row) for row in connection.execute(query))
 
 
 def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
@@ -87,6 +73,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
         verdicts = connection.execute(
             select(
                 Verdict.created_at,
+                Verdict.proposed,
                 Verdict.success,
                 Verdict.end_reason,
                 Verdict.distance_m,
@@ -95,6 +82,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
                 Verdict.author,
                 Verdict.source,
                 Verdict.reason,
+                Verdict.note,
             )
             .where(Verdict.episode_id == episode_id)
             .order_by(Verdict.id)
@@ -104,21 +92,19 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             .where(Event.episode_id == episode_id)
             .order_by(Event.id)
         )
-        stands = connection.execute(
-            select(Episode.id)
-            .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
-            .where(Episode.id == episode_id, counts(Episode, Verdict))
-        ).first()
+        counts, goal_instance = connection.execute(
+            episodes_of_trials(COUNTS, GOAL_INSTANCE).where(Episode.id == episode_id)
+        ).one()
         return EpisodeDetails(
             summary=summary,
             seed=episode.seed,
             error=episode.error,
-            goal_instance=episode.goal_instance,
+            goal_instance=goal_instance,
             wall_duration_s=episode.wall_duration_s,
             geodesic_end_m=episode.geodesic_end_m,
             start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
             final=_fix(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
-            counts=stands is not None,
+            counts=bool(counts),
             verdicts=tuple(VerdictRow(*row) for row in verdicts),
             events=tuple(EventRow(*row) for row in events),
             provenance=_provenance(connection, episode_id),
@@ -171,10 +157,9 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
     """
     planned = select(func.count()).where(Trial.campaign_id == Campaign.id).correlate(Campaign).scalar_subquery()
     done = (
-        select(func.count(Episode.id))
+        select(func.count(func.distinct(Episode.trial_id)))
         .join(Trial, Trial.id == Episode.trial_id)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
-        .where(Trial.campaign_id == Campaign.id, counts(Episode, Verdict))
+        .where(Trial.campaign_id == Campaign.id, Episode.state.in_([state.value for state in RESULTS]))
         .correlate(Campaign)
         .scalar_subquery()
     )
@@ -207,41 +192,31 @@ def _reader(engine: Engine) -> Iterator[Connection]:
 
 def _summary_query() -> Select[*tuple[Any, ...]]:
     """Select the columns of EpisodeSummary, in its order."""
-    end_reason = func.coalesce(Verdict.end_reason, Episode.end_reason)
-    return (
-        select(
-            Episode.id,
-            Episode.uuid,
-            Campaign.id,
-            Campaign.name,
-            Model.name,
-            Robot.name,
-            Site.name,
-            Trial.goal,
-            Trial.start,
-            Trial.repetition,
-            Episode.origin,
-            end_reason,
-            Verdict.success,
-            Verdict.id.is_not(None),
-            Episode.actions,
-            func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m),
-            func.coalesce(Verdict.distance_source, Episode.distance_source),
-            func.coalesce(end_reason == EndReason.COLLISION.value, False),
-            Episode.path_length_m,
-            Episode.geodesic_start_m,
-            Episode.duration_s,
-            Episode.started_at,
-            Episode.ended_at,
-            Episode.images_directory,
-        )
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+    return episodes_of_campaigns(
+        Episode.id,
+        Episode.uuid,
+        Campaign.id,
+        Campaign.name,
+        Model.name,
+        Robot.name,
+        Site.name,
+        Trial.goal,
+        Trial.start,
+        Trial.repetition,
+        Episode.origin,
+        Episode.state,
+        END_REASON,
+        SUCCESS,
+        Episode.actions,
+        DISTANCE_M,
+        DISTANCE_SOURCE,
+        COLLISION,
+        Episode.path_length_m,
+        Episode.geodesic_start_m,
+        Episode.duration_s,
+        Episode.started_at,
+        Episode.ended_at,
+        Episode.images_directory,
     )
 
 
@@ -250,29 +225,32 @@ def _restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select
         query = query.where(Model.name == which.model)
     if which.goal:
         query = query.where(Trial.goal == which.goal)
-    if which.campaign:
-        same = [Campaign.name == which.campaign, Campaign.key.startswith(which.campaign, autoescape=True)]
-        if which.campaign.isdecimal():
-            same.append(Campaign.id == int(which.campaign))
+    if which.campaign.isdecimal() and len(which.campaign) < _SHORTEST_KEY:
+        query = query.where(or_(Campaign.id == int(which.campaign), Campaign.name == which.campaign))
+    elif which.campaign:
+        same = [Campaign.name == which.campaign]
+        if len(which.campaign) >= _SHORTEST_KEY:
+            same.append(Campaign.key.startswith(which.campaign, autoescape=True))
         query = query.where(or_(*same))
     match which.outcome:
         case "":
             return query
         case "success":
-            return query.where(Verdict.success.is_(True))
+            return query.where(SUCCESS.is_(True))
         case "failure":
-            return query.where(Verdict.success.is_(False))
+            return query.where(SUCCESS.is_(False))
         case "running":
-            return query.where(Episode.end_reason.is_(None))
+            return query.where(Episode.state.in_([state.value for state in ACTIVE]))
         case "unjudged":
-            results = [reason.value for reason in EndReason if reason.is_result]
-            return query.where(Verdict.id.is_(None), Episode.end_reason.in_(results))
+            return query.where(Episode.state == EpisodeState.AWAITING.value)
         case "void":
-            void = [reason.value for reason in EndReason if not reason.is_result]
-            unjudged_void = Verdict.id.is_(None) & Episode.end_reason.in_(void)
-            return query.where(or_(unjudged_void, Verdict.id.is_not(None) & Verdict.success.is_(None)))
+            return query.where(Episode.state == EpisodeState.VOID.value)
         case reason:
-            return query.where(func.coalesce(Verdict.end_reason, Episode.end_reason) == reason)
+            return query.where(END_REASON.in_([reason]))
+
+
+_SHORTEST_KEY = 8
+"""The beginning of a campaign's key has at least so many digits: a shorter number is the campaign's own."""
 
 
 def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
@@ -295,14 +273,17 @@ def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
             Process.platform,
             Model.weights_sha256,
             Model.weights_label,
+            Model.files,
+            Model.code,
             Model.settings,
-            Robot.backend,
+            Episode.model_runtime,
+            Robot.kind,
             Robot.profile,
             Site.sha256,
             Site.content,
             Campaign.protocol,
             Campaign.protocol_sha256,
-            Campaign.noise,
+            Campaign.conditions,
             Campaign.key,
             Campaign.seed,
         )

@@ -1,33 +1,37 @@
-"""Closes what dead processes left running: such an episode is `interrupted`, and its committed steps stay."""
+"""Closes what dead processes left: a running episode is `interrupted` and keeps its steps, a mere claim is released."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Connection, Row, Select, func, insert, select, update
 
+from vsnbench.database.claims import UNBEGUN, release
+from vsnbench.database.episode_entries import RecoveredEpisode
+from vsnbench.database.lifecycle import ACTIVE, LEASE, EpisodeState
 from vsnbench.database.provenance import ProcessIdentity
-from vsnbench.database.records import RecoveredEpisode
-from vsnbench.database.rows import verdict_row
+from vsnbench.database.row_encoding import verdict_row
 from vsnbench.database.tables import Episode, Event, Process, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
 from vsnbench.protocol.judge import EndReason, Verdict
 
-SILENCE_LIMIT = timedelta(minutes=15)
-"""A process that cannot be asked whether it lives (another machine or container) counts as dead after this."""
-
 
 def dead_episodes(connection: Connection, here: ProcessIdentity) -> list[Row[*tuple[Any, ...]]]:
-    """Return the running episodes whose process does not live, as far as the process `here` can know."""
-    return [row for row in connection.execute(_running()) if _is_dead(row, here, connection.dialect.name)]
+    """Return the open episodes whose process does not live, as far as the process `here` can know."""
+    return [row for row in connection.execute(_open_episodes()) if _is_dead(row, here, connection.dialect.name)]
 
 
-def interrupt(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEpisode:
-    """Close one of `dead_episodes` with what its steps tell."""
+def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEpisode | None:
+    """Close one of `dead_episodes`; None when it was a claim, or another process has closed it meanwhile."""
+    if row.state in UNBEGUN:
+        release(connection, row.id)
+        return None
     ended_at = row.last_step_at or row.started_at
-    connection.execute(
+    closed = connection.execute(
         update(Episode)
-        .where(Episode.id == row.id, Episode.end_reason.is_(None))
+        .where(Episode.id == row.id, Episode.state == EpisodeState.RUNNING.value)
         .values(
+            state=EpisodeState.VOID.value,
+            lease_until=None,
             ended_at=ended_at,
             end_reason=EndReason.INTERRUPTED.value,
             error=f"process {row.pid} on {row.host} died",
@@ -37,6 +41,8 @@ def interrupt(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEp
             wall_duration_s=(ended_at - row.started_at).total_seconds(),
         )
     )
+    if closed.rowcount != 1:
+        return None
     void = Verdict(EndReason.INTERRUPTED, None, "void: the process died; the trial must be run again")
     connection.execute(insert(VerdictTable), verdict_row(row.id, void, author="vsnbench", source="recovery"))
     connection.execute(
@@ -52,7 +58,8 @@ def interrupt(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEp
     return RecoveredEpisode(row.id, row.goal, row.start, row.steps, row.images_directory)
 
 
-def _running() -> Select[*tuple[Any, ...]]:
+def _open_episodes() -> Select[*tuple[Any, ...]]:
+    active = [state.value for state in ACTIVE]
     steps = (
         select(
             func.count().label("steps"),
@@ -62,14 +69,16 @@ def _running() -> Select[*tuple[Any, ...]]:
             Step.episode_id,
         )
         .join(Episode, Episode.id == Step.episode_id)
-        .where(Episode.end_reason.is_(None))
+        .where(Episode.state.in_(active))
         .group_by(Step.episode_id)
         .subquery()
     )
     return (
         select(
             Episode.id,
+            Episode.state,
             Episode.started_at,
+            Episode.lease_until,
             Episode.images_directory,
             Trial.campaign_id,
             Trial.goal,
@@ -87,7 +96,7 @@ def _running() -> Select[*tuple[Any, ...]]:
         .join(Trial, Trial.id == Episode.trial_id)
         .join(Process, Process.id == Episode.process_id)
         .outerjoin(steps, steps.c.episode_id == Episode.id)
-        .where(Episode.end_reason.is_(None))
+        .where(Episode.state.in_(active))
         .order_by(Episode.id)
     )
 
@@ -100,5 +109,5 @@ def _is_dead(running: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str
     # An SQLite file lies on a disk of this machine: who wrote to it under another kernel is gone.
     if dialect == "sqlite" and identity.boot_id != here.boot_id:
         return True
-    silence: timedelta = datetime.now(UTC) - (running.last_step_at or running.started_at)
-    return silence > SILENCE_LIMIT
+    until: datetime = running.lease_until or (running.last_step_at or running.started_at) + LEASE
+    return datetime.now(UTC) > until

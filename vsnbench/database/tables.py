@@ -3,25 +3,23 @@
 Times are aware and in UTC; poses are REP-103 (metres, radians); an unknown number is NULL, never NaN.
 """
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
-    JSON,
     BigInteger,
     CheckConstraint,
-    DateTime,
-    Dialect,
     ForeignKey,
     Index,
     Integer,
     MetaData,
     Text,
-    TypeDecorator,
     UniqueConstraint,
+    text,
 )
-from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from vsnbench.database.column_types import JsonValue, UtcDateTime
 
 NAMING_CONVENTION = {
     "ix": "ix_%(table_name)s_%(column_0_N_name)s",
@@ -30,30 +28,6 @@ NAMING_CONVENTION = {
     "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
     "pk": "pk_%(table_name)s",
 }
-
-
-class UtcDateTime(TypeDecorator[datetime]):
-    """An aware moment; SQLite, which has no time zones, keeps it as naive UTC."""
-
-    impl = DateTime(timezone=True)
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
-        """Refuse naive times, which mean nothing on another machine."""
-        if value is None:
-            return None
-        if value.tzinfo is None:
-            raise ValueError(f"a time in the record must be aware, not {value!r}")
-        return value.astimezone(UTC)
-
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
-        """Give back an aware time in UTC."""
-        if value is None:
-            return None
-        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
-
-
-JsonValue = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgresql")
 
 
 class Base(DeclarativeBase):
@@ -65,7 +39,6 @@ class Base(DeclarativeBase):
         datetime: UtcDateTime,
         dict[str, Any]: JsonValue,
         list[str]: JsonValue,
-        list[int]: JsonValue,
     }
 
 
@@ -82,17 +55,18 @@ class Site(Base):
 
 
 class Robot(Base):
-    """A robot's profile and what carried out its actions (`simulated`, `ros`, or a plug-in's name)."""
+    """A robot as the thing at the other end says who it is: never as somebody typed its name."""
 
     __tablename__ = "robot"
-    __table_args__ = (UniqueConstraint("sha256", "backend"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str]
     title: Mapped[str]
-    backend: Mapped[str]
+    kind: Mapped[str]
+    """`simulated`, `ros1`, `package.module:Class` of a plug-in, or `imported`."""
     simulated: Mapped[bool]
-    sha256: Mapped[str]
+    sha256: Mapped[str] = mapped_column(unique=True)
+    """Hash of kind, profile, code, and whether it is simulated."""
     profile: Mapped[dict[str, Any]]
 
 
@@ -106,6 +80,10 @@ class Model(Base):
     sha256: Mapped[str] = mapped_column(unique=True)
     weights_sha256: Mapped[str]
     weights_label: Mapped[str]
+    files: Mapped[dict[str, Any]]
+    """SHA-256 of the files that were handed to it, by what they were handed over as (`weights`, `model_config`)."""
+    code: Mapped[dict[str, Any]]
+    """Its class, the hash of its source, its package's version and commit; empty for what vsnbench brings along."""
     settings: Mapped[dict[str, Any]]
     goals: Mapped[list[str] | None]
     """The goal categories it knows; NULL for any."""
@@ -142,13 +120,13 @@ class Process(Base):
 
 
 class Campaign(Base):
-    """A plan: one model on one robot in one site, goals x starting positions x repetitions."""
+    """A condition (model, robot, site, protocol, conditions) and a seed; its plan is its trials, and may grow."""
 
     __tablename__ = "campaign"
 
     id: Mapped[int] = mapped_column(primary_key=True)
     key: Mapped[str] = mapped_column(unique=True)
-    """Hash of everything that makes trials comparable: the same command finds the same campaign."""
+    """Hash of the condition and the seed: whoever asks for more of the same finds the same campaign."""
     name: Mapped[str]
     created_at: Mapped[datetime]
     site_id: Mapped[int] = mapped_column(ForeignKey("site.id"), index=True)
@@ -158,17 +136,14 @@ class Campaign(Base):
     """The process that created it; each episode names its own."""
     protocol: Mapped[dict[str, Any]]
     protocol_sha256: Mapped[str]
-    noise: Mapped[dict[str, Any]]
-    """Noise settings of the simulated sensors and odometry; empty for none."""
-    goals: Mapped[list[str]]
-    starts: Mapped[list[int]]
-    repetitions: Mapped[int]
+    conditions: Mapped[dict[str, Any]]
+    """What else results depend on, as the robot says: `noise` (settings of simulated noise; absent for none), filters,
+    command lag, the simulator's version."""
     seed: Mapped[int] = mapped_column(BigInteger)
-    shuffled: Mapped[bool]
 
 
 class Trial(Base):
-    """One planned cell of a campaign."""
+    """One planned cell of a campaign: a goal, a starting position and a repetition."""
 
     __tablename__ = "trial"
     __table_args__ = (
@@ -183,17 +158,26 @@ class Trial(Base):
     """Number of the starting position."""
     repetition: Mapped[int]
     """From 1."""
-    place: Mapped[int]
-    """Rank in the campaign's order, from 0."""
+    rank: Mapped[int]
+    """In which order the trials were planned, from 0."""
+
+
+_ACTIVE = text("state IN ('claimed', 'placed', 'running')")
 
 
 class Episode(Base):
-    """One attempt at a trial; `end_reason` is NULL while it runs."""
+    """One attempt at a trial; `end_reason` is NULL until it has ended."""
 
     __tablename__ = "episode"
     __table_args__ = (
         CheckConstraint("(end_reason IS NULL) = (ended_at IS NULL)", name="ends_with_a_reason"),
-        Index(None, "end_reason"),
+        CheckConstraint(
+            "state IN ('claimed', 'placed', 'running', 'awaiting', 'judged', 'void') "
+            "AND (state IN ('claimed', 'placed', 'running')) = (end_reason IS NULL)",
+            name="state_fits_the_end",
+        ),
+        # Nobody claims a trial that somebody is at, whatever any program believes.
+        Index("uq_episode_active_trial_id", "trial_id", unique=True, sqlite_where=_ACTIVE, postgresql_where=_ACTIVE),
         {"sqlite_autoincrement": True},  # a number, once given, names a directory: it is never given again
     )
 
@@ -203,8 +187,13 @@ class Episode(Base):
     process_id: Mapped[int] = mapped_column(ForeignKey("process.id"), index=True)
     origin: Mapped[str]
     """`run`, or `imported` from another tool."""
+    state: Mapped[str]
+    """`claimed`, `placed`, `running`, `awaiting` (a person's judgement), `judged` or `void`."""
+    lease_until: Mapped[datetime | None]
+    """Until when its process holds it without another sign of life; NULL once it has ended."""
     seed: Mapped[int] = mapped_column(BigInteger)
     started_at: Mapped[datetime]
+    """When it began; before that, when it was claimed."""
     ended_at: Mapped[datetime | None]
     end_reason: Mapped[str | None]
     """A value of `vsnbench.protocol.judge.EndReason`, as it ended; a later verdict may know better."""
@@ -227,12 +216,16 @@ class Episode(Base):
     start_x_m: Mapped[float | None]
     start_y_m: Mapped[float | None]
     start_heading_rad: Mapped[float | None]
+    start_source: Mapped[str | None]
+    """How the pose at the start is known: a value of `vsnbench.protocol.fix.PoseSource`."""
     final_x_m: Mapped[float | None]
     final_y_m: Mapped[float | None]
     final_heading_rad: Mapped[float | None]
     final_source: Mapped[str | None]
     images_directory: Mapped[str]
     """Relative to the results directory; empty when no images were kept."""
+    model_runtime: Mapped[dict[str, Any] | None]
+    """On what the model ran (device, runtime, threads): provenance, no part of its identity."""
 
 
 class Step(Base):
@@ -301,14 +294,16 @@ class Event(Base):
 
 
 class Verdict(Base):
-    """A judgement of an episode; append-only, the latest stands."""
+    """A judgement of an episode, or a proposal for one; append-only, the latest judgement stands."""
 
     __tablename__ = "verdict"
-    __table_args__ = (Index(None, "episode_id", "id"),)
+    __table_args__ = (Index(None, "episode_id", "proposed", "id"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
     episode_id: Mapped[int] = mapped_column(ForeignKey("episode.id"))
     created_at: Mapped[datetime]
+    proposed: Mapped[bool]
+    """The protocol's own estimate of a real robot's result: it never stands, a person confirms or overrules it."""
     success: Mapped[bool | None]
     """NULL for a void attempt."""
     end_reason: Mapped[str]
@@ -320,3 +315,6 @@ class Verdict(Base):
     source: Mapped[str]
     """`protocol` (the judge), `person`, `recovery` or `import`."""
     reason: Mapped[str]
+    """The judgement in words."""
+    note: Mapped[str]
+    """Why the author judged so, in the author's own words; may be empty."""

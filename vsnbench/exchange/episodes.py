@@ -8,8 +8,9 @@ from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
 from vsnbench.database.engine import record_errors
-from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Step, Trial, Verdict
-from vsnbench.database.validity import counts, standing_verdict_id
+from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
+from vsnbench.database.tables import Episode, Model, Robot, Site, Step, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.pose import Pose
 
@@ -70,13 +71,10 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
         RecordError: the database cannot be used.
     """
     query = (
-        select(Episode, Trial, Verdict, Model.name, Robot.name, Robot.simulated, Site.name, counts(Episode, Verdict))
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        episodes_of_campaigns(
+            *(Episode, Trial, Model.name, Robot.name, Robot.simulated, Site.name),
+            *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value)),
+        )
         .where(Episode.end_reason.is_not(None))
         .order_by(Episode.id)
     )
@@ -97,14 +95,15 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
 def _exported(
     episode: Episode,
     trial: Trial,
-    verdict: Verdict | None,
     model: str,
     robot: str,
     simulated: bool,
     site: str,
-    counts_for_trial: bool,
+    end_reason: str,
+    success: bool | None,
+    distance_m: float | None,
+    counts: bool,
 ) -> ExportedEpisode:
-    distance_m = verdict.distance_m if verdict else None
     return ExportedEpisode(
         id=episode.id,
         model=model,
@@ -114,12 +113,12 @@ def _exported(
         goal=trial.goal,
         start=trial.start,
         repetition=trial.repetition,
-        end_reason=(verdict.end_reason if verdict else episode.end_reason) or "",
-        success=verdict.success if verdict else None,
-        counts=bool(counts_for_trial) and verdict is not None,
+        end_reason=end_reason,
+        success=success,
+        counts=bool(counts),
         actions=episode.actions,
         started_at=episode.started_at,
-        distance_to_goal_m=episode.distance_to_goal_m if distance_m is None else distance_m,
+        distance_to_goal_m=distance_m,
         path_length_m=episode.path_length_m,
         geodesic_start_m=episode.geodesic_start_m,
         geodesic_end_m=episode.geodesic_end_m,

@@ -2,22 +2,18 @@
 
 import hashlib
 import math
+import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.database.episode_entries import EpisodeEnd, StepRecord
+from vsnbench.database.importing import IMPORTED, ImportedEpisode
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import (
-    CampaignPlan,
-    EpisodeEnd,
-    EpisodeStart,
-    ModelIdentity,
-    PlannedTrial,
-    StepRecord,
-    TrialRecord,
-)
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.habitat import HabitatEpisode
 from vsnbench.exchange.upstream_log import LoggedEpisode
@@ -61,82 +57,90 @@ def import_upstream_log(
     robot: RobotProfile,
     source: Path,
     start: int = NO_NUMBER,
-) -> tuple[int, ...]:
-    """Write the episodes of an upstream log folder, unjudged, and return their numbers.
+) -> tuple[int, tuple[int, ...]]:
+    """Write the episodes of an upstream log folder, unjudged; return the numbers of their campaign and of each.
+
+    All of them come in with all their pictures, or nothing does.
 
     Raises:
         UsageError: they are in the record already.
         RecordError: the record or a picture cannot be used.
     """
-    protocol = ProtocolParameters()
-    trials = _trials(journal, [episode.goal for episode in episodes], start, model, site, robot, False, source)
-    numbers = []
-    for episode, trial in zip(episodes, trials, strict=True):
-        moment = episode.started_at or datetime.now(UTC)
-        handle = journal.begin_episode(
-            EpisodeStart(trial.id, seed=0, keeps_images=bool(episode.pictures), origin="imported", started_at=moment)
-        )
-        for number, action in enumerate(episode.actions, start=1):
-            if episode.pictures:
-                _keep_picture(episode.pictures[number - 1], results_directory / handle.images_directory, number)
-            unknown = MotionResult(completed=True, displacement_m=math.nan, turn_rad=math.nan, duration_s=math.nan)
-            journal.append_step(handle.id, StepRecord(number, action.action, action.raw_action, unknown))
-        journal.end_episode(
-            handle.id,
-            EpisodeEnd(
-                end_reason=_end(len(episode.actions), episode.stopped, protocol),
-                actions=len(episode.actions),
-                error="" if episode.stopped else "the imported log ends without STOP",
-                ended_at=moment,
-            ),
-        )
-        numbers.append(handle.id)
-    return tuple(numbers)
+    plan = _plan([episode.goal for episode in episodes], start, model, site, robot, False, source)
+    with tempfile.TemporaryDirectory(dir=results_directory, prefix=".import-") as folder:
+        staged = [Path(folder) / str(place) for place in range(len(episodes))]
+        for directory, episode in zip(staged, episodes, strict=True):
+            for number, picture in enumerate(episode.pictures, start=1):
+                _stage_picture(picture, directory / "rgb" / f"{number:04d}.jpg")
+        placed: list[Path] = []
+
+        def keep(place: int, directory: str) -> None:
+            target = results_directory / directory
+            placed.append(target)
+            shutil.rmtree(target, ignore_errors=True)  # a number that was never committed: a killed import left it
+            target.parent.mkdir(parents=True, exist_ok=True)
+            staged[place].rename(target)
+
+        try:
+            return journal.import_campaign(plan, [_logged(episode) for episode in episodes], keep)
+        except BaseException as error:
+            for directory in placed:
+                shutil.rmtree(directory, ignore_errors=True)
+            if isinstance(error, OSError):
+                raise RecordError(f"cannot keep the pictures in {results_directory}: {error.strerror}") from error
+            raise
+
+
+def _logged(episode: LoggedEpisode) -> ImportedEpisode:
+    unknown = MotionResult(completed=True, displacement_m=math.nan, turn_rad=math.nan, duration_s=math.nan)
+    moment = episode.started_at or datetime.now(UTC)
+    return ImportedEpisode(
+        end=EpisodeEnd(
+            end_reason=_end(len(episode.actions), episode.stopped, ProtocolParameters()),
+            actions=len(episode.actions),
+            error="" if episode.stopped else "the imported log ends without STOP",
+            ended_at=moment,
+        ),
+        steps=[
+            StepRecord(number, action.action, action.raw_action, unknown)
+            for number, action in enumerate(episode.actions, start=1)
+        ],
+        started_at=moment,
+        has_images=bool(episode.pictures),
+    )
 
 
 def import_habitat(
     journal: Journal, episodes: Sequence[HabitatEpisode], *, model: str, site: Site, source: Path
-) -> tuple[int, ...]:
-    """Write a simulator's judged episodes and return their numbers.
+) -> tuple[int, tuple[int, ...]]:
+    """Write a simulator's judged episodes, all or none; return the numbers of their campaign and of each.
 
     Raises:
         UsageError: they are in the record already.
         RecordError: the record cannot be used.
     """
-    protocol = ProtocolParameters()
     goals = [episode.goal for episode in episodes]
-    trials = _trials(journal, goals, NO_NUMBER, model, site, habitat_agent(), True, source)
-    numbers = []
-    for episode, trial in zip(episodes, trials, strict=True):
-        handle = journal.begin_episode(
-            EpisodeStart(
-                trial.id, seed=0, geodesic_m=episode.geodesic_distance_m, keeps_images=False, origin="imported"
-            )
-        )
-        capped = not episode.success and episode.steps >= protocol.max_actions
-        reason = EndReason.STEP_LIMIT if capped else EndReason.STOP
-        journal.end_episode(
-            handle.id, EpisodeEnd(end_reason=reason, actions=episode.steps, path_length_m=episode.path_length_m)
-        )
-        distance = None
-        if episode.distance_to_goal_m is not None:
-            distance = GoalDistance(episode.distance_to_goal_m, PoseSource.SIMULATED)
-        verdict = Verdict(reason, episode.success, "as the simulator's results say", distance)
-        journal.add_verdict(handle.id, verdict, author="habitat", source="import")
-        numbers.append(handle.id)
-    return tuple(numbers)
+    plan = _plan(goals, NO_NUMBER, model, site, habitat_agent(), True, source)
+    return journal.import_campaign(plan, [_simulated(episode) for episode in episodes])
 
 
-def _trials(
-    journal: Journal,
-    goals: Sequence[str],
-    start: int,
-    model: str,
-    site: Site,
-    robot: RobotProfile,
-    simulated: bool,
-    source: Path,
-) -> list[TrialRecord]:
+def _simulated(episode: HabitatEpisode) -> ImportedEpisode:
+    capped = not episode.success and episode.steps >= ProtocolParameters().max_actions
+    reason = EndReason.STEP_LIMIT if capped else EndReason.STOP
+    distance = None
+    if episode.distance_to_goal_m is not None:
+        distance = GoalDistance(episode.distance_to_goal_m, PoseSource.SIMULATED)
+    return ImportedEpisode(
+        end=EpisodeEnd(end_reason=reason, actions=episode.steps, path_length_m=episode.path_length_m),
+        geodesic_m=episode.geodesic_distance_m,
+        judged=Verdict(reason, episode.success, "as the simulator's results say", distance),
+        author="habitat",
+    )
+
+
+def _plan(
+    goals: Sequence[str], start: int, model: str, site: Site, robot: RobotProfile, simulated: bool, source: Path
+) -> CampaignPlan:
     """Plan one trial an episode; the content of the source makes the campaign its own."""
     seen: Counter[str] = Counter()
     planned = []
@@ -144,19 +148,15 @@ def _trials(
         seen[goal] += 1
         planned.append(PlannedTrial(goal, start, seen[goal]))
     digest = hashlib.sha256(source.read_bytes()).digest()
-    plan = CampaignPlan(
+    return CampaignPlan(
         site=site,
-        robot=RobotIdentity(robot, "imported", simulated),
+        robot=RobotIdentity(robot, IMPORTED, simulated),
         model=ModelIdentity(model),
         protocol=ProtocolParameters(),
         seed=int.from_bytes(digest[:7], "big"),
         trials=planned,
         name=f"{model}, imported from {source.name}",
     )
-    campaign = journal.find_or_create_campaign(plan)
-    if campaign.resumed and len(journal.trials_left(campaign.id)) < len(campaign.trials):
-        raise UsageError(f"{source} is in the record already, as campaign {campaign.id}")
-    return list(campaign.trials)
 
 
 def _end(actions: int, stopped: bool, protocol: ProtocolParameters) -> EndReason:
@@ -166,11 +166,11 @@ def _end(actions: int, stopped: bool, protocol: ProtocolParameters) -> EndReason
     return EndReason.STOP if stopped else EndReason.ABORTED
 
 
-def _keep_picture(source: Path, directory: Path, number: int) -> None:
+def _stage_picture(source: Path, target: Path) -> None:
     import cv2
 
     content = read_confined(source.parent, source.name)
     picture = decode_picture(content, cv2.IMREAD_COLOR) if content else None
     if picture is None:
-        raise RecordError(f"{source} is not a picture")
-    write_whole(directory / "rgb" / f"{number:04d}.jpg", encode_jpeg(picture[..., ::-1]))
+        raise RecordError(f"{source} is not a picture: nothing was imported")
+    write_whole(target, encode_jpeg(picture[..., ::-1]))

@@ -8,11 +8,12 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database.engine import record_errors
 from vsnbench.database.interventions import INTERVENTION, interventions
-from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial, Verdict
-from vsnbench.database.validity import counts, standing_verdict_id
+from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.read_model import COUNTS, RUNNING
+from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.conditions import read_conditions
-from vsnbench.report.record import RUNNING, Record, Selection, trial_filter
+from vsnbench.report.record import Record, Selection, trial_filter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,8 +92,7 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
     counted = (
         select(Episode.id, Trial.campaign_id)
         .join(Trial, Trial.id == Episode.trial_id)
-        .join(Verdict, Verdict.id == standing_verdict_id(Episode.id))
-        .where(*trials, counts(Episode, Verdict))
+        .where(*trials, COUNTS, Episode.state == EpisodeState.JUDGED.value)
         .offset(0)
         .subquery()
     )

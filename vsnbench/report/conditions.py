@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, select
 
+from vsnbench.database.engine import to_json
 from vsnbench.database.tables import Campaign, Model, Robot, Site
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ class Condition:
     """The model is handed the site: an upper bound, not a competitor."""
     robot: str
     robot_title: str
-    backend: str
-    """What carried out the actions; the tool it came from where the results were imported."""
+    kind: str
+    """Of the robot: `simulated`, `ros1`, a plug-in's class, or `imported`."""
     simulated: bool
     site: str
     site_sha256: str
@@ -41,8 +42,8 @@ class Condition:
     """The parameters it was run under, as recorded."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Of the model, as recorded."""
-    noise: Mapping[str, Any] = field(default_factory=dict)
-    """Of the simulated sensors and odometry; empty for none."""
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    """What else results depend on, as the robot said: `noise` of the simulated sensors and odometry, filters, lag."""
     name: str = ""
     """The model's name, made unique among the conditions of a report by as little as tells them apart: the label in
     every table and figure."""
@@ -59,7 +60,7 @@ class Condition:
     @property
     def noisy(self) -> bool:
         """Whether sensors and odometry were given noise."""
-        return bool(self.noise)
+        return bool(self.conditions.get("noise"))
 
     @property
     def max_actions(self) -> int | None:
@@ -96,10 +97,10 @@ def footnotes(conditions: Sequence[Condition]) -> tuple[str, ...]:
 def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[Condition, ...], dict[int, int]]:
     """Return the conditions and campaign id -> number of its condition."""
     rows = connection.execute(
-        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.noise, Campaign.seed)
+        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.conditions, Campaign.seed)
         .add_columns(Model.id.label("model_id"), Model.name.label("model"), Model.weights_label, Model.weights_sha256)
         .add_columns(Model.surveyed, Model.settings)
-        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.backend, Robot.simulated)
+        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.kind, Robot.simulated)
         .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
         .join(Model, Model.id == Campaign.model_id)
         .join(Robot, Robot.id == Campaign.robot_id)
@@ -109,8 +110,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
     ).all()
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
-        noise = repr(sorted((row.noise or {}).items(), key=repr))
-        key = (row.model_id, row.robot_id, row.site_sha256, row.protocol_sha256, noise)
+        key = (row.model_id, row.robot_id, row.site_sha256, row.protocol_sha256, to_json(row.conditions, in_order=True))
         groups.setdefault(key, []).append(row)
     conditions = []
     condition_of: dict[int, int] = {}
@@ -126,7 +126,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
                 surveyed=first.surveyed,
                 robot=first.robot,
                 robot_title=first.title,
-                backend=first.backend,
+                kind=first.kind,
                 simulated=first.simulated,
                 site=first.site,
                 site_sha256=first.site_sha256,
@@ -134,7 +134,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
                 seeds=tuple(row.seed for row in members),
                 protocol=first.protocol or {},
                 settings=first.settings or {},
-                noise=first.noise or {},
+                conditions=first.conditions or {},
             )
         )
     return name_apart(conditions), condition_of
@@ -212,10 +212,10 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     protocol = {
         name: each for name, each in condition.protocol.items() if name not in ("max_actions", "success_distance_m")
     }
-    for kind, settings in (("model", condition.settings), ("protocol", protocol), ("noise", condition.noise)):
+    for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", condition.conditions)):
         for name, value in _flat(settings):
             yield f"{kind} {name}", f"{name}={value}"
-    yield "backend", f"through {condition.backend}"
+    yield "kind", f"through {condition.kind}"
 
 
 def _flat(settings: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

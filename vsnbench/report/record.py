@@ -8,21 +8,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Connection, Engine, Select, and_, case, func, select, type_coerce
+from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
 
 from vsnbench.database.engine import record_errors
-from vsnbench.database.tables import Episode, Site, Trial, Verdict
-from vsnbench.database.validity import is_result, standing_verdict_id
+from vsnbench.database.read_model import (
+    COUNTED,
+    DISTANCE_M,
+    END_REASON,
+    PART,
+    RUNNING,
+    SUCCESS,
+    SUPERSEDED,
+    UNJUDGED,
+    VOID,
+    episodes_of_trials,
+)
+from vsnbench.database.tables import Episode, Site, Trial
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.report.conditions import Condition, read_conditions
 
 if TYPE_CHECKING:
     import pandas as pd
-
-COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING = "counted", "unjudged", "void", "superseded", "running"
-"""States of an episode: a trial's one result; a result that awaits its verdict; no result; a second result of a trial
-that has one; not ended."""
 
 COLUMNS: dict[str, str] = {
     "episode": "number of the episode",
@@ -131,41 +138,29 @@ def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any
 
 def episodes_query() -> Select[Any]:
     """Select every episode with its trial and its standing verdict, in the order of their numbers."""
-    result = is_result(Episode, Verdict)
-    state = case(
-        (Episode.end_reason.is_(None), RUNNING),
-        (and_(result, Verdict.id.is_(None)), UNJUDGED),
-        (result, COUNTED),
-        else_=VOID,
-    )
-    return (
-        select(
-            Episode.id,
-            Trial.campaign_id,
-            Episode.process_id,
-            Trial.id,
-            Trial.goal,
-            Trial.start,
-            Trial.repetition,
-            state,
-            func.coalesce(Verdict.end_reason, Episode.end_reason),
-            type_coerce(func.coalesce(Verdict.success, False), NullType()),
-            Episode.actions,
-            Episode.path_length_m,
-            Episode.geodesic_start_m,
-            Episode.geodesic_end_m,
-            func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m),
-            Episode.duration_s,
-            Episode.wall_duration_s,
-            # As the driver gives it: pandas reads 200,000 times at once, SQLAlchemy would one by one.
-            type_coerce(Episode.started_at, NullType()),
-            type_coerce(Episode.ended_at, NullType()),
-            Episode.images_directory,
-        )
-        .join(Trial, Trial.id == Episode.trial_id)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
-        .order_by(Episode.id)
-    )
+    return episodes_of_trials(
+        Episode.id,
+        Trial.campaign_id,
+        Episode.process_id,
+        Trial.id,
+        Trial.goal,
+        Trial.start,
+        Trial.repetition,
+        PART,
+        END_REASON,
+        type_coerce(func.coalesce(SUCCESS, False), NullType()),
+        Episode.actions,
+        Episode.path_length_m,
+        Episode.geodesic_start_m,
+        Episode.geodesic_end_m,
+        DISTANCE_M,
+        Episode.duration_s,
+        Episode.wall_duration_s,
+        # As the driver gives it: pandas reads 200,000 times at once, SQLAlchemy would one by one.
+        type_coerce(Episode.started_at, NullType()),
+        type_coerce(Episode.ended_at, NullType()),
+        Episode.images_directory,
+    ).order_by(Episode.id)
 
 
 def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
@@ -184,9 +179,6 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
     for name in ("goal", "end_reason"):
         frame[name] = frame[name].astype("category")
     frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
-    results = frame["state"].isin([COUNTED, UNJUDGED])
-    later = frame.loc[results, "trial"].duplicated(keep="first")
-    frame.loc[later[later].index, "state"] = SUPERSEDED
     frame.insert(1, "condition", frame["campaign"].map(dict(condition_of)).astype(np.int64))
     frame["spl"] = spl_of(frame)
     frame["soft_spl"] = soft_spl_of(frame)

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from vsnbench.database.read_model import COUNTED, RUNNING, UNJUDGED, VOID
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.conditions import Condition
-from vsnbench.report.record import COUNTED, RUNNING, UNJUDGED, VOID, Record, goal_order
+from vsnbench.report.record import Record, goal_order
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
 

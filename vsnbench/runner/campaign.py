@@ -1,10 +1,9 @@
 """The plan of a campaign: which trials there are, in which order, each with its own seed."""
 
-import hashlib
 import random
 from collections.abc import Sequence
 
-from vsnbench.database.records import PlannedTrial
+from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
@@ -31,12 +30,6 @@ def plan_trials(
     if shuffle_seed is not None:
         random.Random(shuffle_seed).shuffle(trials)  # noqa: S311 - an order, not a secret
     return tuple(trials)
-
-
-def trial_seed(campaign_seed: int, goal: str, start: int, repetition: int) -> int:
-    """Return the seed of a trial's episodes: of the trial itself, whatever the order it is run in."""
-    text = f"{campaign_seed}/{goal}/{start}/{repetition}"
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
 def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:

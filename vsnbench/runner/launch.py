@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, OpenCampaign
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import gather_provenance
-from vsnbench.database.records import CampaignPlan, CampaignRecord, ModelIdentity
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
@@ -61,7 +61,7 @@ class RunRequest:
 class Launched:
     """A campaign, and what the session just run has made of it."""
 
-    campaign: CampaignRecord
+    campaign: OpenCampaign
     result: SessionResult
 
 
@@ -99,8 +99,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
-            noise=robot.conditions.get("noise", {}),
-            shuffled=request.shuffle,
+            conditions=robot.conditions,
         )
         request.results.prepare()
         journal = stack.enter_context(Journal.open(request.results.database_url))
@@ -124,7 +123,6 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             campaign,
             site,
             parameters,
-            request.seed,
             robot,
             policy,
             partial(EpisodeRecorderFanOut, target),
@@ -184,9 +182,9 @@ def _warn_of_site_faults(site: Site, robot: Robot, parameters: ProtocolParameter
 
 
 def _progress(
-    journal: Journal, campaign: CampaignRecord, policy: Policy, site: Site, parameters: ProtocolParameters
+    journal: Journal, campaign: OpenCampaign, policy: Policy, site: Site, parameters: ProtocolParameters
 ) -> CampaignProgress:
-    done = journal.outcomes(campaign.id)
+    done = journal.standing(campaign).outcomes
     if campaign.resumed and done:
         logger.info("campaign %d goes on", campaign.id)
     return CampaignProgress(

@@ -18,7 +18,7 @@ class OperatorNotes:
         Raises:
             RecordError: it cannot be written.
         """
-        self._journal.add_verdict(episode_id, verdict, author=self._name)
+        self._journal.judge(episode_id, verdict, author=self._name)
 
     def intervention(self, episode_id: int, step_number: int, what: str) -> None:
         """Note what was done to the robot in or after an episode; `step_number` is its last action, 0 for none.

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, StepRecord, StepTimings
 from vsnbench.database.interventions import INTERVENTION, intervention_words
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import EpisodeEnd, EpisodeHandle, EpisodeStart, StepRecord, StepTimings, TrialRecord
 from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision_check import SENSING
 from vsnbench.protocol.fix import Fix
@@ -43,12 +43,11 @@ class RecordingTarget:
 
 
 class EpisodeRecorderFanOut:
-    """The recorder of one episode of one trial."""
+    """The recorder of one claimed episode."""
 
-    def __init__(self, target: RecordingTarget, trial: TrialRecord) -> None:
+    def __init__(self, target: RecordingTarget, claim: Claim) -> None:
         self._target = target
-        self._trial = trial
-        self._handle: EpisodeHandle | None = None
+        self._claim = claim
         self._plan: EpisodePlan | None = None
         self._images: EpisodeImages | None = None
         self._sink: EpisodeSink | None = None
@@ -60,23 +59,22 @@ class EpisodeRecorderFanOut:
 
     @property
     def episode_id(self) -> int:
-        """The episode's number; 0 before it has begun."""
-        return self._handle.id if self._handle else 0
+        """The episode's number."""
+        return self._claim.id
 
     def begin(self, plan: EpisodePlan, start: Fix) -> None:
         """Open the episode in the database, its directory and the viewer's sink."""
-        target, trial = self._target, self._trial
+        target, claim = self._target, self._claim
         self._plan = plan
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
-        self._handle = target.journal.begin_episode(
-            EpisodeStart(trial_id=trial.id, seed=plan.seed, pose=start.pose, geodesic_m=geodesic_m)
-        )
-        directory = target.results.episode_directory(self._handle.images_directory)
+        target.journal.place(claim.id, start)
+        target.journal.begin(claim.id, EpisodeBegin(geodesic_m))
+        directory = target.results.episode_directory(claim.images_directory)
         self._images = EpisodeImages(directory)
         header = EpisodeHeader(
-            episode_id=self._handle.id,
-            uuid=self._handle.uuid,
+            episode_id=claim.id,
+            uuid=claim.uuid,
             goal=plan.goal,
             model=target.model,
             robot=target.robot.title,

@@ -4,14 +4,14 @@ import logging
 from dataclasses import dataclass
 from typing import Protocol
 
+from vsnbench.database.campaign_plan import OpenCampaign
+from vsnbench.database.episode_entries import Claim
 from vsnbench.database.journal import Journal
-from vsnbench.database.records import CampaignRecord, TrialRecord
-from vsnbench.errors import RobotError, TrialTakenError
+from vsnbench.errors import EpisodeClosedError, RobotError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.campaign import trial_seed
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, EpisodeRecorder, run_episode
 from vsnbench.runner.stopping import StopSignals
 
@@ -35,9 +35,9 @@ class SessionRecorder(EpisodeRecorder, Protocol):
 
 
 class RecorderFactory(Protocol):
-    """Makes the recorder of a trial's next episode."""
+    """Makes the recorder of a claimed episode."""
 
-    def __call__(self, trial: TrialRecord) -> SessionRecorder:
+    def __call__(self, claim: Claim) -> SessionRecorder:
         """Return a recorder that has not begun."""
         ...
 
@@ -67,10 +67,9 @@ class SessionResult:
 
 def run_session(
     journal: Journal,
-    campaign: CampaignRecord,
+    campaign: OpenCampaign,
     site: Site,
     parameters: ProtocolParameters,
-    seed: int,
     robot: Robot,
     policy: Policy,
     new_recorder: RecorderFactory,
@@ -88,26 +87,24 @@ def run_session(
     """
     episodes = void = in_a_row = 0
     because = ""
-    for trial in journal.trials_left(campaign.id):
+    wanted = [trial.id for trial in campaign.trials]
+    while (claim := journal.claim_next(campaign.id, wanted)) is not None:
+        trial = claim.trial
+        wanted = wanted[wanted.index(trial.id) + 1 :]
         watcher.episode_begins(trial.goal, trial.start)
-        plan = EpisodePlan(
-            site,
-            trial.goal,
-            site.start(trial.start),
-            trial_seed(seed, trial.goal, trial.start, trial.repetition),
-            parameters,
-        )
-        recorder = new_recorder(trial)
+        plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
+        recorder = new_recorder(claim)
         try:
             outcome = run_episode(robot, policy, plan, recorder, stop)
-        except TrialTakenError as taken:
-            logger.info("%s", taken)
+        except EpisodeClosedError as closed:
+            logger.warning("%s", closed)
             continue
         except RobotError as error:
             because = str(error)
             break
         finally:
             recorder.close()
+            journal.release(claim.id)
         episodes += 1
         watcher.episode_ends(recorder.episode_id, trial.goal, trial.start, outcome)
         is_void = outcome.verdict.success is None
@@ -116,4 +113,4 @@ def run_session(
         if in_a_row == VOID_IN_A_ROW:
             because = f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
             break
-    return SessionResult(episodes, void, len(journal.trials_left(campaign.id)), because)
+    return SessionResult(episodes, void, len(journal.standing(campaign).left), because)

@@ -3,13 +3,20 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from vsnbench.database.engine import open_engine, reading, record_errors
 from vsnbench.database.migrate import schema_state
+from vsnbench.database.read_model import (
+    DISTANCE_M,
+    DISTANCE_SOURCE,
+    END_REASON,
+    GOAL_INSTANCE,
+    SUCCESS,
+    episodes_of_trials,
+)
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Robot, Site, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictRow
 from vsnbench.errors import DecisionError, RecordError, UsageError
@@ -89,7 +96,7 @@ class _Reader:
         ).one()
         place = SurveyedSite.model_validate(site.content)
         profile = RobotProfile.model_validate(robot.profile)
-        begin = _fix(episode.start_x_m, episode.start_y_m, episode.start_heading_rad, self._pose_source())
+        begin = _fix(episode.start_x_m, episode.start_y_m, episode.start_heading_rad, episode.start_source)
         return EpisodeHeader(
             episode_id=episode.id,
             uuid=episode.uuid,
@@ -101,12 +108,6 @@ class _Reader:
             begin=begin or Fix(place.start(trial.start).pose, PoseSource.SURVEYED),
             parameters=ProtocolParameters.from_record(campaign.protocol),
             robot_radius_m=profile.base.radius_m,
-        )
-
-    def _pose_source(self) -> str | None:
-        """How the start is known is how the steps are."""
-        return self._session.scalar(
-            select(Step.world_source).where(Step.episode_id == self._episode.id).order_by(Step.number).limit(1)
         )
 
     def _steps_and_events(self) -> Iterator[Entry]:
@@ -149,23 +150,20 @@ class _Reader:
         episode = self._episode
         if episode.end_reason is None:
             return
-        row = self._session.scalars(
-            select(VerdictRow).where(VerdictRow.episode_id == episode.id).order_by(VerdictRow.id.desc()).limit(1)
-        ).first()
-        reason = EndReason(row.end_reason if row else episode.end_reason)
-        distance: Any = (
-            (row.distance_m, row.distance_source, row.goal_instance)
-            if row
-            else (episode.distance_to_goal_m, episode.distance_source, episode.goal_instance)
-        )
-        verdict = Verdict(
-            end_reason=reason,
-            success=row.success if row else None,
-            text=row.reason if row else "not judged yet",
-            distance=None
-            if distance[0] is None
-            else GoalDistance(distance[0], PoseSource(distance[1]), distance[2] or ""),
-        )
+        row = self._session.execute(
+            episodes_of_trials(
+                END_REASON.label("end_reason"),
+                SUCCESS.label("success"),
+                DISTANCE_M.label("distance_m"),
+                DISTANCE_SOURCE.label("distance_source"),
+                GOAL_INSTANCE.label("goal_instance"),
+                VerdictRow.reason,
+            ).where(Episode.id == episode.id)
+        ).one()
+        distance = None
+        if row.distance_m is not None:
+            distance = GoalDistance(row.distance_m, PoseSource(row.distance_source), row.goal_instance or "")
+        verdict = Verdict(EndReason(row.end_reason), row.success, row.reason or "not judged yet", distance)
         yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, episode.error)
 
 

@@ -10,10 +10,11 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from vsnbench import __version__
+from vsnbench.database.read_model import COUNTED
 from vsnbench.harmless_text import harmless
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import COLUMN_IN, Drawing
-from vsnbench.report.record import COUNTED, Record
+from vsnbench.report.record import Record
 from vsnbench.report.sheets import Cell, Sheet, count, decimal, word
 from vsnbench.report.strips import strip_of
 from vsnbench.report.summary import ConditionSummary

@@ -76,7 +76,7 @@ def condition_fields(condition: Condition) -> dict[str, Any]:
         "weights_sha256": condition.weights_sha256,
         "surveyed": condition.surveyed,
         "robot": condition.robot,
-        "backend": condition.backend,
+        "kind": condition.kind,
         "environment": condition.environment,
         "published": condition.published,
         "site": condition.site,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.pose import Pose
@@ -16,7 +17,7 @@ class EpisodeFilter:
     model: str = ""
     goal: str = ""
     campaign: str = ""
-    """The campaign's number, its name, or the beginning of its key."""
+    """The campaign's number, its name, or at least eight digits of the beginning of its key."""
     outcome: str = ""
     """`success`, `failure`, `void`, `running`, `unjudged`, or an end reason."""
 
@@ -40,12 +41,12 @@ class EpisodeSummary:
     start: int
     repetition: int
     origin: str
+    state: str
+    """A value of `vsnbench.database.lifecycle.EpisodeState`."""
     end_reason: str | None
-    """None while it runs."""
+    """None until it has ended."""
     success: bool | None
     """None for a void, running or unjudged episode."""
-    judged: bool
-    """It has a verdict, void or not."""
     actions: int
     distance_to_goal_m: float | None
     distance_source: str | None
@@ -60,11 +61,15 @@ class EpisodeSummary:
     @property
     def outcome(self) -> str:
         """One word: success, failure, void, running or unjudged."""
-        if self.end_reason is None:
-            return "running"
-        if not self.judged:
-            return "unjudged" if EndReason(self.end_reason).is_result else "void"
-        return "void" if self.success is None else "success" if self.success else "failure"
+        match self.state:
+            case EpisodeState.JUDGED:
+                return "success" if self.success else "failure"
+            case EpisodeState.VOID:
+                return "void"
+            case EpisodeState.AWAITING:
+                return "unjudged"
+            case _:
+                return "running"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +106,10 @@ class StepRow:
 
 @dataclass(frozen=True, slots=True)
 class VerdictRow:
-    """One judgement; the last one of an episode stands."""
+    """One judgement, or the protocol's proposal for one; the last judgement of an episode stands."""
 
     created_at: datetime
+    proposed: bool
     success: bool | None
     end_reason: str
     distance_m: float | None
@@ -112,6 +118,7 @@ class VerdictRow:
     author: str
     source: str
     reason: str
+    note: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +145,17 @@ class EpisodeProvenance:
     platform: dict[str, str]
     weights_sha256: str
     weights_label: str
+    model_files: dict[str, str]
+    model_code: dict[str, str]
     model_settings: dict[str, Any]
-    robot_backend: str
+    model_runtime: dict[str, Any] | None
+    robot_kind: str
     robot_profile: dict[str, Any]
     site_sha256: str
     site_content: dict[str, Any]
     protocol: dict[str, Any]
     protocol_sha256: str
-    noise: dict[str, Any]
+    conditions: dict[str, Any]
     campaign_key: str
     campaign_seed: int
 

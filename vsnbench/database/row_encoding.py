@@ -4,8 +4,10 @@ import math
 from datetime import UTC, datetime
 from typing import Any
 
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord
 from vsnbench.database.provenance import Provenance
-from vsnbench.database.records import CampaignPlan, EpisodeEnd, EpisodeStart, ModelIdentity, StepRecord
+from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
@@ -62,7 +64,7 @@ def robot_row(robot: RobotIdentity) -> Row:
     """Return the row of a robot."""
     return {
         "sha256": robot.sha256,
-        "backend": robot.kind,
+        "kind": text(robot.kind),
         "name": robot.profile.name,
         "title": robot.profile.title,
         "simulated": robot.simulated,
@@ -77,6 +79,8 @@ def model_row(model: ModelIdentity) -> Row:
         "name": text(model.name),
         "weights_sha256": model.weights_sha256,
         "weights_label": text(model.weights_label),
+        "files": dict(model.files),
+        "code": dict(model.code),
         "settings": dict(model.settings),
         "goals": None if model.goals is None else sorted(model.goals),
         "sensors": sorted(model.sensors),
@@ -92,28 +96,23 @@ def campaign_row(plan: CampaignPlan) -> Row:
         "created_at": datetime.now(UTC),
         "protocol": plan.protocol.model_dump(mode="json"),
         "protocol_sha256": plan.protocol_sha256,
-        "noise": dict(plan.noise),
-        "goals": plan.goals,
-        "starts": plan.starts,
-        "repetitions": plan.repetitions,
+        "conditions": dict(plan.conditions),
         "seed": plan.seed,
-        "shuffled": plan.shuffled,
     }
 
 
-def episode_start_row(start: EpisodeStart) -> Row:
-    """Return the row of an episode that begins, without its uuid and process."""
+def episode_begin_row(begin: EpisodeBegin) -> Row:
+    """Return the columns that an episode's beginning fills in."""
     return {
-        "trial_id": start.trial_id,
-        "origin": start.origin,
-        "seed": start.seed,
-        "started_at": start.started_at or datetime.now(UTC),
-        "error": "",
-        "actions": 0,
-        "geodesic_start_m": number(start.geodesic_m),
-        "images_directory": "",
-        **pose_columns("start", start.pose),
+        "started_at": begin.started_at or datetime.now(UTC),
+        "geodesic_start_m": number(begin.geodesic_m),
+        "model_runtime": dict(begin.model_runtime) or None,
     }
+
+
+def placement_row(start: Fix) -> Row:
+    """Return the columns that the placing of the robot fills in."""
+    return {**pose_columns("start", start.pose), "start_source": start.source.value}
 
 
 def step_row(episode_id: int, step: StepRecord) -> Row:
@@ -170,12 +169,15 @@ def episode_end_row(end: EpisodeEnd) -> Row:
     }
 
 
-def verdict_row(episode_id: int, verdict: Verdict, *, author: str, source: str) -> Row:
+def verdict_row(
+    episode_id: int, verdict: Verdict, *, author: str, source: str, note: str = "", proposed: bool = False
+) -> Row:
     """Return the row of a verdict given now."""
     distance = verdict.distance
     return {
         "episode_id": episode_id,
         "created_at": datetime.now(UTC),
+        "proposed": proposed,
         "success": verdict.success,
         "end_reason": verdict.end_reason.value,
         "distance_m": number(distance.distance_m) if distance else None,
@@ -184,4 +186,5 @@ def verdict_row(episode_id: int, verdict: Verdict, *, author: str, source: str) 
         "author": text(author),
         "source": source,
         "reason": text(verdict.text),
+        "note": text(note),
     }

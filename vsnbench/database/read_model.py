@@ -1,0 +1,93 @@
+"""What a query reads an episode by, decided once: its standing verdict, its outcome, and whether it counts.
+
+The latest judgement stands, proposals never do; what a verdict leaves open the episode itself tells. Of several
+results of one trial the first counts, and one that awaits its judgement holds the place. Report, lists, export and
+replay all select through `episodes_of_trials` or `episodes_of_campaigns`, and take these columns.
+"""
+
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select, case, exists, func, select
+from sqlalchemy.orm import InstrumentedAttribute, aliased
+
+from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
+from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial, Verdict
+from vsnbench.protocol.judge import EndReason
+
+
+def standing_verdict_id(episode_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
+    """Return the id of the episode's latest judgement as a scalar subquery."""
+    verdict = aliased(Verdict)
+    return (
+        select(func.max(verdict.id))
+        .where(verdict.episode_id == episode_id, verdict.proposed.is_(False))
+        .scalar_subquery()
+    )
+
+
+END_REASON: ColumnElement[str | None] = func.coalesce(Verdict.end_reason, Episode.end_reason)
+SUCCESS: ColumnElement[bool | None] = Verdict.success.expression
+"""None unless the episode is judged."""
+DISTANCE_M: ColumnElement[float | None] = func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m)
+DISTANCE_SOURCE: ColumnElement[str | None] = func.coalesce(Verdict.distance_source, Episode.distance_source)
+GOAL_INSTANCE: ColumnElement[str | None] = func.coalesce(Verdict.goal_instance, Episode.goal_instance)
+COLLISION: ColumnElement[bool] = func.coalesce(EndReason.COLLISION.value == END_REASON, False)
+
+
+def _is_first_result() -> ColumnElement[bool]:
+    earlier = aliased(Episode)
+    before = select(earlier.id).where(
+        earlier.trial_id == Episode.trial_id, earlier.id < Episode.id, earlier.state.in_(_values(RESULTS))
+    )
+    return ~exists(before.correlate(Episode).subquery())
+
+
+def _values(states: tuple[EpisodeState, ...]) -> list[str]:
+    return [state.value for state in states]
+
+
+COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING = "counted", "unjudged", "void", "superseded", "running"
+"""What an episode is to a report: a trial's one result; a result that awaits its verdict; no result; a second result of
+a trial that has one; not ended."""
+
+COUNTS: ColumnElement[bool] = Episode.state.in_(_values(RESULTS)) & _is_first_result()
+"""It is the one episode of its trial that counts, judged or not yet."""
+PART: ColumnElement[str] = case(
+    (Episode.state.in_(_values(ACTIVE)), RUNNING),
+    (Episode.state == EpisodeState.VOID.value, VOID),
+    (~_is_first_result(), SUPERSEDED),
+    (Episode.state == EpisodeState.AWAITING.value, UNJUDGED),
+    else_=COUNTED,
+)
+"""One of `COUNTED`, `UNJUDGED`, `VOID`, `SUPERSEDED`, `RUNNING`."""
+
+
+def episodes_of_trials(*columns: Any) -> Select[Any]:
+    """Select columns of Episode, Trial and the standing Verdict, all episodes, in no order."""
+    return (
+        select(*columns)
+        .select_from(Episode)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+    )
+
+
+def episodes_of_campaigns(*columns: Any) -> Select[Any]:
+    """Select columns of Episode, Trial, the standing Verdict, Campaign, Model, Robot and Site."""
+    return (
+        episodes_of_trials(*columns)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+    )
+
+
+def takers(trial_id: InstrumentedAttribute[int] | int) -> Select[int, str]:
+    """Select id and state of the episodes that are at, or have done, a trial."""
+    episode = aliased(Episode)
+    return (
+        select(episode.id, episode.state)
+        .where(episode.trial_id == trial_id, episode.state != EpisodeState.VOID.value)
+        .order_by(episode.id)
+    )
