@@ -1,0 +1,69 @@
+"""Agreement and ranks against statsmodels, scipy and cases worked by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import kendalltau, rankdata
+from statsmodels.stats.inter_rater import cohens_kappa
+
+from vsnbench.statistics.agreement import agreement, rank_correlation
+from vsnbench.statistics.clustered import Cell
+from vsnbench.statistics.paired import PairedCell, PairedOutcomes
+
+
+def singles(pairs: "list[tuple[bool, bool]]") -> PairedOutcomes:
+    return PairedOutcomes(
+        tuple(PairedCell(Cell(start, int(a), 1), Cell(start, int(b), 1)) for start, (a, b) in enumerate(pairs))
+    )
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=2, max_size=40))
+def test_of_single_episodes_it_is_cohens_kappa(pairs: "list[tuple[bool, bool]]") -> None:
+    table = np.zeros((2, 2))
+    for a, b in pairs:
+        table[int(a), int(b)] += 1
+    found = agreement(singles(pairs))
+    assert found.same == pytest.approx(np.trace(table) / len(pairs))
+    assert found.error == pytest.approx(math.sqrt(1 - found.same))
+    if 0 < table.sum(0)[1] < len(pairs) and 0 < table.sum(1)[1] < len(pairs):
+        assert found.kappa == pytest.approx(cohens_kappa(table).kappa)
+
+
+def test_a_twin_that_flatters_is_said_to() -> None:
+    cells = [(1, 4), (0, 2), (4, 4), (2, 2)]
+    outcomes = PairedOutcomes(
+        tuple(PairedCell(Cell(s, real, 4), Cell(s, simulated, 4)) for s, (real, simulated) in enumerate(cells))
+    )
+    found = agreement(outcomes)
+    assert found.bias == pytest.approx((0.75 + 0.5) / 4)
+    assert found.error == pytest.approx(math.sqrt((0.75**2 + 0.5**2) / 4))
+    assert math.isnan(agreement(PairedOutcomes(())).bias)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=4, max_size=30))
+def test_rank_correlation_is_that_of_the_ranks(pairs: "list[tuple[int, int]]") -> None:
+    first, second = ([float(each[side]) for each in pairs] for side in (0, 1))
+    found = rank_correlation(first, second)
+    if len(set(first)) < 2 or len(set(second)) < 2:
+        assert math.isnan(found.rho)
+        return
+    assert found.rho == pytest.approx(np.corrcoef(rankdata(first), rankdata(second))[0, 1])
+    if found.interval.known:
+        assert found.interval.low <= found.rho <= found.interval.high
+
+
+def test_the_interval_of_a_rank_correlation_covers() -> None:
+    random, held, samples = np.random.default_rng(3), 0, 400
+    true = 6 / math.pi * math.asin(0.6 / 2)  # Spearman's of a normal pair correlated by 0.6
+    for _ in range(samples):
+        x = random.standard_normal(30)
+        y = 0.6 * x + 0.8 * random.standard_normal(30)
+        held += true in rank_correlation(x.tolist(), y.tolist()).interval
+        assert kendalltau(x, y).statistic * rank_correlation(x.tolist(), y.tolist()).rho >= -0.1
+    assert held / samples > 0.92
+    assert math.isnan(rank_correlation([1, 2], [1, 2]).rho)
