@@ -102,7 +102,8 @@ def test_compare_says_what_can_be_concluded(lab: Lab) -> None:
     outcome = vsnbench("compare", "vlv", "random", "--results", lab.directory)
     assert outcome.exit_code == 0
     assert "vlv succeeds more often than random" in " ".join(outcome.stdout.split())
-    (one,) = json.loads(vsnbench("compare", "paper:vlv", "paper:pirlnav", "--format", "json").stdout)
+    answer = json.loads(vsnbench("compare", "paper:vlv", "paper:pirlnav", "--format", "json").stdout)
+    (one,) = answer["comparisons"]
     assert [round(rate["p"], 3) for rate in one["rates"]] == [0.278, 0.833]
 
 

@@ -9,7 +9,9 @@ from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.report.build import read
 from vsnbench.report.compare import Comparison, compare
-from vsnbench.report.comparison_tables import comparison_fields, comparison_sheets
+from vsnbench.report.comparison_tables import comparison_fields, comparison_sheets, contest_sheet
+from vsnbench.report.contest import contest_of
+from vsnbench.report.further_answers import Asked, answer_fields, answer_sheets
 from vsnbench.report.published import published_results
 from vsnbench.report.record import Selection, empty_record
 from vsnbench.report.reference_tables import reference_comparison
@@ -194,6 +196,42 @@ def test_several_questions_are_corrected_together(lab: Lab) -> None:
         for rate in one.rates:
             assert rate.p <= rate.adjusted_p <= 1
     assert "after Holm's correction for 9 questions" in verdicts(found[0])[0]
+
+
+def test_of_several_models_one_test_is_over_all_and_letters_say_which_can_be_told_apart(lab: Lab) -> None:
+    succeed(lab, "poor", {("chair", 1)})
+    succeed(lab, "best", {(g, s) for g in GOALS for s in STARTS})
+    succeed(lab, "fair", {("chair", s) for s in (2, 3)})
+    found = comparisons(lab, "poor", "best", "fair")
+    contest = contest_of(results_of(lab).conditions, found)
+    assert contest is not None
+    assert (contest.cells, contest.starts, contest.pairs) == (30, 15, 3)
+    assert contest.p is not None
+    assert contest.p < 0.001
+    assert [one.condition.name for one in contest.standings] == ["best", "fair", "poor"]
+    assert [one.letters for one in contest.standings] == ["a", "b", "b"]
+    assert [(one.ranks.best, one.ranks.worst) for one in contest.standings] == [(1, 1), (2, 3), (2, 3)]
+    sheet = contest_sheet(contest)
+    assert [cell.text for cell in sheet.rows[1].cells][:3] == ["2 to 3", "fair", "2/30"]
+    assert "One test over all: p < 0.001" in sheet.notes[0]
+    assert contest_of(results_of(lab).conditions[:2], found) is None
+
+
+def test_on_request_it_says_what_is_equivalent_and_what_to_believe(lab: Lab) -> None:
+    succeed(lab, "a", {(g, s) for g in GOALS for s in range(1, 15)})
+    succeed(lab, "b", {(g, s) for g in GOALS for s in range(2, 16)})
+    succeed(lab, "c", set())
+    found = comparisons(lab, "a", "b", "c")
+    answer = answer_fields(found, None, Asked(margin=0.3, posterior=True))
+    same, far, _ = (one["rates"][0] for one in answer["comparisons"])
+    assert same["equivalence"]["equivalent"] is True
+    assert same["probability_first_better"] == pytest.approx(0.5)
+    assert far["equivalence"]["differ_by_more"] is True
+    assert far["probability_first_better"] > 0.999
+    titles = [sheet.title for sheet in answer_sheets(found, None, Asked(margin=0.3, posterior=True))]
+    assert "Equivalence within 30 points" in titles
+    assert "What to believe: the probability of being the better" in titles
+    assert len(answer_sheets(found, None, Asked())) == 6
 
 
 def test_effects_are_resampled_by_starting_position(lab: Lab) -> None:

@@ -38,6 +38,15 @@ def command(
     all_tests: Annotated[
         bool, typer.Option("--all-tests", help="show the tests that are not read as well", rich_help_panel=_WHAT)
     ] = False,
+    margin: Annotated[
+        float | None,
+        typer.Option(
+            "--margin", min=0.1, max=99, help="are they equivalent within so many points?", rich_help_panel=_WHAT
+        ),
+    ] = None,
+    posterior: Annotated[
+        bool, typer.Option("--posterior", help="the probability of being the better as well", rich_help_panel=_WHAT)
+    ] = False,
     form: Annotated[Format, typer.Option("--format", "-f", help="what to print on stdout")] = Format.TABLE,
     results: Results = None,
     db: Database = None,
@@ -49,6 +58,8 @@ def command(
         vsnbench compare vlv pirlnav                 on the goals they share, and on all
         vsnbench compare vlv pirlnav --by-goal       each shared goal too, corrected after Holm
         vsnbench compare vlv paper:vlv               ours against the published numbers
+        vsnbench compare vlv pirlnav forward         one test over all, then pairs, letters and ranks
+        vsnbench compare vlv pirlnav --margin 10     equivalent within 10 points?
         vsnbench compare "vlv real" "vlv simulated"  one model under two conditions
 
     One question, one p-value. Cells (goal, starting position) of one site are paired and the signs of whole starting
@@ -59,7 +70,9 @@ def command(
     from vsnbench.cli.report_forms import print_comparisons
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import read
-    from vsnbench.report.compare import compare
+    from vsnbench.report.compare import compare, find_condition
+    from vsnbench.report.contest import contest_of
+    from vsnbench.report.further_answers import Asked
     from vsnbench.report.published import published_results
     from vsnbench.report.record import Selection
     from vsnbench.report.summary import summarise
@@ -78,5 +91,8 @@ def command(
             campaigns=tuple(campaign or ()),
         )
         record = read(place.database_url, selection, place.path)
-    found = compare(record, summarise(record), models, by_goal=by_goal, published=published)
-    print_comparisons(form.value, found, all_tests=all_tests)
+    summarised = summarise(record)
+    found = compare(record, summarised, models, by_goal=by_goal, published=published)
+    summaries = [find_condition(name, summarised, published) for name in models]
+    asked = Asked(all_tests, margin / 100 if margin else None, posterior)
+    print_comparisons(form.value, found, contest_of(summaries, found), asked)

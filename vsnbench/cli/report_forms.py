@@ -9,7 +9,9 @@ import typer
 if TYPE_CHECKING:
     from vsnbench.report.build import Report
     from vsnbench.report.compare import Comparison
+    from vsnbench.report.contest import Contest
     from vsnbench.report.figures.style import Drawing
+    from vsnbench.report.further_answers import Asked
     from vsnbench.report.sheets import Sheet
     from vsnbench.report.summary import Results
 
@@ -37,16 +39,19 @@ def print_sheets_as(form: str, sheets: "list[Sheet]", results: "Results") -> Non
     typer.echo(_text(form, sheets, results), nl=False)
 
 
-def print_comparisons(form: str, comparisons: "Sequence[Comparison]", *, all_tests: bool = False) -> None:
-    """Print comparisons as sheets, or as one JSON list."""
+def print_comparisons(
+    form: str, comparisons: "Sequence[Comparison]", contest: "Contest | None", asked: "Asked"
+) -> None:
+    """Print comparisons as sheets, or as one JSON object."""
     import json
 
-    from vsnbench.report.comparison_tables import comparison_fields, comparison_sheets
+    from vsnbench.report.further_answers import answer_fields, answer_sheets
 
     if form == "json":
-        typer.echo(json.dumps([comparison_fields(one) for one in comparisons], indent=2, ensure_ascii=False))
+        content = answer_fields(comparisons, contest, asked)
+        typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
         return
-    sheets = [sheet for one in comparisons for sheet in comparison_sheets(one, all_tests=all_tests)]
+    sheets = answer_sheets(comparisons, contest, asked)
     if form == "table":
         from vsnbench.cli.episode_page import page
         from vsnbench.report.forms.terminal import print_sheets

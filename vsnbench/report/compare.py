@@ -139,7 +139,13 @@ class Comparison:
 
 
 def compare(
-    record: Record, results: Results, names: Sequence[str], *, by_goal: bool = False, published: Results | None = None
+    record: Record,
+    results: Results,
+    names: Sequence[str],
+    *,
+    by_goal: bool = False,
+    published: Results | None = None,
+    outlooks: bool = True,
 ) -> tuple[Comparison, ...]:
     """Compare every pair of the named conditions.
 
@@ -149,6 +155,7 @@ def compare(
         names: models, or conditions as reports name them; `paper:vlv` is the paper's.
         by_goal: each shared goal by itself as well.
         published: the paper's results.
+        outlooks: say what designs that found nothing could have found, which takes a second or two a pair.
 
     Raises:
         UsageError: a name fits no condition or several, or there are fewer than two.
@@ -168,7 +175,7 @@ def compare(
         level = (1 - CONFIDENCE) / max(1, len(family))
         rates = tuple(
             replace(rate, outlook=outlook_of(rate.pairing, rate.first, rate.second, level))
-            if rate.scope in (ALL, SHARED) and rate.covered and not rate.significant
+            if outlooks and rate.scope in (ALL, SHARED) and rate.covered and not rate.significant
             else rate
             for rate in rates
         )

@@ -5,6 +5,7 @@ from typing import Any
 
 from vsnbench.report.compare import ALL, SHARED, Comparison, OtherTests, RateComparison
 from vsnbench.report.conditions import footnotes
+from vsnbench.report.contest import Contest
 from vsnbench.report.forms.plain import condition_fields
 from vsnbench.report.outlook import Outlook
 from vsnbench.report.sheets import (
@@ -23,7 +24,7 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.verdicts import verdicts
+from vsnbench.report.verdicts import compared, verdicts
 
 
 def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> list[Sheet]:
@@ -89,6 +90,75 @@ def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> lis
         ),
     )
     return [kept(rates), effects]
+
+
+def contest_sheet(contest: Contest) -> Sheet:
+    """Return several models at once, the best first."""
+    notes = []
+    if contest.p is not None:
+        notes.append(
+            f"One test over all: p {compared(contest.p)} that no model differs, on the {contest.cells} cells of "
+            f"{contest.starts} starting positions that all were tried in (the models are dealt anew within each "
+            "position: Cochran's Q as a permutation test)."
+        )
+    notes.append(
+        "Two models share a letter exactly when their comparison, corrected after Holm for "
+        f"{contest.pairs} questions, does not tell them apart; the ranks are those that the comparisons leave open."
+    )
+    conditions = [one.condition for one in contest.standings]
+    return Sheet(
+        name="contest",
+        title=f"All models on the goals they share: {listed(contest.goals)}",
+        columns=(
+            Column("rank", number=False, note="between which ranks the model lies, 1 the best"),
+            Column("model", number=False),
+            Column("k/n"),
+            Column("SR %"),
+            Column("95 % interval"),
+            Column("not told apart", number=False, note="models that share a letter"),
+        ),
+        rows=tuple(
+            row(
+                Cell(_ranks(one.ranks.best, one.ranks.worst), one.ranks.best),
+                word(one.condition.name),
+                of(one.proportion.successes, one.proportion.trials),
+                percent(one.proportion.rate),
+                interval_percent(one.interval.low, one.interval.high),
+                word(one.letters),
+            )
+            for one in contest.standings
+        ),
+        notes=(*notes, *footnotes(conditions)),
+    )
+
+
+def contest_fields(contest: Contest) -> dict[str, Any]:
+    """Return several models at once as JSON values."""
+    return {
+        "goals": list(contest.goals),
+        "cells": contest.cells,
+        "starts": contest.starts,
+        "p": contest.p,
+        "questions": contest.pairs,
+        "standings": [
+            {
+                "name": one.condition.name,
+                "successes": one.proportion.successes,
+                "episodes": one.proportion.trials,
+                "success_rate": finite(one.proportion.rate),
+                "ci_low": finite(one.interval.low),
+                "ci_high": finite(one.interval.high),
+                "letters": one.letters,
+                "best_rank": one.ranks.best,
+                "worst_rank": one.ranks.worst,
+            }
+            for one in contest.standings
+        ],
+    }
+
+
+def _ranks(best: int, worst: int) -> str:
+    return str(best) if best == worst else f"{best} to {worst}"
 
 
 def comparison_fields(comparison: Comparison) -> dict[str, Any]:

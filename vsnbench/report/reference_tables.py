@@ -1,10 +1,10 @@
 """The paper's Tables 3 to 6 as sheets, from data and with the intervals it leaves out; and ours laid beside them."""
 
-from vsnbench.report.compare import Comparison, compare
+from vsnbench.report.compare import Comparison, compare, over_goals
 from vsnbench.report.comparison_tables import comparison_sheets
 from vsnbench.report.conditions import footnotes
 from vsnbench.report.published import published, published_results
-from vsnbench.report.record import empty_record
+from vsnbench.report.record import empty_record, goal_order
 from vsnbench.report.sheets import (
     Cell,
     Column,
@@ -20,7 +20,7 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.summary import ConditionSummary, GoalSummary, Results
+from vsnbench.report.summary import ConditionSummary, GoalSummary, Results, Summary
 from vsnbench.report.tables import goal_sheet
 from vsnbench.statistics.clustered import independent_difference
 
@@ -69,6 +69,7 @@ def beside_sheet(results: Results) -> Sheet:
         if summary.goal == goal
     ]
     rows += [_beside("all", one, GoalSummary("all", one.total), paper) for one in everyone]
+    rows += _on_shared_goals(results, paper)
     return kept(
         Sheet(
             name="beside-paper",
@@ -93,11 +94,14 @@ def beside_sheet(results: Results) -> Sheet:
 def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Results) -> Row:
     mine = summary.summary
     theirs = None
-    if not one.condition.published:
-        for other in paper.conditions:
-            if other.condition.model == one.condition.model.lower():
-                theirs = next((each.summary for each in other.goals if each.goal == goal), None)
-                theirs = other.total if goal == "all" else theirs
+    if not one.condition.published and (other := _of_paper(one, paper)):
+        theirs = next((each.summary for each in other.goals if each.goal == goal), None)
+        if goal == "all" and _goals(one) == _goals(other):  # else the goals differ, and not only the models
+            theirs = other.total
+    return _row(goal, one, mine, theirs, total=goal == "all")
+
+
+def _row(goal: str, one: ConditionSummary, mine: Summary, theirs: Summary | None, *, total: bool) -> Row:
     unknown = decimal(float("nan"), 0)
     difference: tuple[Cell, Cell] = (unknown, unknown)
     if theirs and mine.episodes:
@@ -106,6 +110,7 @@ def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Resul
             decimal(100 * (mine.success_rate - theirs.success_rate), 2),
             interval_percent(interval.low, interval.high),
         )
+    actions = float("nan") if goal.startswith("shared: ") else mine.mean_actions
     return row(
         word(goal),
         word(one.condition.name),
@@ -113,10 +118,32 @@ def _beside(goal: str, one: ConditionSummary, summary: GoalSummary, paper: Resul
         of(mine.successes, mine.episodes),
         percent(mine.success_rate),
         interval_percent(mine.interval.low, mine.interval.high),
-        decimal(mine.mean_actions, 1),
+        decimal(actions, 1),
         *difference,
-        total=goal == "all",
+        total=total,
     )
+
+
+def _on_shared_goals(results: Results, paper: Results) -> list[Row]:
+    """Sum both up over the goals that they share, where these are not all goals of both."""
+    rows = []
+    for one in results.conditions:
+        other = _of_paper(one, paper)
+        shared = [goal for goal in _goals(other) if goal in _goals(one)] if other else []
+        if other is None or not shared or _goals(one) == _goals(other):
+            continue
+        mine, theirs = over_goals(one, shared), over_goals(other, shared)
+        name = f"shared: {listed(shared)}"
+        rows += [_row(name, one, mine, theirs, total=True), _row(name, other, theirs, None, total=True)]
+    return rows
+
+
+def _of_paper(one: ConditionSummary, paper: Results) -> ConditionSummary | None:
+    return next((each for each in paper.conditions if each.condition.model == one.condition.model.lower()), None)
+
+
+def _goals(one: ConditionSummary) -> list[str]:
+    return sorted((goal.goal for goal in one.goals), key=goal_order)
 
 
 def _real_against_virtual(results: Results) -> Sheet:
