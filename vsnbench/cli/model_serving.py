@@ -1,4 +1,4 @@
-"""`vsnbench models serve`: a model behind a WebSocket, for a robot elsewhere; or the file that serves one anywhere."""
+"""`vsnbench models serve` and `models check ws://…`: a model behind a WebSocket, served and tried."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -72,6 +72,31 @@ def serve(
         )
     except (OSError, ValueError) as error:
         raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error
+
+
+def check_served(url: str, model_config: Path | None, *, as_json: bool) -> None:
+    """Try a model's server and say what was seen; exit code 1 when something fails."""
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from vsnbench.harmless_text import harmless
+    from vsnbench.models.remote.checking import check_server
+
+    findings = check_server(url, model_config)
+    if as_json:
+        typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
+    else:
+        grid = Table.grid(padding=(0, 2))
+        for finding in findings:
+            mark = "[green]ok[/green]" if finding.passed else "[red]failed[/red]"
+            grid.add_row(mark, finding.what, escape(harmless(finding.seen)))
+        Console().print(grid, highlight=False)
+    if not all(finding.passed for finding in findings):
+        raise typer.Exit(1)
 
 
 def _write_stub(directory: Path) -> None:

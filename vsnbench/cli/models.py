@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from vsnbench.cli.model_serving import serve
+from vsnbench.cli.model_serving import check_served, serve
 
 if TYPE_CHECKING:
     from vsnbench.models.description import ModelCheck, ModelDescription
@@ -105,16 +105,21 @@ def check(
     """Say what is in a checkpoint, compare what would run it with plain PyTorch, and time both.
 
     The file is read without running anything in it; one that is damaged or hostile is refused.
+    Given an address, try the server there against docs/wire.md and time it; exit code 1 when something fails.
 
     [bold]Examples[/bold]
 
         vsnbench models check pirlnav --weights objectnav_rl_ft_hd.ckpt
         vsnbench models check pirlnav --device cpu --json
+        vsnbench models check ws://127.0.0.1:8765
     """
     from vsnbench.errors import UsageError
     from vsnbench.models.description import describe_model
     from vsnbench.models.registry import locate
 
+    if name.startswith(("ws://", "wss://")):
+        check_served(name, model_config, as_json=as_json)
+        return
     if not describe_model(name).can_check:
         raise UsageError(f"model {name} has no weights to check")
     _, factory = locate(name)

@@ -75,8 +75,30 @@ class RemotePolicy:
         self.settings = given
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
-        self._connection: Connection | None = Connection(self._address, self._token, f"vsnbench {__version__}")
+        self._connection: Connection | None = self.connect()
         self.card = self._card_of(self._connection)
+        self.deterministic = self._connection.greeting.get("card", {}).get("deterministic", True) is not False
+        """As the card says: the same seed and observations give the same actions."""
+
+    def connect(self) -> Connection:
+        """Return a new conversation with the server.
+
+        Raises:
+            ModelLostError: nothing answers.
+            ModelError: what answers is no model's server, or refuses.
+        """
+        return Connection(self._address, self._token, f"vsnbench {__version__}")
+
+    @property
+    def connection(self) -> Connection:
+        """The conversation that is open.
+
+        Raises:
+            ModelLostError: there is none.
+        """
+        if self._connection is None:
+            raise ModelLostError(f"the model at {self._address} is not connected")
+        return self._connection
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode; connects again where the connection was lost.
@@ -96,10 +118,9 @@ class RemotePolicy:
             ModelLostError: no answer in time.
             ModelError: the model failed, or its answer is no decision.
         """
-        if self._connection is None:
-            raise ModelLostError(f"the model at {self._address} is not connected")
+        connection = self.connection
         question = observation_to_message(observation, rgb=self.settings.rgb, depth=self.settings.depth)
-        answer = self._ask(self._connection, {"type": "act", **question}, "decision", self.settings.act_timeout_s)
+        answer = self._ask(connection, {"type": "act", **question}, "decision", self.settings.act_timeout_s)
         return _decision(answer, self.settings.act_timeout_s)
 
     def close(self) -> None:
@@ -116,7 +137,7 @@ class RemotePolicy:
         give_up = time.monotonic() + self.settings.patience_s
         while self._connection is None:
             try:
-                connection = Connection(self._address, self._token, f"vsnbench {__version__}")
+                connection = self.connect()
             except (ModelLostError, ModelBusyError):  # it may still be at the question that it answered too late
                 if (words := self._end_of_server()) is not None:
                     raise ModelLostError(words) from None

@@ -1,0 +1,57 @@
+"""`models check ws://…` passes a server that keeps the protocol and names what another does wrong."""
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from tests.models.remote.servers import stub_server
+from vsnbench.cli.models import app
+from vsnbench.models.remote.checking import check_server
+
+GOOD = """
+class Model:
+    card = {"name": "good", "sensors": ["rgb", "depth"], "goals": ["chair"]}
+
+    def reset(self, goal, seed):
+        if goal != "chair":
+            raise ValueError("only chairs")
+
+    def act(self, observation):
+        return "TURN_LEFT"
+"""
+RESTLESS = """
+import random
+
+class Model:
+    card = {"name": "restless", "goals": ["chair"]}
+
+    def reset(self, goal, seed):
+        pass
+
+    def act(self, observation):
+        return random.choice(["TURN_LEFT", "TURN_RIGHT"])
+"""
+
+
+def test_a_good_server_passes_everything(tmp_path: Path) -> None:
+    with stub_server(GOOD, tmp_path) as (url, _):
+        findings = {finding.what: finding for finding in check_server(url)}
+    assert [what for what, finding in findings.items() if not finding.passed] == []
+    assert "only chairs" in findings["a goal that it does not know"].seen
+
+
+def test_a_model_that_ignores_its_seed_and_goal_is_told_so(tmp_path: Path) -> None:
+    with stub_server(RESTLESS, tmp_path) as (url, _):
+        answer = CliRunner().invoke(app, ["check", url, "--json"])
+    assert answer.exit_code == 1
+    failed = {finding["what"]: finding["seen"] for finding in json.loads(answer.output) if not finding["passed"]}
+    assert set(failed) == {"one seed, one answer", "a goal that it does not know"}
+    assert "deterministic: False" in failed["one seed, one answer"]
+
+
+def test_a_model_that_says_it_is_not_deterministic_may_differ(tmp_path: Path) -> None:
+    honest = RESTLESS.replace('"goals": ["chair"]', '"deterministic": False')
+    with stub_server(honest, tmp_path) as (url, _):
+        findings = check_server(url)
+    assert all(finding.passed for finding in findings)
