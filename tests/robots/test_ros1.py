@@ -1,116 +1,22 @@
 """The client of a ROS robot: what it sees, what it asks for, and how it ends when a part of the robot fails."""
 
-import json
 import re
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 
-from tests.ros1.network import HERE, PATIENCE_S, Probe, Process, RosNetwork, live_network, wait_until
+from tests.robots.ros1_rig import PROFILE, Client, ClientError, Rig, can, live_rig
+from tests.ros1.network import HERE, PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.ros
-
-PROFILE = HERE / "profile_of_test_base.yaml"
-
-
-class ClientError(Exception):
-    """What the robot raised in the client's process."""
-
-
-class Client:
-    """A RosRobot in a process of its own."""
-
-    def __init__(self, network: RosNetwork, profile: Path = PROFILE) -> None:
-        self.errors = (network.directory / "client.log").open("ab")
-        self.popen = subprocess.Popen(
-            [sys.executable, str(HERE / "nodes" / "client.py"), str(profile)],
-            env=network.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self.errors,
-            text=True,
-        )
-        assert json.loads(self.popen.stdout.readline()) == "ready"
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        self.popen.stdin.write(json.dumps([name, *arguments]) + "\n")
-        self.popen.stdin.flush()
-        answer = json.loads(self.popen.stdout.readline())
-        if "error" in answer:
-            raise ClientError(f"{answer['error']}: {answer['message']}")
-        return answer["answer"]
-
-    def later(self, name: str, *arguments: Any) -> "Future[Any]":
-        pool = ThreadPoolExecutor(1)
-        future = pool.submit(self, name, *arguments)
-        pool.shutdown(wait=False)
-        return future
-
-    def close(self) -> None:
-        self.popen.kill()
-        self.popen.wait()
-        for pipe in (self.popen.stdin, self.popen.stdout, self.errors):
-            pipe.close()
-
-
-@dataclass
-class Rig:
-    """A robot of parts that can fail one by one, and its client."""
-
-    network: RosNetwork
-    probe: Probe
-    base: Process
-    camera: Process
-    server: Process
-    client: Client
-
-    def start_server(self) -> None:
-        self.server = start_server(self.network)
-
-    def fault(self, part: str, word: str) -> float:
-        return self.probe.tell(f"/{part}/fault", word)
-
-    def moving(self, action: str) -> "Future[Any]":
-        """Ask for an action, and return once the base is really moving."""
-        future = self.client.later("execute", action)
-        wait_until(lambda: self.probe.speed > 0.05 or future.done(), "the base moves")
-        return future
-
-    def stands_still_within(self, limit_s: float, since_s: float) -> bool:
-        wait_until(lambda: self.probe.stopped_at(since_s) is not None, "the base stands still")
-        took_s = self.probe.stopped_at(since_s) - since_s
-        sys.stdout.write(f"stood still {took_s:.2f} s after the fault\n")
-        return took_s < limit_s
-
-
-def start_server(network: RosNetwork) -> Process:
-    server = network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE))
-    network.wait_for_service("/discrete_move")
-    return server
 
 
 @pytest.fixture(scope="module")
 def shared_rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    with live_network(tmp_path_factory.mktemp("ros")) as network:
-        # This base never stops by itself: whatever stands still was told to.
-        base = network.start(HERE / "nodes" / "kinematic_base.py", "_heading_deg:=-72", "_command_timeout_s:=1000")
-        camera = network.start(HERE / "nodes" / "camera.py")
-        server = start_server(network)
-        client, probe = Client(network), Probe(network)
-        try:
-            yield Rig(network, probe, base, camera, server, client)
-        finally:
-            client.close()
-            probe.close()
-            sys.stdout.write(f"--- the client\n{(network.directory / 'client.log').read_text()}\n")
+    with live_rig(tmp_path_factory.mktemp("ros")) as rig:
+        yield rig
 
 
 @pytest.fixture
@@ -118,12 +24,7 @@ def rig(shared_rig: Rig) -> Iterator[Rig]:
     """The shared robot with an episode begun, and put right again after the test."""
     shared_rig.client("begin")
     yield shared_rig
-    shared_rig.client("halt")
-    for part, words in (("base", ("good", "release", "floor", "raise")), ("camera", ("good",))):
-        for word in words:
-            shared_rig.fault(part, word)
-    began_s = time.monotonic()
-    wait_until(lambda: shared_rig.probe.stopped_at(began_s) is not None, "the base stands still after the test")
+    shared_rig.put_right()
 
 
 def test_a_robot_that_nothing_can_place_is_placed_by_a_person(rig) -> None:
@@ -207,14 +108,6 @@ def test_a_camera_that_fails_is_a_lost_sensor(rig, word, says) -> None:
     assert re.search(says, next(text for text in failures if text))
     rig.fault("camera", "good")
     wait_until(lambda: can(lambda: rig.client("observe")), "the camera is back")
-
-
-def can(action: Callable[[], object]) -> bool:
-    try:
-        action()
-    except ClientError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize(

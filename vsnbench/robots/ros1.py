@@ -7,8 +7,8 @@ odometry: upstream's server answers True whatever happened.
 import logging
 import math
 import time
-from collections.abc import Callable
-from types import MappingProxyType, TracebackType
+from collections.abc import Callable, Mapping
+from types import TracebackType
 from typing import Any, Self
 
 from vsnbench.errors import RobotError, SensorLostError
@@ -50,6 +50,10 @@ _COMMAND_TIMEOUT_S = 0.6
 _WEDGED_S = 3.0
 """Nobody steers for this long in the middle of a movement: discrete_move is wedged."""
 _STANDSTILL_TIMEOUT_S = 1.5
+_UNDRIVEN_S = 0.2
+"""A server that drives commands a velocity more often than this."""
+_LAST_HOLD_S = 10.0
+"""How long a base is held still against somebody who goes on driving it when the session ends."""
 _STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
 _WORD_OF = {action: word for word, action in MOVEMENTS.items()}
 
@@ -104,7 +108,11 @@ class RosRobot:
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
             self._camera = RosCamera(self._link, profile)
-            self.conditions = MappingProxyType(self._found_conditions())
+            self.conditions: Mapping[str, Any] = {
+                "depth_frames": self._camera.depth_frames,
+                "discrete_move": "vsnbench" if self._link.server_reports_outcomes else "another",
+                **(self._simulation.conditions if self._simulation else {}),
+            }
         except BaseException:
             self._link.close()
             raise
@@ -177,6 +185,7 @@ class RosRobot:
         began_s, self._asked_s = self._link.now_s, time.monotonic()
         failure, sensor_lost, answered = "", False, False
         self._moving = True
+        self._link.release()
         try:
             self._watch(asked, before)
             answered = self._ask(action, lambda: self._watch(asked, before))
@@ -196,6 +205,8 @@ class RosRobot:
             after = self._pose_at_rest()
         except SensorLostError as error:
             failure, sensor_lost = failure or str(error), sensor_lost or not failure
+        if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry, time.monotonic())):
+            failure = f"{rivals} ({failure})"
         collision = self._collision()
         if not failure and (contradiction := asked.contradiction(before, after)):
             failure = f"discrete_move answered True to {_WORD_OF[action]}, but {contradiction}"
@@ -233,6 +244,8 @@ class RosRobot:
     def close(self) -> None:
         """Halt and leave the ROS network."""
         self.halt()
+        if self._link.holding:
+            self._link.wait_for(self._undriven_at_rest, _LAST_HOLD_S)
         self._link.close()
 
     def __enter__(self) -> Self:
@@ -242,14 +255,6 @@ class RosRobot:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _found_conditions(self) -> dict[str, Any]:
-        """Return what results depend on, asked of the network once."""
-        found: dict[str, Any] = {
-            "depth_frames": self._camera.depth_frames,
-            "discrete_move": "vsnbench" if self._link.server_reports_outcomes else "another",
-        }
-        return found | dict(self._simulation.conditions if self._simulation else {})
 
     def _ask(self, action: Action, watch: Callable[[], None]) -> bool:
         angle_deg = round(self._parameters.turn_deg) if action.turns else 0
@@ -287,18 +292,21 @@ class RosRobot:
         return Collision(CollisionSource.CONTACT, now.contact) if now.contact else None
 
     def _force_standstill(self) -> None:
-        """Command zero velocity until the odometry stands still; against a server that goes on driving, too."""
-        self._link.stand_still()
+        """Hold the base still until it stands and nobody drives it; against a server that goes on, until it is asked.
+
+        Whoever goes on driving is answered with zero velocity, command by command, until the next movement.
+        """
+        self._link.hold_still()
         try:
             self._link.move("Stop", 0, 0.5)
         except RobotError as error:
             logger.warning("discrete_move cannot be told to stop: %s", error)
-        give_up_s = time.monotonic() + _STANDSTILL_TIMEOUT_S
-        while time.monotonic() < give_up_s:
-            self._link.stand_still()
-            if self._link.wait_for(self._at_rest, 0.02):
-                break
+        if not self._link.wait_for(self._undriven_at_rest, _STANDSTILL_TIMEOUT_S):
+            logger.warning("%s goes on driving: it is held at zero velocity; end it", self._link.snapshot().driven_by)
         self._link.stand_still()
+
+    def _undriven_at_rest(self, now: RobotSnapshot) -> bool:
+        return time.monotonic() - now.driven_s > _UNDRIVEN_S and self._at_rest(now)
 
     def _pose_at_rest(self) -> Pose:
         """Return the pose once the odometry stands still; a base with a lag rolls on after the answer."""

@@ -136,9 +136,8 @@ class RosCamera:
         names, now, now_s = self._names, self._link.snapshot(), time.monotonic()
         silent = []
         for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
-            nodes = now.nodes_heard_on(topic, now_s)
-            if len(nodes) > 1:
-                return f"{' and '.join(nodes)} both publish {topic}: end one of them"
+            if rivals := now.rivals(topic, now_s):
+                return rivals
             if topic and (not images or now_s - images[-1].arrival_s > 1.0):
                 silent.append(topic)
         if silent:

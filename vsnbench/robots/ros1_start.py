@@ -157,6 +157,8 @@ def _missing_part(link: "RobotLink", profile: RobotProfile, warned: set[str]) ->
         if fault.line not in warned:
             warned.add(fault.line)
             logger.warning("%s", fault.line)
+    if now_s - now.driven_s < _AGE_LIMIT_S:
+        return f"{now.driven_by} is driving the base: end it, or wait until it has"
     if now.odometry_age_s(now_s) > _AGE_LIMIT_S:
         return _silence("odometry", names.odometry, state, "the base's driver")
     for topic, images in ((names.color, now.colors), (names.depth, now.depths)):

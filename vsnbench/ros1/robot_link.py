@@ -62,6 +62,7 @@ class RobotLink:
         self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master, self.master.caller)
         self._place = ServiceClient(PLACE, PlaceRobot, self.master, self.master.caller)
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
+        self._holding = threading.Event()
         self._subscribe()
 
     def close(self) -> None:
@@ -108,6 +109,11 @@ class RobotLink:
         """Whether the server of discrete_move is ours, as the master knows; needs no connection yet."""
         return f"{self.names.discrete_move}/outcome" in self.master.state().publishers
 
+    @property
+    def holding(self) -> bool:
+        """Whether the base is held still against others."""
+        return self._holding.is_set()
+
     def join_simulation(self) -> None:
         """Listen to what only a simulated robot reports."""
         rospy.Subscriber(ACCOUNT, String, self._on_account, queue_size=2)
@@ -120,6 +126,15 @@ class RobotLink:
     def stand_still(self) -> None:
         """Command zero velocity."""
         self._commands.publish(Twist())
+
+    def hold_still(self) -> None:
+        """Command zero velocity, and answer every velocity that somebody else commands with zero at once."""
+        self._holding.set()
+        self.stand_still()
+
+    def release(self) -> None:
+        """Let others steer again."""
+        self._holding.clear()
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Ask discrete_move for one movement and return its answer; see `ServiceClient.call` for what it raises."""
@@ -181,17 +196,23 @@ class RobotLink:
             sources = _heard(now, self.names.odometry, message)
             fault = self._tracker.add(*pose, message.header.stamp.to_sec(), arrival_s)
             if fault:
-                nodes = sorted(node for topic, node in sources if topic == self.names.odometry)
-                if len(nodes) > 1:
-                    fault = f"{' and '.join(nodes)} both publish {self.names.odometry}: end one of them ({fault})"
                 return {"sources": sources, "odometry_fault": fault}
             return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._most_readings :]}
 
         self._update(changes)
 
     def _on_command(self, message: Any) -> None:
-        if _sender(message) != self.master.caller:
-            self._update(lambda _: {"steered_s": time.monotonic()})
+        node, moves = _sender(message), any((message.linear.x, message.linear.y, message.angular.z))
+        if node == self.master.caller:
+            return
+        if moves and self._holding.is_set():
+            self.stand_still()
+        self._update(
+            lambda _: {
+                "steered_s": time.monotonic(),
+                **({"driven_s": time.monotonic(), "driven_by": node} if moves else {}),
+            }
+        )
 
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         if active:

@@ -45,6 +45,10 @@ class RobotSnapshot:
     """What our own discrete_move reported of the last movement."""
     steered_s: float = -math.inf
     """When somebody else last commanded a velocity (monotonic clock)."""
+    driven_s: float = -math.inf
+    """When somebody else last commanded a velocity other than zero."""
+    driven_by: str = ""
+    """The node that did."""
     sources: Mapping[tuple[str, str], float] = field(default_factory=lambda: MappingProxyType({}))
     """When the last message came by (topic, node), monotonic clock; odometry and images only."""
 
@@ -61,6 +65,11 @@ class RobotSnapshot:
         """Return who has published on a topic lately, sorted."""
         heard = [node for (name, node), at_s in self.sources.items() if name == topic]
         return sorted(node for node in heard if now_s - self.sources[topic, node] < SOURCE_MEMORY_S)
+
+    def rivals(self, topic: str, now_s: float) -> str:
+        """Return in words that several nodes publish on a topic; empty while one does."""
+        nodes = self.nodes_heard_on(topic, now_s)
+        return f"{' and '.join(nodes)} both publish {topic}: end one of them" if len(nodes) > 1 else ""
 
     def at_rest(self, settle_s: float, still_m: float, still_rad: float) -> bool:
         """Return whether the odometry of the last `settle_s`, on the robot's clock, is all one place."""

@@ -1,10 +1,11 @@
 """A discrete_move server that behaves as upstream's does, written from its description alone.
 
 It turns to an absolute target that assumes heading 0 at start-up, stops at 0.08 rad, drives until the way is covered,
-has no time-out, and answers True whatever happened.
+has no time-out, and answers True whatever happened. $FORWARD_M is how far it drives, right or wrong.
 """
 
 import math
+import os
 import time
 
 import rospy
@@ -17,6 +18,7 @@ from vsnbench.sensing.odometry import heading_of_quaternion
 rospy.init_node("discrete_move")
 here = None
 target = 0.0
+forward_m = float(os.environ.get("FORWARD_M", "0.25"))
 
 
 def on_odometry(message: Odometry) -> None:
@@ -41,7 +43,7 @@ def handle(request) -> DiscreteServerResponse:
             send(0.0, math.copysign(0.5, error))
     elif request.movement in ("Forward", "Backward"):
         x, y, _ = here
-        while math.hypot(here[0] - x, here[1] - y) < 0.25:
+        while math.hypot(here[0] - x, here[1] - y) < forward_m:
             send(0.3 if request.movement == "Forward" else -0.3, 0.0)
     send(0.0, 0.0)
     return DiscreteServerResponse(True)

@@ -1,0 +1,122 @@
+"""A robot on a network that is not as it should be: carried, late parts, two of a kind, a new master."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from tests.robots.ros1_rig import PROFILE, ClientError, Rig, can, live_rig
+from tests.ros1.network import HERE, PATIENCE_S, wait_until
+
+pytestmark = pytest.mark.ros
+
+UPSTREAM_LIKE = HERE / "nodes" / "upstream_like_server.py"
+
+
+@pytest.fixture(scope="module")
+def shared_rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    with live_rig(tmp_path_factory.mktemp("ros")) as rig:
+        yield rig
+
+
+@pytest.fixture
+def rig(shared_rig: Rig) -> Iterator[Rig]:
+    """The shared robot, put right again after the test."""
+    yield shared_rig
+    shared_rig.put_right()
+
+
+def refusal(rig: Rig) -> str:
+    """Return why no episode can begin."""
+    with pytest.raises(ClientError) as refused:
+        rig.client("begin")
+    return str(refused.value)
+
+
+def test_a_robot_that_is_carried_to_its_start_again_and_again_never_loses_its_first_action(rig) -> None:
+    """This base resets its odometry as a Kobuki does: heading and position, some time after it was asked."""
+    for _ in range(4):
+        rig.client("begin")
+        result = rig.client("execute", "TURN_LEFT")
+        assert result["completed"], result["failure"]
+        assert result["pose"]["heading_rad"] == pytest.approx(0.5236, abs=0.01)
+
+
+@pytest.mark.parametrize("part", ["server", "odometry"])
+def test_a_part_that_comes_back_while_an_episode_begins_is_waited_for(rig, part) -> None:
+    if part == "server":
+        rig.server.end()
+    else:
+        rig.fault("base", "silent")
+        wait_until(lambda: not can(lambda: rig.client("observe")), "the silence is noticed")
+    log = rig.network.directory / "client.log"
+    said = len(log.read_text())
+    begun = rig.client.later("begin")
+    wait_until(lambda: "waiting: " in log.read_text()[said:], "it says what it waits for")
+    assert not begun.done()
+    if part == "server":
+        rig.start_server()
+    else:
+        rig.fault("base", "good")
+    assert begun.result(PATIENCE_S)["asked"]
+
+
+def test_a_server_that_drives_on_is_stopped_10_cm_past_what_was_asked(rig) -> None:
+    rig.server.end()
+    other = rig.network.start(UPSTREAM_LIKE, FORWARD_M="1.5")
+    try:
+        wait_until(lambda: can(lambda: rig.client("begin")), "the other server serves")
+        result = rig.client("execute", "MOVE_FORWARD")
+        assert result["completed"] is False
+        assert "where 25 cm were asked" in result["failure"]
+        assert 0.35 <= result["displacement_m"] < 0.6
+    finally:
+        other.end()
+        rig.start_server()
+
+
+def test_a_server_that_steers_another_topic_is_refused_with_both_topics(rig) -> None:
+    rig.server.end()
+    other = rig.network.start(UPSTREAM_LIKE, "/cmd_vel:=/elsewhere")
+    try:
+        rig.network.wait_for_service("/discrete_move")
+        assert "its server /discrete_move steers /elsewhere, but the base listens on /cmd_vel" in refusal(rig)
+    finally:
+        other.end()
+        rig.start_server()
+
+
+def test_a_second_server_of_another_name_is_refused_and_names_the_first(rig) -> None:
+    words = ["ros", "discrete-move", "--robot", str(PROFILE), "__name:=another"]
+    second = rig.network.start("-m", "vsnbench.cli.main", *words)
+    assert second.wait() == 1
+    first = rig.server.popen.pid
+    assert f"/discrete_move is already served by /discrete_move (process {first}" in second.output
+    assert second.output.count("\n") == 1
+
+
+def test_two_bases_on_one_network_are_named_and_not_taken_for_a_clock_or_a_sensor(rig) -> None:
+    rig.client("begin")
+    second = rig.network.start(HERE / "nodes" / "kinematic_base.py", "__name:=second_base", "_heading_deg:=100")
+    both = "/kinematic_base and /second_base both publish /odom: end one of them"
+    try:
+        wait_until(lambda: "/second_base" in rig.network.master.state().publishers["/odom"], "the second publishes")
+        result = rig.client("execute", "TURN_LEFT")
+        assert result["completed"] is False
+        assert both in result["failure"]
+        assert "/odom: /kinematic_base and /second_base both publish it" in refusal(rig)
+    finally:
+        second.end()
+    wait_until(lambda: can(lambda: rig.client("begin")), "one base is left")
+
+
+def test_a_restarted_master_is_named_for_what_it_is(rig) -> None:
+    """The last test of this rig: what the new master does not know stays unknown to it."""
+    rig.client("begin")
+    rig.network.roscore.end()
+    assert rig.client("execute", "TURN_LEFT")["completed"], "an episode that runs is finished"
+    rig.network.start_master()
+    began_s = time.monotonic()
+    assert "was restarted and knows nothing of this session: restart all nodes" in refusal(rig)
+    assert time.monotonic() - began_s < 5, "no patience heals it"
+    wait_until(lambda: "was restarted and does not know this node" in rig.server.output, "the server says so, too")
