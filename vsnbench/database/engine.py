@@ -50,6 +50,8 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         if read_only and parsed.database:
             options["creator"] = _sqlite_reader(Path(parsed.database))
         engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, **options)
+    except ArgumentError as error:  # an SQLite URL with a host, a list of hosts with a port that is none
+        raise UsageError(f"{shown_url(url)} names no database ({error_line(error)})") from error
     except NoSuchModuleError as error:
         raise UsageError(
             f"no such kind of database in {shown_url(url)}: use sqlite:/// or postgresql+psycopg://"

@@ -2,10 +2,12 @@
 
 import ast
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
@@ -17,6 +19,8 @@ from vsnbench.protocol.observation import Observation, Sensor
 
 _OUTPUTS: Final = ("boxes", "labels", "scores", "masks")
 _NAMES_KEY: Final = "names"
+_FARTHEST_PX: Final = 1e6
+"""No box of an image that this could come from reaches further."""
 
 
 class ONNXDetector:
@@ -85,27 +89,64 @@ class ONNXDetector:
         except Exception as error:
             reason = str(error).partition("\n")[0][:160]
             raise ModelError(f"{self.name}: onnxruntime failed on a {width} x {height} image ({reason})") from error
-        named = dict(zip(self._outputs, answers, strict=True))
-        boxes, scores = np.asarray(named["boxes"]).reshape(-1, 4), np.asarray(named["scores"]).reshape(-1)
-        labels = np.asarray(named["labels"]).reshape(-1)
-        if not len(boxes) == len(labels) == len(scores):
-            raise ModelError(f"{self.name}: {len(boxes)} boxes, {len(labels)} labels and {len(scores)} scores")
+        found = _checked(dict(zip(self._outputs, answers, strict=True)), self.name)
         detections = []
-        for index in np.argsort(-scores, kind="stable"):
-            label = self._classes.get(int(labels[index]))
-            if label is None or not scores[index] >= self._threshold:
+        for index in np.argsort(-found.scores, kind="stable"):
+            label = self._classes.get(int(found.labels[index]))
+            if label is None or not found.scores[index] >= self._threshold:
                 continue
-            left, top, right, bottom = (float(edge) for edge in boxes[index])
+            left, top, right, bottom = (float(edge) for edge in found.boxes[index])
             edges = (left, top, right, bottom)
-            if "masks" in named:
-                mask = np.asarray(named["masks"][index], np.float32).reshape(named["masks"].shape[-2:])
+            if found.masks is not None:
+                mask = found.masks[index]
                 over_image = mask.shape == (height, width)
                 pixels = mask >= 0.5 if over_image else paste_mask(mask, edges, (height, width))
             else:
                 pixels = np.zeros((height, width), np.bool_)
                 pixels[max(round(top), 0) : max(round(bottom), 0), max(round(left), 0) : max(round(right), 0)] = True
-            detections.append(Detection(label, float(scores[index]), edges, pixels))
+            detections.append(Detection(label, float(found.scores[index]), edges, pixels))
         return tuple(detections)
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """What the file said of one image, in the shapes that it has to have."""
+
+    boxes: npt.NDArray[np.float64]
+    """(N, 4) left, top, right, bottom in pixels, finite."""
+    labels: npt.NDArray[np.int64]
+    scores: npt.NDArray[np.float64]
+    masks: npt.NDArray[np.float32] | None
+    """(N, M, M) or over the image (N, H, W)."""
+
+
+def _checked(named: Mapping[str, Any], name: str) -> _Answer:
+    """Return the file's outputs, or say what is wrong with them.
+
+    Raises:
+        ModelError: one of them has no such shape or numbers.
+    """
+    for output in _OUTPUTS[: 4 if "masks" in named else 3]:
+        if not isinstance(named[output], np.ndarray) or named[output].dtype.kind not in "fiub":
+            raise ModelError(f"{name}: its output {output} is no array of numbers")
+    boxes, labels, scores = (np.asarray(named[output], np.float64) for output in _OUTPUTS[:3])
+    boxes = boxes[0] if boxes.ndim == 3 and len(boxes) == 1 else boxes
+    labels, scores = labels.reshape(-1), scores.reshape(-1)
+    if boxes.ndim != 2 or boxes.shape[1] != 4 or not len(boxes) == len(labels) == len(scores):
+        raise ModelError(
+            f"{name}: boxes of shape {boxes.shape}, {len(labels)} labels and {len(scores)} scores do not fit together"
+        )
+    if not (np.abs(boxes) < _FARTHEST_PX).all() or not (np.abs(labels) < _FARTHEST_PX).all():
+        raise ModelError(f"{name}: boxes or labels are not finite, or absurd")
+    masks = None
+    if "masks" in named:
+        masks = np.asarray(named["masks"], np.float32)
+        if masks.ndim not in (3, 4) or len(masks) != len(boxes) or masks.size != len(boxes) * np.prod(masks.shape[-2:]):
+            raise ModelError(f"{name}: masks of shape {masks.shape} for {len(boxes)} boxes")
+        if len(boxes) and not masks.size:
+            raise ModelError(f"{name}: masks without a pixel")
+        masks = masks.reshape(len(boxes), *masks.shape[-2:])
+    return _Answer(boxes, labels.astype(np.int64), scores, masks)
 
 
 def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
@@ -115,14 +156,16 @@ def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
         return {number: name for number, name in enumerate(CLASSES_91) if number and name != "N/A"}
     try:
         names = ast.literal_eval(text)
-    except (ValueError, SyntaxError) as error:
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError) as error:  # all that literal_eval raises
         raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping") from error
     if isinstance(names, list | tuple):
         names = dict(enumerate(names))
     if not isinstance(names, dict) or not names:
         raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping")
     known = {"sofa": "couch", "diningtable": "dining table", "tvmonitor": "tv", "pottedplant": "potted plant"}
-    found = {int(number): known.get(str(name), str(name)) for number, name in names.items()}
+    if not all(isinstance(number, int) and isinstance(name, str) for number, name in names.items()):
+        raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is no mapping from numbers to names")
+    found = {number: known.get(name, name) for number, name in names.items()}
     if not set(found.values()) & set(CLASSES_80):
         raise ModelError(f"{path}: none of its {len(found)} classes is one of COCO's")
     return found
