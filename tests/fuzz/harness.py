@@ -67,7 +67,9 @@ def _one_child(outcome: Outcome, seed: int, index: int, end: int) -> int:
                     if not part:
                         if limit_s == START_LIMIT_S:
                             said.seek(0)
-                            raise RuntimeError(f"{outcome.target}: refuses its good input: {said.read()[-3000:].decode()}")
+                            raise RuntimeError(
+                                f"{outcome.target}: refuses its good input: {said.read()[-3000:].decode()}"
+                            )
                         if index < end:
                             said.seek(0)
                             last = said.read()[-600:].decode(errors="replace")

@@ -134,8 +134,9 @@ class PictureTarget:
         ]
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.record.confined import read_confined
         from vsnbench.record.picture_decoding import decode_picture
+
+        from vsnbench.record.confined import read_confined
         from vsnbench.report.strips import strip_of
 
         content = self.good[0] if index is None else mutations.bytes_of(rng, rng.choice(self.good))

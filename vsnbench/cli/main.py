@@ -97,6 +97,20 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except Exception:
+        if not (fault := _record_fault()):
+            raise
+        sys.stderr.write(f"vsnbench: error: {fault}\n")
+        sys.exit(VsnbenchError.exit_code)
+
+
+def _record_fault() -> str:
+    """Return what is wrong with the record, where an unexpected failure is not ours; empty for a bug of ours."""
+    if "vsnbench.database.engine" not in sys.modules:
+        return ""
+    from vsnbench.database.soundness import fault_of_opened_records
+
+    return fault_of_opened_records()
 
 
 if __name__ == "__main__":

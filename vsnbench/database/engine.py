@@ -12,10 +12,12 @@ from urllib.parse import quote
 
 import numpy as np
 from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from vsnbench.database_url import parse_url, shown_url
 from vsnbench.errors import RecordError, UsageError
+
+_opened: dict[str, None] = {}
 
 BUSY_TIMEOUT_S = 30
 """How long a writer waits for another one before it gives up."""
@@ -41,6 +43,7 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         RecordError: there is no file to read.
     """
     parsed = parse_url(url)
+    _opened[url] = None
     options: dict[str, Any] = {"json_serializer": to_json}
     try:
         if parsed.get_backend_name() != "sqlite":
@@ -51,7 +54,7 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
             options["creator"] = _sqlite_reader(Path(parsed.database))
         engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, **options)
     except ArgumentError as error:  # an SQLite URL with a host, a list of hosts with a port that is none
-        raise UsageError(f"{shown_url(url)} names no database ({error_line(error)})") from error
+        raise UsageError(f"{shown_url(url)} names no database ({str(error).splitlines()[0]})") from error
     except NoSuchModuleError as error:
         raise UsageError(
             f"no such kind of database in {shown_url(url)}: use sqlite:/// or postgresql+psycopg://"
@@ -62,6 +65,11 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         ) from error
     _set_up_sqlite(engine, read_only=read_only)
     return engine
+
+
+def opened_urls() -> tuple[str, ...]:
+    """Return the databases that this process has opened, in that order."""
+    return tuple(_opened)
 
 
 def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
@@ -79,6 +87,7 @@ def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
     def connect(connection: sqlite3.Connection, _record: object) -> None:
         connection.isolation_level = None  # the driver begins no transaction of its own: `begin` below does
         connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("PRAGMA trusted_schema = OFF")  # a stranger's schema calls no function with side effects
         if read_only:
             connection.execute("PRAGMA query_only = ON")
             return

@@ -155,11 +155,18 @@ def _config() -> "Config":
 def _state(connection: Connection) -> SchemaState:
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
 
     scripts = ScriptDirectory.from_config(_config())
     head = scripts.get_current_head() or ""
     order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
-    current = MigrationContext.configure(connection).get_current_revision()
+    try:
+        current = MigrationContext.configure(connection).get_current_revision()
+    except CommandError as error:  # two revisions at once
+        raise RecordError(
+            f"the database {shown_database(connection.engine)} says that it has several schemas at once ({error}); "
+            "restore a backup"
+        ) from error
     if current is None:
         tables = inspect(connection).get_table_names()
         if tables:

@@ -165,7 +165,7 @@ def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
     known = {"sofa": "couch", "diningtable": "dining table", "tvmonitor": "tv", "pottedplant": "potted plant"}
     if not all(isinstance(number, int) and isinstance(name, str) for number, name in names.items()):
         raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is no mapping from numbers to names")
-    found = {number: known.get(name, name) for number, name in names.items()}
+    found: dict[int, str] = {number: known.get(name) or name for number, name in names.items()}
     if not set(found.values()) & set(CLASSES_80):
         raise ModelError(f"{path}: none of its {len(found)} classes is one of COCO's")
     return found
