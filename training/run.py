@@ -23,8 +23,9 @@ from training.shards import read_shard, write_shard
 from training.stage import Row
 from training.twin_world import TwinWorld
 from training.validation import Validator
-from training.whole_files import TrainingError, sweep, write_whole
+from training.whole_files import TrainingError, write_whole
 from vsnbench.models.weights import file_sha256
+from vsnbench.whole_files import sweep_parts
 from vsnbench.workers import end_with_parent
 
 logger = logging.getLogger(__name__)
@@ -83,7 +84,7 @@ def _claim(recipe: Recipe, output: Path) -> None:
     if claim.is_file():
         if json.loads(claim.read_text())["sha256"] != recipe.sha256:
             raise TrainingError(f"{output} holds a run of another recipe: choose another --output, or remove it")
-        sweep(output)
+        sweep_parts(output, below=True)
         return
     _write_json(claim, {"sha256": recipe.sha256, "recipe": recipe.model_dump(mode="json")})
 

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
+
 from vsnbench.errors import RecordError, VsnbenchError
 
 PART = ".part"
@@ -70,5 +72,5 @@ def sweep_parts(directory: Path, of: str = "*", *, below: bool = False) -> None:
     with contextlib.suppress(OSError):
         for part in directory.rglob(pattern) if below else directory.glob(pattern):
             owner = part.name.removesuffix(PART).rpartition(".")[2]
-            if owner.isdecimal() and not Path(f"/proc/{owner}").exists():
+            if owner.isdecimal() and not psutil.pid_exists(int(owner)):
                 part.unlink(missing_ok=True)

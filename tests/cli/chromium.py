@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from playwright.sync_api import Page, sync_playwright
 
@@ -15,11 +16,11 @@ FLAGS = (
 
 
 @contextmanager
-def chromium_page(width: int, height: int) -> Iterator[Page]:
-    """Open a headless browser on an empty page of a size in pixels."""
+def chromium_page(width: int, height: int, **options: Any) -> Iterator[Page]:
+    """Open a headless browser on an empty page of a size in pixels; `options` are Playwright's for a new page."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=EXECUTABLE, args=FLAGS)
         try:
-            yield browser.new_page(viewport={"width": width, "height": height})
+            yield browser.new_page(viewport={"width": width, "height": height}, **options)
         finally:
             browser.close()

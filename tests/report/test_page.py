@@ -1,13 +1,13 @@
 """The page in a real browser: no network, no complaint on the console, sorted by a click, readable on a phone."""
 
-import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from playwright.sync_api import Page
 
-from tests.cli.chromium import Chromium
+from tests.cli.chromium import chromium_page
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
 from vsnbench.protocol.actions import Action
@@ -50,21 +50,21 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return lab.directory / "report" / "report.html"
 
 
-def ask(browser: Chromium, expression: str) -> object:
-    answer = browser.call("Runtime.evaluate", {"expression": f"JSON.stringify({expression})"})
-    assert "exceptionDetails" not in answer, answer
-    return json.loads(answer["result"].get("value", "null"))
+def ask(browser: Page, expression: str) -> object:
+    answer: object = browser.evaluate(expression)
+    return answer
 
 
 @pytest.mark.browser
-def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path, tmp_path: Path) -> None:
-    with Chromium(tmp_path / "profile", 1280, 900) as browser:
-        browser.call("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
-        offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
-        browser.call("Network.emulateNetworkConditions", offline)
-        browser.open(page.as_uri())
+def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> None:
+    asked: list[str] = []
+    with chromium_page(1280, 900) as browser:
+        browser.add_init_script(WATCH)
+        browser.context.set_offline(True)
+        browser.on("request", lambda request: asked.append(request.url))
+        browser.goto(page.as_uri())
         assert ask(browser, "window.complaints") == []
-        assert [url for url in browser.requests if not url.startswith(("file:", "data:"))] == []
+        assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
         # A name is text: no element came of it, and the title is ours.
         assert ask(browser, "document.querySelectorAll('img[src=x]').length") == 0
         assert ask(browser, "document.title") == "vsnbench report"
@@ -95,11 +95,9 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path, tmp_p
 
 
 @pytest.mark.browser
-def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path, tmp_path: Path) -> None:
-    with Chromium(tmp_path / "profile", 390, 844) as browser:
-        metrics = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
-        browser.call("Emulation.setDeviceMetricsOverride", metrics)
-        browser.open(page.as_uri())
+def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
+    with chromium_page(390, 844, device_scale_factor=2, is_mobile=True) as browser:
+        browser.goto(page.as_uri())
         wide = "[...document.body.querySelectorAll('*')].filter(e => !e.closest('.scroll') && \
             e.getBoundingClientRect().right > 391).map(e => e.tagName + '.' + e.className)"
         assert ask(browser, wide) == []

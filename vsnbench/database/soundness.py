@@ -32,8 +32,9 @@ from sqlalchemy import (
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.types import NullType
 
+from vsnbench.database.column_types import UtcDateTime
 from vsnbench.database.engine import open_engine, opened_urls
-from vsnbench.database.tables import Base, UtcDateTime
+from vsnbench.database.tables import Base
 from vsnbench.database_url import shown_url
 from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.actions import Action
