@@ -3,6 +3,7 @@
 import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -71,3 +72,39 @@ def test_an_unexpected_error_keeps_its_traceback(
 
 def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsnbench(monkeypatch, capsys, "--version").out.startswith("vsnbench 0.")
+
+
+MINE = """
+from vsnbench.models.contract import ModelCard
+class Mine:
+    card = ModelCard("mine")
+    def reset(self, goal, seed): ...
+    def act(self, observation): ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "looked_into"),
+    [
+        (("models", "list"), False),
+        (("models", "show", "random"), False),
+        (("robots", "list"), False),
+        (("models", "show", "mine:Mine"), True),
+    ],
+)
+def test_the_working_directory_is_looked_into_last_and_only_for_a_class_that_was_named(
+    words: tuple[str, ...], looked_into: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "numpy.py").write_text("raise SystemExit('the archive ran')")
+    code = (
+        f"import sys; sys.argv = ['vsnbench', *{words!r}]\n"
+        "from vsnbench.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        "sys.stderr.write('\\n'.join(sys.path))"
+    )
+    run = subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    path = run.stderr.splitlines()
+    assert (str(tmp_path) in path) is looked_into
+    assert str(tmp_path) not in path[:-1]

@@ -63,6 +63,21 @@ def test_showing_a_model_documents_every_setting(
     assert str(tmp_path / "weights" / "pirlnav.ckpt") in out.replace("\n", "")
 
 
+def test_only_what_the_command_line_has_is_shown_as_an_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert vsnbench(monkeypatch, "models", "show", "forward") == 0
+    out = capsys.readouterr().out
+    assert "--look-ahead-m" not in out
+    assert "ForwardUntilBlocked(look_ahead_m=0.55, half_width_m=0.25)" in out
+    assert vsnbench(monkeypatch, "models", "show", "pirlnav", "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["options"] == ["--weights", "--model-config", "--device"]
+    assert shown["keywords"] == {"weights": "None", "model_config": "None", "device": "'auto'"}
+    assert vsnbench(monkeypatch, "run", "--model", "forward", "--goal", "chair", "--weights", "x.pt") == 2
+    assert "model forward takes no --weights; it takes no options, and in Python look_ahead_m, half_width_m" in capsys.readouterr().err
+
+
 def test_a_check_says_what_is_in_the_weights_and_how_the_engines_compare(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

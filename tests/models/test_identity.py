@@ -12,6 +12,7 @@ from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.random_walk import RandomWalk
 from vsnbench.models.registry import create_policy
 
+LAB = "ourlab.policy:Lab"
 SOURCE = """
 from {net} import TURNS
 from vsnbench.models.contract import ModelCard
@@ -75,25 +76,25 @@ def test_files_are_told_apart_by_content_not_by_name(lab: Path) -> None:
     one.write_bytes(b"weights")
     two.write_bytes(b"weights")
     other.write_bytes(b"others")
-    policy = made("ourlab.policy:Lab", weights=one)
-    assert set(files_handed_over(policy, {"weights": one, "device": "cpu"})) == {"weights"}
-    assert files_handed_over(policy, {"weights": one}) == files_handed_over(policy, {"weights": two})
-    assert files_handed_over(policy, {"weights": one}) != files_handed_over(policy, {"weights": other})
-    assert set(files_handed_over(policy, {"weights": one, "model_config": other})) == {"weights", "model_config"}
+    policy = made(LAB, weights=one)
+    assert set(files_handed_over(LAB, policy, {"weights": one, "device": "cpu"})) == {"weights"}
+    assert files_handed_over(LAB, policy, {"weights": one}) == files_handed_over(LAB, policy, {"weights": two})
+    assert files_handed_over(LAB, policy, {"weights": one}) != files_handed_over(LAB, policy, {"weights": other})
+    assert set(files_handed_over(LAB, policy, {"weights": one, "model_config": other})) == {"weights", "model_config"}
 
 
 def test_a_directory_of_weights_is_hashed_whole(lab: Path) -> None:
     directory = lab / "weights" / "shards"
     directory.mkdir(parents=True)
     (directory / "1.bin").write_bytes(b"a")
-    policy = made("ourlab.policy:Lab")
-    first = files_handed_over(policy, {"weights": directory.parent})
+    policy = made(LAB)
+    first = files_handed_over(LAB, policy, {"weights": directory.parent})
     (directory / "2.bin").write_bytes(b"")
-    assert files_handed_over(policy, {"weights": directory.parent}) != first
+    assert files_handed_over(LAB, policy, {"weights": directory.parent}) != first
 
 
 def test_what_vsnbench_brings_along_says_it_on_its_card(tmp_path: Path) -> None:
     file = tmp_path / "weights.pt"
     file.write_bytes(b"x")
     assert code_of(RandomWalk()) == {}
-    assert files_handed_over(RandomWalk(), {"weights": file}) == {}
+    assert files_handed_over("random", RandomWalk(), {"weights": file}) == {}

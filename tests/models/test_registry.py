@@ -84,7 +84,7 @@ def test_a_plug_in_cannot_take_a_built_in_name(plug_in_module: str, monkeypatch:
 
 
 def test_an_option_the_model_lacks_is_a_usage_error_that_names_the_options(plug_in_module: str) -> None:
-    with pytest.raises(UsageError, match=r"temperature.*it takes patience"):
+    with pytest.raises(UsageError, match=r"temperature.*it takes no options, and in Python patience"):
         registry.create_policy(f"{plug_in_module}:Statue", temperature=1.0)
 
 

@@ -6,7 +6,6 @@ A verb's module is imported only when that verb is called, so that `vsnbench --h
 import importlib
 import logging
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -87,7 +86,6 @@ def build_app(verb: str | None) -> typer.Typer:
 def main() -> None:
     """Run the command line; known errors become one line on stderr and their exit code."""
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
-    sys.path.append(str(Path.cwd()))  # a console script's path lacks it, and --model mylab.policy:Policy is found there
     verb = next((word for word in sys.argv[1:] if word in VERBS), None)
     try:
         build_app(verb)(prog_name="vsnbench")

@@ -74,7 +74,10 @@ def show(name: ModelName, as_json: Json = False) -> None:
     grid.add_row("goals", _goals(model))
     if model.sensors:
         grid.add_row("sensors", ", ".join(model.sensors))
-    grid.add_row("options", ", ".join(f"--{option.replace('_', '-')}" for option in model.options) or "none")
+    flags, others = _keywords(model)
+    grid.add_row("options", ", ".join(flags) or "none")
+    if others:
+        grid.add_row("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})")
     grid.add_row("weights", _weights_state(model))
     if model.weights_file:
         from vsnbench.models.weights import weights_directory
@@ -181,6 +184,15 @@ def _goals(model: "ModelDescription") -> str:
     return "any" if model.goals is None else ", ".join(model.goals)
 
 
+def _keywords(model: "ModelDescription") -> tuple[list[str], list[str]]:
+    """Return the constructor's keywords that are options of `vsnbench run`, and the others with their defaults."""
+    from vsnbench.models.registry import FLAGS
+
+    flags = [f"--{name.replace('_', '-')}" for name in model.keywords if name in FLAGS]
+    others = [f"{name}={value}" if value else name for name, value in model.keywords.items() if name not in FLAGS]
+    return flags, others
+
+
 def _weights_state(model: "ModelDescription") -> str:
     from vsnbench.models.weights import embedded_weights, weights_directory
 
@@ -211,7 +223,8 @@ def _description_json(model: "ModelDescription") -> dict[str, Any]:
         "summary": model.summary,
         "goals": None if model.goals is None else list(model.goals),
         "sensors": [sensor.value for sensor in model.sensors],
-        "options": list(model.options),
+        "options": _keywords(model)[0],
+        "keywords": dict(model.keywords),
         "weights_file": model.weights_file or None,
         "settings": {name: default for name, default, _ in _settings_of(model)},
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from vsnbench.models.registry import locate
+from vsnbench.models.registry import keywords_of, locate
 from vsnbench.protocol.observation import Sensor
 
 
@@ -23,7 +23,8 @@ class ModelDescription:
     where: str
     """`module:Class`."""
     summary: str
-    options: tuple[str, ...]
+    keywords: Mapping[str, str]
+    """What it is made with: keyword -> default as text; those in `registry.FLAGS` are options of the command line."""
     goals: tuple[str, ...] | None
     """None: any goal, or the class does not say."""
     sensors: tuple[Sensor, ...]
@@ -70,15 +71,11 @@ def describe_model(name: str) -> ModelDescription:
     where, factory = locate(name)
     text = inspect.getdoc(inspect.getmodule(factory)) or inspect.getdoc(factory) or ""
     goals = getattr(factory, "known_goals", None)
-    try:
-        options = tuple(option for option in inspect.signature(factory).parameters if option != "self")
-    except (TypeError, ValueError):
-        options = ()
     return ModelDescription(
         name=name,
         where=where,
         summary=text.partition("\n")[0].removeprefix(f"The model `{name}`: ").removesuffix("."),
-        options=options,
+        keywords=keywords_of(factory),
         goals=None if goals is None else tuple(goals),
         sensors=tuple(getattr(factory, "needed_sensors", ())),
         weights_file=str(getattr(factory, "weights_file", "")),

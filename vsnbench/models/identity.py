@@ -15,36 +15,36 @@ from typing import Any
 from vsnbench.errors import ModelError
 from vsnbench.git_checkout import checkout_of
 from vsnbench.models.contract import Policy
+from vsnbench.models.registry import is_third_party
 from vsnbench.models.weights import file_sha256
 
-_OURS = "vsnbench"
 _MOST_FILES = 10_000
 
 
-def is_third_party(policy: Policy) -> bool:
-    """Whether the policy's class is not one of vsnbench's own."""
-    return type(policy).__module__.partition(".")[0] != _OURS
-
-
-def files_handed_over(policy: Policy, options: Mapping[str, Any]) -> dict[str, str]:
+def files_handed_over(name: str, policy: Policy, options: Mapping[str, Any]) -> dict[str, str]:
     """Return the SHA-256 of every file or directory among the options of a third party's policy, by option.
 
     Weights whose hash is on the card already are not repeated.
 
+    Args:
+        name: how the model was named; in a process of its own it is third party's too.
+        policy: what was made.
+        options: what it was handed.
+
     Raises:
         ModelError: one of them cannot be read.
     """
-    if not is_third_party(policy):
+    if not is_third_party(name):
         return {}
     hashes = {}
-    for name, value in sorted(options.items()):
+    for option, value in sorted(options.items()):
         if isinstance(value, Path) and value.exists():
             try:
                 sha256 = _directory_sha256(value) if value.is_dir() else file_sha256(value)
             except OSError as error:
                 raise ModelError(f"cannot read {value}, which is handed to the model: {error.strerror}") from error
             if sha256 != policy.card.weights_sha256:
-                hashes[name] = sha256
+                hashes[option] = sha256
     return hashes
 
 
@@ -55,9 +55,9 @@ def code_of(policy: Policy) -> dict[str, str]:
         `class`; `sha256` of its source; `version` of its installed package, and the git `commit` of its source
         (`+changes` where it differs from that), as far as there are such.
     """
-    if not is_third_party(policy):
-        return {}
     made = type(policy)
+    if made.__module__.partition(".")[0] == "vsnbench":
+        return {}
     found = {"class": f"{made.__module__}:{made.__qualname__}", "sha256": _source_sha256(made)}
     if version := _package_version(made.__module__.partition(".")[0]):
         found["version"] = version

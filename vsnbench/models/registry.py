@@ -5,6 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
+from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.plugins import import_factory, plug_ins
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
 
 ENTRY_POINT_GROUP = "vsnbench.models"
+FLAGS = frozenset({"weights", "model_config", "device", "act_timeout"})
+"""The keywords of a policy's constructor that a command line has flags for."""
 
 _BUILT_IN: dict[str, str] = {
     "random": "vsnbench.models.random_walk:RandomWalk",
@@ -48,16 +51,19 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
     try:
         inspect.signature(factory).bind(**options)
     except (TypeError, ValueError) as error:
-        takes = _options_of(factory)
+        takes = list(keywords_of(factory))
         surplus = [f"--{option.replace('_', '-')}" for option in options if option not in takes]
         says = f"takes no {' and no '.join(surplus)}" if surplus else f"cannot be made: {error}"
-        raise UsageError(f"model {name} {says}; it takes {', '.join(takes) or 'no options'}") from error
+        flags = [f"--{option.replace('_', '-')}" for option in takes if option in FLAGS]
+        others = [option for option in takes if option not in FLAGS]
+        also = f", and in Python {', '.join(others)}" if others else ""
+        raise UsageError(f"model {name} {says}; it takes {', '.join(flags) or 'no options'}{also}") from error
     try:
         policy = factory(**options)
     except VsnbenchError:
         raise
-    except Exception as error:
-        raise ModelError(f"model {name}: {where} could not be made: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise ModelError(f"model {name}: {where} could not be made: {error_line(error)}") from error
     if not isinstance(policy, Policy) or not isinstance(policy.card, ModelCard):
         raise ModelError(
             f"model {name}: {where} is no policy: it needs `card` (a ModelCard), `reset(goal, seed)` and "
@@ -84,11 +90,22 @@ def locate(name: str) -> tuple[str, Any]:
             f"no model {name!r}: the known ones are {', '.join(known_models())}; "
             "your own is named as package.module:Class"
         )
-    return where, import_factory(where, f"model {name}", "a policy", ModelError)
+    return where, import_factory(where, "model", name, "a policy", ModelError)
 
 
-def _options_of(factory: Any) -> list[str]:
+def keywords_of(factory: Any) -> dict[str, str]:
+    """Return the keywords that a policy is made with, each with its default as text; empty where it has none."""
     try:
-        return [name for name in inspect.signature(factory).parameters if name != "self"]
+        parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
-        return []
+        return {}
+    empty = inspect.Parameter.empty
+    return {each.name: "" if each.default is empty else repr(each.default)[:40] for each in parameters}
+
+
+def is_third_party(name: str) -> bool:
+    """Whether the name stands for code that is not vsnbench's own; what a served model is, its server says."""
+    if name.startswith(("ws://", "wss://")):
+        return False
+    where = _BUILT_IN.get(name) or plug_ins(ENTRY_POINT_GROUP).get(name) or name
+    return where.partition(":")[0].partition(".")[0] != "vsnbench"

@@ -13,6 +13,7 @@ import inspect
 from typing import Any
 
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
+from vsnbench.harmless_text import error_line
 from vsnbench.plugins import import_factory, plug_ins
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import kind_of_class
@@ -87,13 +88,13 @@ def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Rob
             f"no robot {name!r}: the known ones are {', '.join(known_robots())}; "
             "your own is named as package.module:Class"
         )
-    factory = import_factory(where, f"robot {name}", "a robot", RobotError)
+    factory = import_factory(where, "robot", name, "a robot", RobotError)
     try:
         robot = factory(**_taken(factory, {"site": site, "parameters": parameters}))
     except VsnbenchError:
         raise
-    except Exception as error:
-        raise RobotError(f"robot {name}: {where} could not be made: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise RobotError(f"robot {name}: {where} could not be made: {error_line(error)}") from error
     if not isinstance(robot, Robot):
         raise RobotError(f"robot {name}: {where} is no robot: see docs/robots.md for what it needs")
     _check_kind(name, where, robot)

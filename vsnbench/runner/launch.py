@@ -95,7 +95,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
         plan = CampaignPlan(
             site=site,
             robot=robot.identity,
-            model=_identity(policy, request.model_options),
+            model=_identity(request, policy),
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
@@ -132,7 +132,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
     return Launched(campaign, result)
 
 
-def _identity(policy: Policy, options: Mapping[str, Any]) -> ModelIdentity:
+def _identity(request: RunRequest, policy: Policy) -> ModelIdentity:
     card = policy.card
     return ModelIdentity(
         name=card.name,
@@ -142,7 +142,7 @@ def _identity(policy: Policy, options: Mapping[str, Any]) -> ModelIdentity:
         weights_label=card.weights_label,
         settings=card.settings,
         surveyed=isinstance(policy, SurveyedPolicy),
-        files=files_handed_over(policy, options),
+        files=files_handed_over(request.model, policy, request.model_options),
         code=code_of(policy),
     )
 

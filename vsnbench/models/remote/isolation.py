@@ -206,7 +206,18 @@ class IsolatedPolicy(RemotePolicy):
 
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
     if python is None:
-        words = [sys.executable, "-m", "vsnbench.cli.main", "models", "serve", model, "--unix-path", str(socket_file)]
+        # -P: the working directory is looked into last, and only for a class that is named
+        words = [
+            sys.executable,
+            "-P",
+            "-m",
+            "vsnbench.cli.main",
+            "models",
+            "serve",
+            model,
+            "--unix-path",
+            str(socket_file),
+        ]
         for name, value in options.items():
             words += [f"--{name.replace('_', '-')}", str(value)]
         return words

@@ -4,6 +4,7 @@ from typing import Any
 
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.models.identity import code_of
 from vsnbench.models.remote import vsnbench_policy as wire
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.codec import decision_to_message
@@ -27,6 +28,8 @@ class ServedPolicy:
             raise UsageError(
                 f"model {card.name} needs the simulator's own labels, which no wire carries: give it a real detector"
             )
+        # A commit that changes nothing of the source makes no other model.
+        code = {name: value for name, value in code_of(policy).items() if name != "commit"}
         self._policy = policy
         self._sensors = frozenset(card.sensors)
         self.card = {
@@ -35,7 +38,7 @@ class ServedPolicy:
             "sensors": sorted(sensor.value for sensor in card.sensors),
             "weights_sha256": card.weights_sha256,
             "weights_label": card.weights_label,
-            "settings": dict(card.settings),
+            "settings": dict(card.settings) | ({"code": code} if code else {}),
             "stand_in": card.stand_in,
         }
 
