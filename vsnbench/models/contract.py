@@ -26,7 +26,7 @@ class ModelCard:
     """What the weights are, in words, for every table that shows the model."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """JSON-serialisable: everything else that results depend on, precision among it. Part of the model's identity."""
-    runs_on: Mapping[str, str | int | None] = field(default_factory=dict)
+    runs_on: Mapping[str, str | int | None] = field(default_factory=dict, compare=False)
     """Where and by what it runs (device, runtime, threads): kept as provenance, no part of the model's identity."""
     stand_in: bool = False
     """Nobody named these weights: they only stand in for the model's own, and must not drive a real robot."""
