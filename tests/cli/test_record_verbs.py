@@ -12,6 +12,7 @@ import pytest
 from tests.database.records_of_a_lab import plan, run, stopped, void
 from vsnbench.cli.main import main
 from vsnbench.database import migrate
+from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.database.journal import Journal
 from vsnbench.database_url import sqlite_url
 
@@ -120,3 +121,32 @@ def test_the_database_can_be_found_upgraded_and_backed_up(tmp_path: Path) -> Non
     copy = tmp_path / "copy.db"
     assert vsnbench(tmp_path, "db", "backup", str(copy)).stdout.startswith(str(copy))
     assert copy.is_file()
+
+
+def test_a_script_gets_every_episode_unless_it_asks_for_fewer(tmp_path: Path) -> None:
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        many = replace(plan(), trials=[PlannedTrial("chair", 1, repetition) for repetition in range(1, 54)])
+        for trial in journal.find_or_create_campaign(many).trials:
+            run(journal, trial, stopped(success=True), steps=0)
+    assert len(json.loads(vsnbench(tmp_path, "episodes", "list", "--json").stdout)) == 53
+    assert len(json.loads(vsnbench(tmp_path, "episodes", "list", "--json", "--limit", "2").stdout)) == 2
+    assert "the latest 50 of 53" in vsnbench(tmp_path, "episodes", "list").stderr
+
+
+def test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key(tmp_path: Path) -> None:
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        campaigns = [journal.find_or_create_campaign(plan(seed=seed)) for seed in range(20)]
+        for campaign in campaigns:
+            run(journal, campaign.trials[0], stopped(success=True), steps=0)
+
+    def listed(word: str) -> set[int]:
+        return {
+            one["campaign_id"]
+            for one in json.loads(vsnbench(tmp_path, "episodes", "list", "--campaign", word, "--json").stdout)
+        }
+
+    assert len({campaign.key[0] for campaign in campaigns}) < len(campaigns), "some keys begin alike"
+    for campaign in campaigns:
+        assert listed(str(campaign.id)) == {campaign.id}
+        assert listed(campaign.key[0]) <= {int(campaign.key[0], 16)}
+        assert listed(campaign.key[:8]) == {campaign.id}

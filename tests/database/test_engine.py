@@ -1,9 +1,13 @@
 import json
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -11,12 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database.records_of_a_lab import plan, run, stopped
+from vsnbench.database import engine as engine_module
 from vsnbench.database.engine import open_engine, to_json
 from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
-from vsnbench.database_url import shown_url, sqlite_url
+from vsnbench.database_url import shown_url, sqlite_path, sqlite_url
 from vsnbench.errors import RecordError, UsageError
 
 WRITER_ON_A_FULL_DISK = """
@@ -163,3 +168,39 @@ def test_a_listing_is_one_query_however_many_episodes(sqlite: str) -> None:
         event.listen(journal.engine, "before_cursor_execute", lambda *words: queries.append(words[2]))
         list_episodes(journal.engine, EpisodeFilter())
         assert len([query for query in queries if query.startswith("SELECT")]) == 1
+
+
+def test_a_writer_waits_for_another_one_as_long_as_it_takes_and_says_so(
+    sqlite: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine_module, "BUSY_TIMEOUT_S", 0.05)
+    with Journal.open(sqlite) as journal, ThreadPoolExecutor(1) as pool:
+        campaign = journal.find_or_create_campaign(plan())
+        path = sqlite_path(sqlite)
+        assert path is not None
+        with closing(sqlite3.connect(path, isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            claim = pool.submit(journal.claim_next, campaign.id, [campaign.trials[0].id])
+            deadline = time.monotonic() + 20
+            while "waiting for another process" not in caplog.text and time.monotonic() < deadline:
+                with pytest.raises(TimeoutError):
+                    claim.result(0.05)
+            with pytest.raises(TimeoutError):  # many time-outs of SQLite later it still waits
+                claim.result(0.5)
+            other.execute("COMMIT")
+        done = claim.result(20)
+        assert done is not None
+        assert done.trial == campaign.trials[0]
+    assert "is over" in caplog.text
+
+
+def test_a_record_from_which_somebody_took_a_model_is_refused_and_not_reported_without_it(sqlite: str) -> None:
+    with Journal.open(sqlite) as journal:
+        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
+    path = sqlite_path(sqlite)
+    assert path is not None
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DELETE FROM model")
+        database.commit()
+    with pytest.raises(RecordError, match="the model of campaign 1 is not in it"):
+        open_record(sqlite)

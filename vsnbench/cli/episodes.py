@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
+_TABLE_ROWS = 50
+
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 
 
@@ -20,7 +22,7 @@ def list_(
     model: Annotated[str, typer.Option("--model", help="Only this model's.")] = "",
     goal: Annotated[str, typer.Option("--goal", help="Only this goal category.")] = "",
     campaign: Annotated[
-        str, typer.Option("--campaign", help="Only this campaign: its number, name, or the start of its key.")
+        str, typer.Option("--campaign", help="Only this campaign: its number, name, or 8 digits or more of its key.")
     ] = "",
     outcome: Annotated[
         str,
@@ -29,7 +31,10 @@ def list_(
             help="Only success, failure, void, running or unjudged ones, or those with this end reason (collision...).",
         ),
     ] = "",
-    limit: Annotated[int, typer.Option("--limit", min=0, help="Only the latest so many; 0 for all.")] = 50,
+    limit: Annotated[
+        int | None,
+        typer.Option("--limit", min=0, help="Only the latest so many; 0 for all. 50 in a table, all with --json."),
+    ] = None,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -38,7 +43,7 @@ def list_(
 
     [bold]vsnbench episodes list --model random --outcome collision[/bold]
 
-    [bold]vsnbench episodes list --limit 0 --json | jq '.[] | select(.success) | .id'[/bold]
+    [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
     import json
 
@@ -55,11 +60,12 @@ def list_(
         raise UsageError(f"no outcome {outcome!r}: there are {', '.join(OUTCOMES)}")
     which = EpisodeFilter(model=model, goal=goal, campaign=campaign, outcome=outcome)
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
-    episodes = list_episodes(engine, which, limit or None)
+    most = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
+    episodes = list_episodes(engine, which, most)
     if as_json:
         typer.echo(json.dumps([_summary_object(episode) for episode in episodes], indent=2))
         return
-    total = count_episodes(engine, which) if limit and len(episodes) == limit else len(episodes)
+    total = count_episodes(engine, which) if most and len(episodes) == most else len(episodes)
     engine.dispose()
     if not episodes:
         typer.echo("no such episodes", err=True)

@@ -18,6 +18,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "report": ("vsnbench.cli.report", "Success rates with intervals, from the database."),
     "compare": ("vsnbench.cli.compare", "Compare two models with honest statistics."),
     "view": ("vsnbench.cli.view", "Open an episode in Rerun."),
+    "judge": ("vsnbench.cli.judge", "Say what became of an episode: confirm, measure, amend, void."),
     "episodes": ("vsnbench.cli.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
     "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),

@@ -1,9 +1,11 @@
 """Opens the database of the record: SQLite set up so that a killed process loses nothing, or any SQLAlchemy URL."""
 
 import json
+import logging
 import math
 import os
 import sqlite3
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,8 +21,13 @@ from vsnbench.errors import RecordError, UsageError
 
 _opened: dict[str, None] = {}
 
-BUSY_TIMEOUT_S = 30
-"""How long a writer waits for another one before it gives up."""
+BUSY_TIMEOUT_S = 1.0
+"""How long SQLite itself waits for another writer; after each such time it is said who waits, and waiting goes on."""
+_SAY_AGAIN_S = 30.0
+_READER_TIMEOUT_S = 30.0
+"""A reader waits only for a file that is not in WAL mode, or is being recovered."""
+
+logger = logging.getLogger(__name__)
 
 
 def shown_database(engine: Engine) -> str:
@@ -79,7 +86,7 @@ def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
     wal = path.with_name(path.name + "-wal")
     mode = "rw" if os.access(path.parent, os.W_OK) else "ro" if wal.exists() else "ro&immutable=1"
     uri = f"file:{quote(str(path.resolve()))}?mode={mode}"
-    return lambda: sqlite3.connect(uri, uri=True, timeout=BUSY_TIMEOUT_S, check_same_thread=False)
+    return lambda: sqlite3.connect(uri, uri=True, timeout=_READER_TIMEOUT_S, check_same_thread=False)
 
 
 def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
@@ -91,14 +98,47 @@ def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
         if read_only:
             connection.execute("PRAGMA query_only = ON")
             return
-        connection.execute("PRAGMA journal_mode = WAL")
+        _patiently(connection, "PRAGMA journal_mode = WAL", engine)
         # In WAL, NORMAL survives kill -9 whole; only a power cut can lose the last commits, never corrupt the file.
         connection.execute("PRAGMA synchronous = NORMAL")
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
-        reads = read_only or connection.get_execution_options().get(_READS)
-        connection.exec_driver_sql("BEGIN" if reads else "BEGIN IMMEDIATE")
+        raw = connection.connection.dbapi_connection
+        if read_only or connection.get_execution_options().get(_READS) or not isinstance(raw, sqlite3.Connection):
+            connection.exec_driver_sql("BEGIN")
+        else:
+            try:
+                _patiently(raw, "BEGIN IMMEDIATE", engine)
+            except sqlite3.OperationalError:  # raised again where SQLAlchemy makes an error of its own of it
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
+
+
+def _patiently(connection: sqlite3.Connection, statement: str, engine: Engine) -> None:
+    """Carry out a statement that needs the file to itself, as long as it takes: what drove until here is at rest.
+
+    Nothing has been written when it fails for want of the lock, so it may be tried again; each try ends within
+    `BUSY_TIMEOUT_S`, so that a signal is heard.
+    """
+    began_s = said_s = time.monotonic()
+    while True:
+        try:
+            connection.execute(statement)
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                raise
+            now_s = time.monotonic()
+            if said_s == began_s or now_s - said_s >= _SAY_AGAIN_S:
+                logger.warning(
+                    "waiting for another process that is writing %s, for %.0f s now; Ctrl-C gives up",
+                    shown_database(engine),
+                    now_s - began_s,
+                )
+                said_s = now_s
+        else:
+            if said_s != began_s:
+                logger.warning("the wait for %s is over", shown_database(engine))
+            return
 
 
 _READS = "vsnbench_reads"
@@ -143,7 +183,7 @@ _ADVICE = {
     "readonly": "it cannot be written: look at the directory's permissions, or choose another with --results",
     "read-only": "it cannot be written: choose another results directory with --results",
     "unable to open": "look at the path and its permissions, or choose another directory with --results",
-    "locked": "another process has been writing for too long: wait for it, or stop it",
+    "locked": "another process has it to itself: wait for it, or stop it",
     "not a database": "the file is something else: choose another results directory with --results",
     "malformed": "the file is damaged: restore a backup (`vsnbench db backup` makes them)",
     "no such table": "it has no record in it: `vsnbench db upgrade` makes one",

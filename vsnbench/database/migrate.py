@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import Connection, Engine, inspect, text
+from sqlalchemy import Connection, Engine, inspect, or_, select, text
 
 from vsnbench.database.engine import open_engine, record_errors, shown_database
+from vsnbench.database.tables import Campaign, Model, Robot, Site
 from vsnbench.database_url import libpq_connection, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
@@ -59,6 +60,7 @@ def open_record(url: str) -> Engine:
     """
     engine = open_engine(url, read_only=True)
     if _has_head(engine):
+        _check_campaigns(engine)
         return engine
     state = schema_state(engine)
     if state.up_to_date:
@@ -134,6 +136,30 @@ def backup(url: str, target: Path) -> None:
 
 
 _ADVISORY_LOCK = 7_305_514_013
+
+
+def _check_campaigns(engine: Engine) -> None:
+    """See that no campaign would drop out of every table because what it ran on is not there.
+
+    Raises:
+        RecordError: there is such a campaign; the database keeps its keys by itself, so somebody took the row out.
+    """
+    query = (
+        select(Campaign.id, Model.id, Robot.id, Site.id)
+        .outerjoin(Model, Model.id == Campaign.model_id)
+        .outerjoin(Robot, Robot.id == Campaign.robot_id)
+        .outerjoin(Site, Site.id == Campaign.site_id)
+        .where(or_(Model.id.is_(None), Robot.id.is_(None), Site.id.is_(None)))
+        .order_by(Campaign.id)
+    )
+    with record_errors(engine), engine.connect() as connection:
+        torn = connection.execute(query).first()
+    if torn is not None:
+        lacks = [name for name, found in zip(("model", "robot", "site"), torn[1:], strict=True) if found is None]
+        raise RecordError(
+            f"the database {shown_database(engine)} is not whole: the {' and the '.join(lacks)} of campaign {torn[0]} "
+            "is not in it, and the campaign would be missing from every table; restore a backup"
+        )
 
 
 def _has_head(engine: Engine) -> bool:

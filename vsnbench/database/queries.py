@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy import Connection, Engine, Select, func, or_, select
+from sqlalchemy.orm import aliased
 
 from vsnbench.database.engine import reading, record_errors
 from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
@@ -26,6 +27,7 @@ from vsnbench.database.read_shapes import (
     EpisodeProvenance,
     EpisodeSummary,
     EventRow,
+    PendingEpisode,
     StepRow,
     VerdictRow,
 )
@@ -98,6 +100,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
         return EpisodeDetails(
             summary=summary,
             seed=episode.seed,
+            ended_with=episode.end_reason,
             error=episode.error,
             goal_instance=goal_instance,
             wall_duration_s=episode.wall_duration_s,
@@ -109,6 +112,27 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             events=tuple(EventRow(*row) for row in events),
             provenance=_provenance(connection, episode_id),
         )
+
+
+def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
+    """Return the episodes that await a person's word, in the order of their numbers.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    proposal, each = aliased(Verdict), aliased(Verdict)
+    latest = select(func.max(each.id)).where(each.episode_id == Episode.id, each.proposed.is_(True))
+    query = (
+        episodes_of_campaigns(
+            *(Episode.id, Model.name, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
+            *(Episode.end_reason, Episode.ended_at, proposal.reason, proposal.success),
+        )
+        .outerjoin(proposal, proposal.id == latest.scalar_subquery())
+        .where(Episode.state == EpisodeState.AWAITING.value)
+        .order_by(Episode.id)
+    )
+    with _reader(engine) as connection:
+        return tuple(PendingEpisode(*row) for row in connection.execute(query))
 
 
 def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRow, ...]:

@@ -166,6 +166,8 @@ class EpisodeDetails:
 
     summary: EpisodeSummary
     seed: int
+    ended_with: str | None
+    """Why it ended, before anybody judged it; None until it has ended."""
     error: str
     goal_instance: str | None
     wall_duration_s: float | None
@@ -177,6 +179,24 @@ class EpisodeDetails:
     verdicts: tuple[VerdictRow, ...]
     events: tuple[EventRow, ...]
     provenance: EpisodeProvenance
+
+
+@dataclass(frozen=True, slots=True)
+class PendingEpisode:
+    """An episode that awaits a person's word, with what the protocol proposes."""
+
+    id: int
+    model: str
+    robot: str
+    goal: str
+    start: int
+    repetition: int
+    origin: str
+    end_reason: str
+    ended_at: datetime
+    proposal: str | None
+    """None where there is none: an import."""
+    proposed_success: bool | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,7 @@ from sqlalchemy.types import NullType
 
 from vsnbench.database.column_types import UtcDateTime
 from vsnbench.database.engine import open_engine, opened_urls
+from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.tables import Base
 from vsnbench.database_url import shown_url
 from vsnbench.errors import VsnbenchError
@@ -52,6 +53,8 @@ YEARS: Final = range(1970, 2200)
 _WORDS: dict[str, type[StrEnum]] = {
     "action": Action,
     "end_reason": EndReason,
+    "state": EpisodeState,
+    "start_source": PoseSource,
     "world_source": PoseSource,
     "final_source": PoseSource,
     "distance_source": PoseSource,

@@ -1,0 +1,88 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_record_verbs import vsnbench
+from tests.database.records_of_a_lab import begun, plan, run, stopped, void
+from vsnbench.database.journal import Journal
+from vsnbench.database_url import sqlite_url
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """A proposal of success (1), a void attempt (2), a judged success (3), and one that runs (4)."""
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        trials = journal.find_or_create_campaign(plan()).trials
+        run(journal, trials[0], replace(stopped(success=True), proposed=True))
+        run(journal, trials[1], void())
+        run(journal, trials[2], stopped(success=True))
+        begun(journal, trials[3])
+    return tmp_path
+
+
+def shown(results: Path, number: int) -> dict[str, object]:
+    told: dict[str, object] = json.loads(vsnbench(results, "episodes", "show", str(number), "--json").stdout)
+    return told
+
+
+def test_what_awaits_a_word_is_listed_with_its_proposal(results: Path) -> None:
+    assert "judged" in vsnbench(results, "judge", "--pending").stdout
+    (waiting,) = json.loads(vsnbench(results, "judge", "--pending", "--json").stdout)
+    assert (waiting["id"], waiting["goal"], waiting["proposed_success"]) == (1, "chair", True)
+    vsnbench(results, "judge", "1", "--confirm")
+    assert "no episode awaits" in vsnbench(results, "judge", "--pending").stderr
+
+
+def test_a_proposal_counts_when_it_is_confirmed_and_keeps_its_author(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VSNBENCH_OPERATOR", "ada")
+    assert shown(results, 1)["success"] is None
+    done = vsnbench(results, "judge", "1", "--confirm", "--note", "seen from the door")
+    assert (done.returncode, done.stdout) == (0, "#1 judged by ada: judged\n"), done.stderr
+    told = shown(results, 1)
+    assert (told["success"], told["distance_to_goal_m"], told["distance_source"]) == (True, 0.4, "simulated")
+    proposal, word = told["verdicts"]
+    assert (proposal["proposed"], proposal["author"]) == (True, "vsnbench")
+    assert (word["proposed"], word["author"], word["source"], word["note"]) == (
+        False, "ada", "person", "seen from the door",
+    )  # fmt: skip
+
+
+def test_a_tape_a_collision_and_a_void_amend_what_stood_and_nothing_is_forgotten(results: Path) -> None:
+    assert "1.200 m from chair_1 (tape), not under 1 m" in vsnbench(results, "judge", "3", "--distance", "1.2").stdout
+    assert shown(results, 3)["success"] is False
+    assert "the cat (seen by a person)" in vsnbench(results, "judge", "3", "--collision", "the cat").stdout
+    assert shown(results, 3)["collision"] is True
+    vsnbench(results, "judge", "3", "--void", "a visitor stood in the way")
+    told = shown(results, 3)
+    assert (told["outcome"], len(told["verdicts"])) == ("void", 4)
+    vsnbench(results, "judge", "3", "--distance", "40 cm")
+    assert shown(results, 3)["success"] is True
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["1", "--distance", "84"], "give metres, like 0.84; if you meant centimetres, write 0.84"),
+        (["1", "--distance", "-1"], "give metres, like 0.84"),
+        (["1", "--distance", "about a metre"], "give metres, like 0.84"),
+        (["1"], "nothing was said of it"),
+        (["1", "--confirm", "--void", "why"], "--void and --confirm contradict each other"),
+        (["1", "--collision", " "], "--collision needs to say what it touched"),
+        (["3", "--confirm"], "episode 3 awaits nobody's word (success)"),
+        (["4", "--confirm"], "episode 4 has not ended"),
+        (["77", "--confirm"], "there is no episode 77"),
+        (["--confirm"], "which episode?"),
+        (["1", "--pending"], "--pending lists episodes"),
+    ],
+)
+def test_a_slip_judges_nothing(results: Path, words: list[str], line: str) -> None:
+    done = vsnbench(results, "judge", *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert line in done.stderr
+    (waiting,) = json.loads(vsnbench(results, "judge", "--pending", "--json").stdout)
+    assert waiting["id"] == 1
+    assert len(shown(results, 3)["verdicts"]) == 1
