@@ -1,4 +1,4 @@
-"""Weights are found by name, in the directory of weights, or embedded; the nearest wish wins."""
+"""Weights are found by name, in the directory of weights, or embedded; the nearest criteria wins."""
 
 from pathlib import Path
 

@@ -15,7 +15,7 @@ from vsnbench.protocol.walls import wall_shapes
 
 
 @dataclass(frozen=True, slots=True)
-class ViewWish:
+class ViewCriteria:
     """What makes a place a good one to stop at."""
 
     within_m: float
@@ -37,9 +37,9 @@ class ViewPoints:
     """Direction of the middle of the instance's footprint, site frame; the same length as rows and columns."""
 
 
-def view_points(space: FreeSpace, goal: str, wish: ViewWish) -> ViewPoints:
-    """Return from where instances of `goal` are as near and as visible as `wish` asks for."""
-    found = [instance_view_points(space, instance, wish) for instance in space.site.instances(goal)]
+def view_points(space: FreeSpace, goal: str, criteria: ViewCriteria) -> ViewPoints:
+    """Return from where instances of `goal` are as near and as visible as `criteria` asks for."""
+    found = [instance_view_points(space, instance, criteria) for instance in space.site.instances(goal)]
     if not found:
         return ViewPoints(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
     return ViewPoints(
@@ -49,17 +49,17 @@ def view_points(space: FreeSpace, goal: str, wish: ViewWish) -> ViewPoints:
     )
 
 
-def instance_view_points(space: FreeSpace, instance: SiteObject, wish: ViewWish) -> ViewPoints:
-    """Return from where one instance is as near and as visible as `wish` asks for."""
-    rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < wish.within_m))
-    if wish.in_sight and rows.size:
+def instance_view_points(space: FreeSpace, instance: SiteObject, criteria: ViewCriteria) -> ViewPoints:
+    """Return from where one instance is as near and as visible as `criteria` asks for."""
+    rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < criteria.within_m))
+    if criteria.in_sight and rows.size:
         lines = shapely.shortest_line(space.points[rows, columns], instance.shape)
-        screens = _screens(space.site, instance, wish.eye_height_m)
+        screens = _screens(space.site, instance, criteria.eye_height_m)
         shapely.prepare(screens)
         hidden = shapely.intersects(screens, lines)
         rows, columns = rows[~hidden], columns[~hidden]
-    elif wish.walls_hide and rows.size:
-        region = sight(space.site).region(instance.shape, wish.within_m)
+    elif criteria.walls_hide and rows.size:
+        region = sight(space.site).region(instance.shape, criteria.within_m)
         seen = shapely.contains_xy(region, space.x_m[rows, columns], space.y_m[rows, columns])
         rows, columns = rows[seen], columns[seen]
     middle = instance.shape.centroid

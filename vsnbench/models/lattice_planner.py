@@ -30,7 +30,7 @@ class Clearance:
     """Added to the radius on both sides of that free way."""
 
     def eased(self, by_m: float) -> "Clearance":
-        """Return the same wish with every reserve smaller by `by_m`."""
+        """Return the same criteria with every reserve smaller by `by_m`."""
         return Clearance(
             self.robot_radius_m, max(self.spare_m - by_m, 0.0), self.ahead_m - by_m, max(self.side_m - by_m, 0.0)
         )

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard
-from vsnbench.models.goal_views import ViewPoints, ViewWish, view_points, wanted_poses
+from vsnbench.models.goal_views import ViewCriteria, ViewPoints, view_points, wanted_poses
 from vsnbench.models.lattice_planner import Clearance, LatticePlanner
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics
@@ -55,7 +55,7 @@ class Oracle:
         self._robot_radius_m = 0.0
         self._parameters = ProtocolParameters()
         self._goal = ""
-        self._known_views: dict[tuple[str, float, str, ViewWish], ViewPoints] = {}
+        self._known_views: dict[tuple[str, float, str, ViewCriteria], ViewPoints] = {}
         self._planner: LatticePlanner | None = None
         self._views: BoolGrid | None = None
         self._actions: tuple[Action, ...] = ()
@@ -126,17 +126,17 @@ class Oracle:
         near_m = min(self._settings.stop_within_m, 0.8 * parameters.success_distance_m)
         half_view_rad, farther_m = math.radians(self._settings.half_view_deg), 0.9 * parameters.success_distance_m
         comforts = (
-            (0.06, half_view_rad, ViewWish(near_m, eye_height_m)),
-            (0.02, half_view_rad, ViewWish(near_m, eye_height_m)),
-            (0.01, math.pi, ViewWish(farther_m, eye_height_m, in_sight=False, walls_hide=parameters.in_sight)),
+            (0.06, half_view_rad, ViewCriteria(near_m, eye_height_m)),
+            (0.02, half_view_rad, ViewCriteria(near_m, eye_height_m)),
+            (0.01, math.pi, ViewCriteria(farther_m, eye_height_m, in_sight=False, walls_hide=parameters.in_sight)),
         )
         memories = (self._refused, []) if self._refused else ([],)
-        for refused, (spare_m, half_view_rad, wish) in itertools.product(memories, comforts):
+        for refused, (spare_m, half_view_rad, criteria) in itertools.product(memories, comforts):
             clearance = Clearance(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
             planner = LatticePlanner(space, here.heading_rad, parameters.forward_m, turn_rad, clearance)
             for pose in refused:
                 planner.forbid(pose)
-            points = self._view_points(space, wish)
+            points = self._view_points(space, criteria)
             views = wanted_poses(space, planner, points, half_view_rad)
             actions = planner.plan(here, views) if views.any() else None
             if actions is not None:
@@ -150,10 +150,10 @@ class Oracle:
         self._planner, self._views, self._actions = None, None, ()
         self._note = f"no way to any {self._goal} on the map"
 
-    def _view_points(self, space: FreeSpace, wish: ViewWish) -> ViewPoints:
-        key = (space.site.sha256, self._robot_radius_m, self._goal, wish)
+    def _view_points(self, space: FreeSpace, criteria: ViewCriteria) -> ViewPoints:
+        key = (space.site.sha256, self._robot_radius_m, self._goal, criteria)
         if key not in self._known_views:
-            self._known_views[key] = view_points(space, self._goal, wish)
+            self._known_views[key] = view_points(space, self._goal, criteria)
         return self._known_views[key]
 
     def _explain(self, here: Pose) -> Diagnostics:

@@ -10,28 +10,16 @@ import tarfile
 import zipfile
 from collections import OrderedDict
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from vsnbench.errors import ModelError
 from vsnbench.models.pickle_inspection import declared_storages
+from vsnbench.models.torch_runtime import require_torch
 
-INSTALL_HINT: Final = "pip install 'vsnbench[neural]'"
 _LARGEST_PICKLE_BYTES = 2 * 2**20
 """The released checkpoints need about 60 kB; a pickle can grow in memory to some hundred times its size."""
 _LEGACY_MAGIC = b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19"
 _SAVE_ANEW = "old formats can run code when they are read; save it again with torch.save of PyTorch 1.6 or later"
-
-
-def require_torch() -> None:
-    """Check that PyTorch is installed.
-
-    Raises:
-        ModelError: it is not; the message says how to install it.
-    """
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}") from error
 
 
 def load_checkpoint(path: Path, allowed_classes: frozenset[str] = frozenset()) -> Any:

@@ -13,7 +13,7 @@ from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agr
 from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
-from vsnbench.models.torch_device import available_device
+from vsnbench.models.torch_runtime import available_device
 
 logger = logging.getLogger(__name__)
 

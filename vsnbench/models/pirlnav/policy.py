@@ -21,7 +21,7 @@ from vsnbench.models.pirlnav.engine import StepInput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings
-from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.torch_runtime import require_torch
 from vsnbench.models.weights import embedded_weights, find_weights
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision, Diagnostics

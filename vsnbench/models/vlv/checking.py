@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vsnbench.models.description import ModelCheck, Timing
-from vsnbench.models.torch_device import available_device
+from vsnbench.models.torch_runtime import available_device
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, VALUE_CLASSES
 from vsnbench.models.vlv.settings import VLVSettings

@@ -17,8 +17,8 @@ Point = tuple[float, float]
 _SAME_PLACE_M: Final = 1.0
 _SAME_SPOT_M: Final = 0.6
 _KEPT_SPOTS: Final = 60
-_POINTS_A_LOOK: Final = 20
-_LOOKS_TO_BELIEVE: Final = 2
+_POINTS_PER_OBSERVATION: Final = 20
+_OBSERVATIONS_TO_BELIEVE: Final = 2
 _MISSES_OF_A_SPOT: Final = 3
 _NEAR_SHARE: Final = 10
 """Percentile of a mask's distances that counts as the object's: a mask's edge often lies on what is behind it."""
@@ -50,15 +50,15 @@ class Place:
     """A place where the goal was seen."""
 
     spots: list[Spot]
-    looks: int = 1
+    observations: int = 1
     misses: int = 0
     stared_at: int = 0
     """Looks from near by, one after another, that did not show it."""
 
     @property
     def believed(self) -> bool:
-        """Whether more than one look speaks for it: a detector that errs seldom errs twice at the same place."""
-        return self.looks - self.misses >= _LOOKS_TO_BELIEVE
+        """Whether more than one observation speaks for it: a detector that errs seldom errs twice at the same place."""
+        return self.observations - self.misses >= _OBSERVATIONS_TO_BELIEVE
 
     @property
     def points(self) -> npt.NDArray[np.float64]:
@@ -100,7 +100,7 @@ def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Cam
     distance_m = float(np.percentile(flat, _NEAR_SHARE))
     # What lies far behind the object's front is the wall seen past the edge of its mask.
     on_it = np.flatnonzero((flat >= distance_m) & (flat <= np.median(flat) + 0.5))
-    chosen = on_it[np.linspace(0, on_it.size - 1, min(_POINTS_A_LOOK, on_it.size)).astype(int)]
+    chosen = on_it[np.linspace(0, on_it.size - 1, min(_POINTS_PER_OBSERVATION, on_it.size)).astype(int)]
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     x_m = pose.x_m + cos * ahead[chosen] - sin * left[chosen]
     y_m = pose.y_m + sin * ahead[chosen] + cos * left[chosen]
@@ -115,11 +115,11 @@ class GoalMemory:
 
     @property
     def believed(self) -> list[Place]:
-        """The places that more than one look speaks for."""
+        """The places that more than one observation speaks for."""
         return [place for place in self.places if place.believed]
 
-    def look(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
-        """Take in one look at the world.
+    def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
+        """Take in one observation of the world.
 
         Args:
             sightings: of the goal; those without depth say nothing.
@@ -136,7 +136,7 @@ class GoalMemory:
             place.spots = [spot for spot in place.spots if spot.misses < _MISSES_OF_A_SPOT]
             if expected and id(place) not in seen:
                 place.misses += 1
-            if not place.spots or place.misses > place.looks:
+            if not place.spots or place.misses > place.observations:
                 self.places.remove(place)
 
     def _see(self, seen: Sighting) -> Place:
@@ -147,7 +147,7 @@ class GoalMemory:
         if near:
             place = min(near, key=lambda place: place.nearest_m(middle))
             place.spots = [*place.spots, *spots][-_KEPT_SPOTS:]
-            place.looks += 1
+            place.observations += 1
             place.stared_at = 0
             return place
         self.places.append(Place(spots))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.description import ModelCheck
-from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.torch_runtime import require_torch
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
+from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight, value_at
 from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
@@ -25,11 +26,11 @@ _APPROACH_MARGIN_M: Final = 0.15
 """The robot goes so much nearer to the goal than STOP needs: odometry and depth err."""
 _STOOD_STILL_M: Final = 0.05
 _SURELY_SEEN_M: Final = 4.0
-"""A goal in the open within this should be detected; a look that does not is a miss."""
+"""A goal in the open within this should be detected; an observation without it is a miss."""
 _SURFACE_M: Final = 0.3
 """The line of sight to a surface may end so far before it."""
-_PATIENCE_LOOKS: Final = 6
-"""A goal that so many looks from near by did not show is not there."""
+_PATIENCE_OBSERVATIONS: Final = 6
+"""A goal that so many observations from near by did not show is not there."""
 _VIEW_BORDER_RAD: Final = math.radians(10.0)
 _SHOWN_CANDIDATES: Final = 30
 
@@ -140,9 +141,9 @@ class Search:
             far_m = math.dist(point, pose.position)
             if abs(bearing) > half_view_rad or not camera.depth_min_m < far_m < _SURELY_SEEN_M:
                 return False
-            return _in_sight(self.map, obstacles, pose.position, point, far_m - _SURFACE_M)
+            return in_sight(self.map, obstacles, pose.position, point, far_m - _SURFACE_M)
 
-        self.memory.look(sightings, should_see)
+        self.memory.update(sightings, should_see)
 
     # What to do
 
@@ -219,7 +220,7 @@ class Search:
             self._novelty_weight * unknown_around(point, self.map, known, obstacles) if self._novelty_weight else 0.0
             for point in points
         ]
-        return self.graph.ranked([_at(lengths_m, self.map, point) for point in points], novelty)
+        return self.graph.ranked([value_at(lengths_m, self.map, point) for point in points], novelty)
 
     def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Go on to the target; to another one where that fails; look around where none is left."""
@@ -232,7 +233,7 @@ class Search:
                 self._target = None
                 return self._begin_scan()
             self._budget -= 1
-            move = self._towards(self._disk(target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
+            move = self._towards(disk(self.map, target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
             if move is not None:
                 where = f"to a view of node {target.node}, score {target.score:.2f}"
                 return Move(move.action, Mode.TRAVEL, f"{where}, {self._budget} actions left", target.point, move.path)
@@ -242,7 +243,7 @@ class Search:
     def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """With no candidate left: to the nearest border of the unknown that is worth a look."""
         pose = observation.pose
-        frontier = self._frontier()
+        frontier = frontier_away_from(self.map, self.graph.visited, self.settings.visited_radius_m)
         if frontier.any():
             move = self._towards(frontier, observation, depth_m, Mode.TRAVEL)
             if move is not None and move.path:
@@ -252,19 +253,6 @@ class Search:
                 return Move(move.action, Mode.TRAVEL, "no candidate is left: to the unknown", end, move.path)
         return self._begin_scan()
 
-    def _frontier(self) -> BoolGrid:
-        """Return the free cells beside unknown ones, away from where the robot has been."""
-        known, obstacles = self.map.known, self.map.occupied
-        beside = np.zeros(known.shape, np.bool_)
-        beside[1:] |= ~known[:-1]
-        beside[:-1] |= ~known[1:]
-        beside[:, 1:] |= ~known[:, :-1]
-        beside[:, :-1] |= ~known[:, 1:]
-        frontier: BoolGrid = beside & known & ~obstacles
-        for been in self.graph.visited:
-            frontier &= ~self._disk(been, self.settings.visited_radius_m)
-        return frontier
-
     def _seek(self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
         """Go up to the nearest place where the goal was seen, and look at it from there."""
         pose = observation.pose
@@ -272,19 +260,19 @@ class Search:
         region = np.zeros(self.map.shape, np.bool_)
         for place in places:
             for spot in place.spots:
-                region |= self._disk(spot.point, reach_m)
+                region |= disk(self.map, spot.point, reach_m)
         here = self.map.cell_at(pose.x_m, pose.y_m)
         nearest = min(places, key=lambda place: place.nearest_m(pose.position))
         if region[here.row, here.column]:
             nearest.stared_at += 1
-            if nearest.stared_at > _PATIENCE_LOOKS:
+            if nearest.stared_at > _PATIENCE_OBSERVATIONS:
                 self.memory.places.remove(nearest)
                 return None
             return self._face(nearest, observation, depth_m)
         move = self._towards(region, observation, depth_m, Mode.SEEK)
         if move is None:
             return None
-        note = f"up to where the goal was seen in {nearest.looks} looks and missed in {nearest.misses}"
+        note = f"up to where the goal was seen in {nearest.observations} observations and missed in {nearest.misses}"
         return Move(move.action, Mode.SEEK, note, nearest.centre, move.path)
 
     def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
@@ -331,23 +319,6 @@ class Search:
             return Move(action, mode, "", path=path_of(route, pose))
         return None
 
-    def _disk(self, point: Point, radius_m: float) -> BoolGrid:
-        """Return the cells whose centres lie within a distance of a point; its own always."""
-        mask = np.zeros(self.map.shape, np.bool_)
-        cell = self.map.cell_at(*point)
-        reach = math.ceil(radius_m / self.map.resolution_m) + 1
-        rows, columns = self.map.shape
-        top, left = max(cell.row - reach, 0), max(cell.column - reach, 0)
-        bottom, right = min(cell.row + reach + 1, rows), min(cell.column + reach + 1, columns)
-        if top >= bottom or left >= right:
-            return mask
-        y_m = self.map.origin_y_m + (np.arange(top, bottom) + 0.5) * self.map.resolution_m
-        x_m = self.map.origin_x_m + (np.arange(left, right) + 0.5) * self.map.resolution_m
-        mask[top:bottom, left:right] = np.hypot(y_m[:, None] - point[1], x_m[None, :] - point[0]) <= radius_m
-        if self.map.holds(cell):
-            mask[cell.row, cell.column] = True
-        return mask
-
     def details(self) -> dict[str, Any]:
         """Return what the record keeps beside what is drawn."""
         return {
@@ -365,24 +336,7 @@ class Search:
             "edges": [list(edge) for edge in self.graph.edges],
             "goal_places": [
                 {"x_m": round(place.centre[0], 3), "y_m": round(place.centre[1], 3)}
-                | {"looks": place.looks, "misses": place.misses}
+                | {"observations": place.observations, "misses": place.misses}
                 for place in self.memory.places
             ],
         }
-
-
-def _at(field_m: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
-    cell = grid.cell_at(*point)
-    return float(field_m[cell.row, cell.column]) if grid.holds(cell) else math.inf
-
-
-def _in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:
-    """Whether the first `length_m` of the straight line are free."""
-    whole_m = math.dist(start, end)
-    terrain_steps = max(1, math.ceil(max(length_m, 0.0) / grid.resolution_m))
-    for k in range(terrain_steps):
-        share = k * grid.resolution_m / whole_m
-        cell = grid.cell_at(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
-        if grid.holds(cell) and obstacles[cell.row, cell.column]:
-            return False
-    return True

@@ -103,7 +103,7 @@ class VLVSettings(BaseModel):
     stop_distance_m: float = Field(
         default=0.9, gt=0.1, le=10, description="STOP needs the goal nearer than this by its depth"
     )
-    stop_looks: int = Field(default=2, ge=1, le=10, description="looks in a row that must confirm it")
+    stop_looks: int = Field(default=2, ge=1, le=10, description="observations in a row that must confirm it")
 
     # Map
     resolution_m: float = Field(default=0.05, gt=0.01, le=0.5, description="side of a map cell")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
-from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.torch_runtime import require_torch
 from vsnbench.models.vlv.goals import VALUE_CLASSES
 from vsnbench.models.weights import find_weights, weights_directory
 
@@ -80,7 +80,7 @@ def open_value(weights: str | Path | None, device: str) -> Value:
         return NoValue()
     path = find_weights("vlv", FILE_NAME, Path(weights) if weights is not None else None)
     require_torch()
-    from vsnbench.models.torch_device import available_device
+    from vsnbench.models.torch_runtime import available_device
     from vsnbench.models.vlv.value_weights import read_value_weights
 
     return LearnedValue(read_value_weights(path), available_device(device))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from vsnbench.errors import ModelError
-from vsnbench.models.safe_checkpoint import require_torch
+from vsnbench.models.torch_runtime import require_torch
 from vsnbench.models.vlv.detectors.contract import Detector
 from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
 from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
@@ -36,7 +36,7 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
 
         return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold)
     require_torch()
-    from vsnbench.models.torch_device import available_device
+    from vsnbench.models.torch_runtime import available_device
     from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
 
     return MaskRCNNDetector(_file(given, MASK_RCNN_FILE), available_device(device), settings.detector_threshold)

@@ -1,10 +1,23 @@
-"""Which device the neural parts run on."""
+"""Whether PyTorch is here, and on which device the neural parts run."""
 
-import torch
+from typing import Final
 
 from vsnbench.errors import ModelError, UsageError
 
-DEVICES = ("auto", "cpu", "cuda", "mps")
+INSTALL_HINT: Final = "pip install 'vsnbench[neural]'"
+DEVICES: Final = ("auto", "cpu", "cuda", "mps")
+
+
+def require_torch() -> None:
+    """Check that PyTorch is installed.
+
+    Raises:
+        ModelError: it is not; the message says how to install it.
+    """
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}") from error
 
 
 def available_device(wanted: str) -> str:
@@ -14,6 +27,8 @@ def available_device(wanted: str) -> str:
         UsageError: there is no such kind of device.
         ModelError: this machine has none of that kind.
     """
+    import torch
+
     if wanted not in DEVICES:
         raise UsageError(f"no device {wanted!r}: it is one of {', '.join(DEVICES)}")
     there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}

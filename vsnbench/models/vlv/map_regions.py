@@ -1,0 +1,59 @@
+"""Regions of the occupancy map: cells about a point, the border of the unknown, the line of sight."""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.models.vlv.occupancy_map import OccupancyMap
+from vsnbench.models.vlv.planner import BoolGrid, Point
+
+
+def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
+    """Return the cells whose centres lie within a distance of a point; its own always."""
+    mask = np.zeros(grid.shape, np.bool_)
+    cell = grid.cell_at(*point)
+    reach = math.ceil(radius_m / grid.resolution_m) + 1
+    rows, columns = grid.shape
+    top, left = max(cell.row - reach, 0), max(cell.column - reach, 0)
+    bottom, right = min(cell.row + reach + 1, rows), min(cell.column + reach + 1, columns)
+    if top >= bottom or left >= right:
+        return mask
+    y_m = grid.origin_y_m + (np.arange(top, bottom) + 0.5) * grid.resolution_m
+    x_m = grid.origin_x_m + (np.arange(left, right) + 0.5) * grid.resolution_m
+    mask[top:bottom, left:right] = np.hypot(y_m[:, None] - point[1], x_m[None, :] - point[0]) <= radius_m
+    if grid.holds(cell):
+        mask[cell.row, cell.column] = True
+    return mask
+
+
+def frontier_away_from(grid: OccupancyMap, visited: Iterable[Point], radius_m: float) -> BoolGrid:
+    """Return the free cells beside unknown ones that lie farther than a radius from where the robot has been."""
+    known, obstacles = grid.known, grid.occupied
+    beside = np.zeros(known.shape, np.bool_)
+    beside[1:] |= ~known[:-1]
+    beside[:-1] |= ~known[1:]
+    beside[:, 1:] |= ~known[:, :-1]
+    beside[:, :-1] |= ~known[:, 1:]
+    frontier: BoolGrid = beside & known & ~obstacles
+    for been in visited:
+        frontier &= ~disk(grid, been, radius_m)
+    return frontier
+
+
+def value_at(field: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
+    """Return a field's value in the cell of a point; infinity outside the map."""
+    cell = grid.cell_at(*point)
+    return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
+
+
+def in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:
+    """Whether the first `length_m` of the straight line from start to end are free."""
+    whole_m = math.dist(start, end)
+    for k in range(max(1, math.ceil(max(length_m, 0.0) / grid.resolution_m))):
+        share = k * grid.resolution_m / whole_m
+        cell = grid.cell_at(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+        if grid.holds(cell) and obstacles[cell.row, cell.column]:
+            return False
+    return True
