@@ -1,7 +1,8 @@
 """The pinhole camera of a robot and where it sits on it."""
 
 import math
-from typing import Self
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +40,19 @@ class Camera(BaseModel):
         """Return the same view at another resolution."""
         return self.model_copy(update={"width": width, "height": height})
 
+    def rays(self, width: int, height: int) -> "Rays":
+        """Return the way of every pixel's ray through an image of this view at any resolution."""
+        focal_px = self.focal_px * width / self.width
+        tilt_rad = math.radians(self.tilt_deg)
+        down = (np.arange(height, dtype=np.float64) - (height - 1) / 2) / focal_px
+        return Rays(
+            ahead=math.cos(tilt_rad) + math.sin(tilt_rad) * down,
+            left=((width - 1) / 2 - np.arange(width, dtype=np.float64)) / focal_px,
+            up=math.sin(tilt_rad) - math.cos(tilt_rad) * down,
+            forward_m=self.mount_forward_m,
+            height_m=self.mount_height_m,
+        )
+
     def points_in_base(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Back-project a depth image (H, W), metres along the optical axis, into the base frame.
 
@@ -46,14 +60,51 @@ class Camera(BaseModel):
             (H, W, 3) float32 points x forward, y left, z up from the floor under the base's axis; NaN where the
             depth is invalid.
         """
-        height, width = depth_m.shape
-        cx, cy = self.center_px
-        right = (np.arange(width, dtype=np.float32) - np.float32(cx)) / np.float32(self.focal_px)
-        down = (np.arange(height, dtype=np.float32) - np.float32(cy)) / np.float32(self.focal_px)
-        tilt = math.radians(self.tilt_deg)
-        cos, sin = np.float32(math.cos(tilt)), np.float32(math.sin(tilt))
-        points = np.empty((height, width, 3), np.float32)
-        points[..., 0] = depth_m * (cos + sin * down)[:, None] + np.float32(self.mount_forward_m)
-        points[..., 1] = depth_m * -right[None, :]
-        points[..., 2] = depth_m * (sin - cos * down)[:, None] + np.float32(self.mount_height_m)
+        rays = self.rays(depth_m.shape[1], depth_m.shape[0])
+        points = np.empty((*depth_m.shape, 3), np.float32)
+        points[..., 0] = depth_m * rays.ahead.astype(np.float32)[:, None] + np.float32(rays.forward_m)
+        points[..., 1] = depth_m * rays.left.astype(np.float32)[None, :]
+        points[..., 2] = depth_m * rays.up.astype(np.float32)[:, None] + np.float32(rays.height_m)
         return points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """The back-projection of a pinhole camera: metres in the base frame per metre of depth along the optical axis.
+
+    A pixel's point is its depth times (ahead[row], left[column], up[row]), seen from the lens: `forward_m` ahead of
+    the base's axis and `height_m` above the floor.
+    """
+
+    ahead: npt.NDArray[np.float64]
+    """(H,)."""
+    left: npt.NDArray[np.float64]
+    """(W,)."""
+    up: npt.NDArray[np.float64]
+    """(H,)."""
+    forward_m: float
+    height_m: float
+
+    def points(
+        self, depth_m: npt.NDArray[np.floating[Any]], rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return where chosen pixels lie in the base frame: (N,) x forward, y left, z up, metres.
+
+        Args:
+            depth_m: (N,) their depth.
+            rows: (N,) of the image.
+            columns: (N,) of the image.
+        """
+        depth = depth_m.astype(np.float64)
+        return (
+            depth * self.ahead[rows] + self.forward_m,
+            depth * self.left[columns],
+            depth * self.up[rows] + self.height_m,
+        )
+
+    def pixels_nearer(
+        self, depth_m: npt.NDArray[np.float32], ahead_m: float
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Return rows and columns of the valid pixels of a depth image (H, W) less than `ahead_m` before the axis."""
+        rows, columns = np.nonzero(depth_m * self.ahead.astype(np.float32)[:, None] < ahead_m - self.forward_m)
+        return rows, columns

@@ -1,6 +1,5 @@
 """The depth guard: is there an obstacle straight ahead? (paper, Section 3.2.2)."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,20 +37,12 @@ def look_ahead(observation: Observation, base: Base, guard: DepthGuard) -> Guard
     if depth_m is None or not guard.enabled:
         return GuardReading(blocked=False)
     height, width = depth_m.shape
-    cx, cy = (width - 1) / 2, (height - 1) / 2
-    focal_px = camera.focal_px * width / camera.width
-    tilt = math.radians(camera.tilt_deg)
-    down = (np.arange(height, dtype=np.float32) - cy) / focal_px
-    ahead_per_depth = (math.cos(tilt) + math.sin(tilt) * down).astype(np.float32)
-    reach_m = base.radius_m + guard.distance_m - camera.mount_forward_m
-    rows, columns = np.nonzero(depth_m * ahead_per_depth[:, None] < reach_m)
-    depths = depth_m[rows, columns]
-    sideways = depths * (columns - cx) / focal_px
-    up = depths * (math.sin(tilt) - math.cos(tilt) * down[rows]) + camera.mount_height_m
-    inside = np.abs(sideways) <= base.radius_m + guard.margin_m
+    rays = camera.rays(width, height)
+    rows, columns = rays.pixels_nearer(depth_m, base.radius_m + guard.distance_m)
+    ahead, left, up = rays.points(depth_m[rows, columns], rows, columns)
+    inside = np.abs(left) <= base.radius_m + guard.margin_m
     inside &= (up >= guard.min_height_m) & (up <= guard.max_height_m)
     pixels = int(np.count_nonzero(inside))
     if pixels == 0:
         return GuardReading(blocked=False)
-    ahead = depths[inside] * ahead_per_depth[rows[inside]] + camera.mount_forward_m - base.radius_m
-    return GuardReading(pixels >= guard.min_pixels, pixels, float(ahead.min()))
+    return GuardReading(pixels >= guard.min_pixels, pixels, float(ahead[inside].min() - base.radius_m))

@@ -86,16 +86,12 @@ def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Cam
         pose: of the base in the start's frame.
     """
     height, width = depth_m.shape
-    focal_px = camera.focal_px * width / camera.width
-    middle = ((detection.box[0] + detection.box[2]) / 2 - (width - 1) / 2) / focal_px
+    rays = camera.rays(width, height)
+    middle = -float(np.interp((detection.box[0] + detection.box[2]) / 2, np.arange(width), rays.left))
     rows, columns = np.nonzero(detection.mask & np.isfinite(depth_m))
     if rows.size == 0:
         return Sighting(detection.score, math.nan, -math.atan(middle), np.zeros((0, 2)))
-    depth = depth_m[rows, columns].astype(np.float64)
-    tilt_rad = math.radians(camera.tilt_deg)
-    down = (rows - (height - 1) / 2) / focal_px
-    ahead = depth * (math.cos(tilt_rad) + math.sin(tilt_rad) * down) + camera.mount_forward_m
-    left = -depth * (columns - (width - 1) / 2) / focal_px
+    ahead, left, _ = rays.points(depth_m[rows, columns], rows, columns)
     flat = np.hypot(ahead, left)
     distance_m = float(np.percentile(flat, _NEAR_SHARE))
     # What lies far behind the object's front is the wall seen past the edge of its mask.

@@ -11,7 +11,9 @@ from vsnbench.models.vlv.kernel import kernel
 @kernel
 def project(
     depth_m: Any,
-    lens: Any,
+    ahead: Any,
+    left: Any,
+    up: Any,
     mount: Any,
     pose: Any,
     grid: Any,
@@ -24,8 +26,10 @@ def project(
 
     Args:
         depth_m: (H, W) float32, NaN where invalid.
-        lens: focal length, principal point x and y, pixels.
-        mount: camera's offset forward, height, cosine and sine of its tilt.
+        ahead: (H,) of the camera's rays, per metre of depth; likewise `left` (W,) and `up` (H,).
+        left: see `ahead`.
+        up: see `ahead`.
+        mount: camera's offset forward and height, metres.
         pose: x, y, cosine and sine of the heading.
         grid: origin x, y and resolution of the map, metres.
         band: lowest and highest point of an obstacle, farthest range drawn, metres; fewest points of an obstacle.
@@ -38,15 +42,14 @@ def project(
     rows, columns = hits.shape
     bottom, top, farthest = band[0], band[1], band[2]
     for column in range(width):
-        right = (column - lens[1]) / lens[0]
-        stretch = math.sqrt(1.0 + right * right)
+        sideways = left[column]
+        stretch = math.sqrt(1.0 + sideways * sideways)
         nearest, second = math.inf, math.inf
         seen_to = 0.0
         invalid, looked = 0, 0
         for row in range(height):
-            down = (row - lens[2]) / lens[0]
             z = depth_m[row, column]
-            slope = mount[3] - mount[2] * down
+            slope = up[row]
             # Whether this ray, followed as far as the map goes, crosses the heights of obstacles.
             crosses = slope * farthest + mount[1] < top
             if crosses:
@@ -55,12 +58,12 @@ def project(
                 if crosses:
                     invalid += 1
                 continue
-            ahead_of_lens = z * (mount[2] + mount[3] * down)
-            up = z * slope + mount[1]
-            if up > top:
+            ahead_of_lens = z * ahead[row]
+            height_m = z * slope + mount[1]
+            if height_m > top:
                 continue
-            flat = math.hypot(ahead_of_lens, z * right)
-            if up >= bottom:
+            flat = math.hypot(ahead_of_lens, z * sideways)
+            if height_m >= bottom:
                 if flat < nearest:
                     second = nearest
                     nearest = flat
@@ -72,14 +75,14 @@ def project(
             if flat > farthest:
                 continue
             forward = ahead_of_lens + mount[0]
-            left = -z * right
-            x = pose[0] + pose[2] * forward - pose[3] * left
-            y = pose[1] + pose[3] * forward + pose[2] * left
+            beside = z * sideways
+            x = pose[0] + pose[2] * forward - pose[3] * beside
+            y = pose[1] + pose[3] * forward + pose[2] * beside
             at_row = math.floor((y - grid[1]) / grid[2])
             at_column = math.floor((x - grid[0]) / grid[2])
             if at_row < 0 or at_column < 0 or at_row >= rows or at_column >= columns:
                 continue
-            if up >= bottom:
+            if height_m >= bottom:
                 hits[at_row, at_column] += 1
             else:
                 floor[at_row, at_column] += 1
@@ -93,7 +96,7 @@ def project(
 @kernel
 def carve(
     reach: Any,
-    lens: Any,
+    left: Any,
     mount: Any,
     pose: Any,
     grid: Any,
@@ -112,10 +115,9 @@ def carve(
     for column in range(reach.shape[0]):
         if reach[column] <= 0.0:
             continue
-        right = (column - lens[1]) / lens[0]
-        stretch = math.sqrt(1.0 + right * right)
-        direction_x = (pose[2] + pose[3] * right) / stretch
-        direction_y = (pose[3] - pose[2] * right) / stretch
+        stretch = math.sqrt(1.0 + left[column] * left[column])
+        direction_x = (pose[2] - pose[3] * left[column]) / stretch
+        direction_y = (pose[3] + pose[2] * left[column]) / stretch
         # The last cell before the obstacle belongs to the obstacle's edge as often as not.
         for k in range(int((reach[column] - grid[2]) / step)):
             far = k * step

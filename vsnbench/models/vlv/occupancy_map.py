@@ -110,20 +110,31 @@ class OccupancyMap:
         self._make_room(pose, settings.map_range_m * math.sqrt(2) + abs(camera.mount_forward_m))
         height, width = depth_m.shape
         top_m = settings.obstacle_top_m if settings.obstacle_top_m is not None else camera.mount_height_m
-        lens = np.array([camera.focal_px * width / camera.width, (width - 1) / 2, (height - 1) / 2])
-        tilt_rad = math.radians(camera.tilt_deg)
-        mount = np.array([camera.mount_forward_m, camera.mount_height_m, math.cos(tilt_rad), math.sin(tilt_rad)])
+        rays = camera.rays(width, height)
+        mount = np.array([rays.forward_m, rays.height_m])
         where = np.array([pose.x_m, pose.y_m, math.cos(pose.heading_rad), math.sin(pose.heading_rad)])
         grid = np.array([self.origin_x_m, self.origin_y_m, self.resolution_m])
         band = np.array([settings.obstacle_bottom_m, top_m, settings.map_range_m, settings.obstacle_points])
         hits, floor = np.zeros(self.shape, np.int32), np.zeros(self.shape, np.int32)
         crossed = np.zeros(self.shape, np.uint8)
         reach_m = np.zeros(width)
-        project(np.ascontiguousarray(depth_m), lens, mount, where, grid, band, hits, floor, reach_m)
-        half_view_rad = math.atan((height - 1) / 2 / lens[0]) - tilt_rad
+        project(
+            np.ascontiguousarray(depth_m),
+            rays.ahead,
+            rays.left,
+            rays.up,
+            mount,
+            where,
+            grid,
+            band,
+            hits,
+            floor,
+            reach_m,
+        )
+        lowest_rad = -math.atan2(rays.up[-1], rays.ahead[-1])
         drop_m = max(camera.mount_height_m - settings.obstacle_bottom_m, 0.0)
-        near_m = drop_m / math.tan(half_view_rad) if half_view_rad > 0 else math.inf
-        carve(reach_m, lens, mount, where, grid, near_m, crossed)
+        near_m = drop_m / math.tan(lowest_rad) if lowest_rad > 0 else math.inf
+        carve(reach_m, rays.left, mount, where, grid, near_m, crossed)
         weigh(hits, floor, crossed, settings.obstacle_points, self._evidence, self._observed)
         self._clear_robot(pose)
 

@@ -28,23 +28,15 @@ def obstacles_ahead(
         pose: of the base in the start's frame.
         settings: radius and free way wanted ahead.
     """
-    height, width = depth_m.shape
-    focal_px = camera.focal_px * width / camera.width
-    tilt_rad = math.radians(camera.tilt_deg)
-    down = ((np.arange(height) - (height - 1) / 2) / focal_px).astype(np.float32)
-    stretch = np.float32(math.cos(tilt_rad)) + np.float32(math.sin(tilt_rad)) * down
-    reach_m = settings.robot_radius_m + settings.look_ahead_m - camera.mount_forward_m
-    rows, columns = np.nonzero(depth_m * stretch[:, None] < reach_m)
-    depth = depth_m[rows, columns].astype(np.float64)
-    left = -depth * (columns - (width - 1) / 2) / focal_px
-    up = depth * (math.sin(tilt_rad) - math.cos(tilt_rad) * down[rows]) + camera.mount_height_m
+    rays = camera.rays(depth_m.shape[1], depth_m.shape[0])
+    rows, columns = rays.pixels_nearer(depth_m, settings.robot_radius_m + settings.look_ahead_m)
+    ahead, left, up = rays.points(depth_m[rows, columns], rows, columns)
     inside = (np.abs(left) <= settings.robot_radius_m + _SIDE_MARGIN_M) & (up >= _LOWEST_M) & (up <= _HIGHEST_M)
     if np.count_nonzero(inside) < _FEWEST_PIXELS:
         return ()
-    ahead = depth[inside] * stretch[rows[inside]] + camera.mount_forward_m
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    x_m = pose.x_m + cos * ahead - sin * left[inside]
-    y_m = pose.y_m + sin * ahead + cos * left[inside]
+    x_m = pose.x_m + cos * ahead[inside] - sin * left[inside]
+    y_m = pose.y_m + sin * ahead[inside] + cos * left[inside]
     coarse = np.unique(np.floor(np.column_stack((x_m, y_m)) / settings.resolution_m), axis=0)
     return tuple(
         ((float(x) + 0.5) * settings.resolution_m, (float(y) + 0.5) * settings.resolution_m) for x, y in coarse
