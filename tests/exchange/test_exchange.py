@@ -124,6 +124,7 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     (episode,) = episodes_of(lab)
     written = write_bag(episode, read_steps(open_record(lab.url), episode), lab.directory, tmp_path / "e.bag")
     assert written["/vsnbench/action"] == 3
+    assert written["/camera/color/camera_info"] == written["/camera/depth/camera_info"] == 1
     with AnyReader([tmp_path / "e.bag"]) as reader:
         heard = {}
         for connection, _, raw in reader.messages():
@@ -132,7 +133,13 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     (image,) = heard["/camera/depth/image_raw"]
     assert (image.encoding, image.height, image.width) == ("16UC1", 3, 4)
     assert (image.data.view("<u2").reshape(3, 4) == depth).all()
-    assert heard["/odom"][0].pose.pose.position.x == 0.25
+    assert 0.25 in [message.pose.pose.position.x for message in heard["/odom"]]
+    assert len(heard["/tf"]) == len(heard["/odom"])
+    frames = {(t.header.frame_id, t.child_frame_id) for m in heard["/tf_static"] + heard["/tf"] for t in m.transforms}
+    assert ("odom", "base_footprint") in frames
+    assert ("base_footprint", "camera_color_optical_frame") in frames
+    calibration = heard["/camera/color/camera_info"][0]
+    assert calibration.K[0] == pytest.approx(episode.camera.focal_px)
     (picture,) = heard["/camera/color/image_raw/compressed"]
     assert cv2.imdecode(picture.data, cv2.IMREAD_COLOR).shape == (3, 4, 3)
 

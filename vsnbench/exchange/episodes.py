@@ -1,9 +1,11 @@
 """Reads episodes of the record step by step, for what is written in other formats."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
+from pydantic import ValidationError
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
@@ -12,7 +14,11 @@ from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
 from vsnbench.database.tables import Episode, Model, Robot, Site, Step, Trial
 from vsnbench.errors import UsageError
+from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
+
+_NO_EPISODE_LASTS_S = 1e8
+"""Larger stamps count from 1970."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +31,13 @@ class ExportedStep:
     blocked: bool
     recorded_at: datetime
     stamp_s: float | None
+    """When the images were taken, on the robot's clock."""
+    duration_s: float
+    """How long the motion took."""
+    observed: Pose | None
+    """Odometry before the motion, relative to the start of the episode."""
     odometry: Pose | None
-    """After the motion, relative to the start of the episode."""
+    """After the motion, likewise."""
     world: Pose | None
     """After the motion, in the site's frame."""
 
@@ -61,6 +72,17 @@ class ExportedEpisode:
     geodesic_end_m: float | None
     start_pose: Pose | None
     images_directory: str
+    camera: Camera | None = None
+    """None where the robot's profile is not known."""
+
+    def taken_s(self, step: ExportedStep) -> float:
+        """Return when a step's images were taken, seconds since 1970, by the robot's clock.
+
+        A simulated robot's clock starts with its episode; a step of unknown time counts as taken when it was recorded.
+        """
+        if step.stamp_s is None:
+            return step.time_s
+        return step.stamp_s if step.stamp_s > _NO_EPISODE_LASTS_S else self.started_at.timestamp() + step.stamp_s
 
 
 def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[str] = ()) -> list[ExportedEpisode]:
@@ -72,7 +94,7 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
     """
     query = (
         episodes_of_campaigns(
-            *(Episode, Trial, Model.name, Robot.name, Robot.simulated, Site.name),
+            *(Episode, Trial, Model.name, Robot.name, Robot.simulated, Robot.profile, Site.name),
             *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value)),
         )
         .where(Episode.end_reason.is_not(None))
@@ -98,6 +120,7 @@ def _exported(
     model: str,
     robot: str,
     simulated: bool,
+    profile: Mapping[str, Any],
     site: str,
     end_reason: str,
     success: bool | None,
@@ -124,6 +147,7 @@ def _exported(
         geodesic_end_m=episode.geodesic_end_m,
         start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
         images_directory=episode.images_directory,
+        camera=_camera(profile),
     )
 
 
@@ -137,6 +161,7 @@ def read_steps(engine: Engine, episode: ExportedEpisode) -> Iterator[ExportedSte
         rows = connection.execute(
             select(
                 *(Step.number, Step.raw_action, Step.action, Step.blocked, Step.recorded_at, Step.stamp_s),
+                *(Step.duration_s, Step.observed_x_m, Step.observed_y_m, Step.observed_heading_rad),
                 *(Step.after_x_m, Step.after_y_m, Step.after_heading_rad),
                 *(Step.world_x_m, Step.world_y_m, Step.world_heading_rad),
             )
@@ -151,6 +176,8 @@ def read_steps(engine: Engine, episode: ExportedEpisode) -> Iterator[ExportedSte
                 blocked=row.blocked,
                 recorded_at=row.recorded_at,
                 stamp_s=row.stamp_s,
+                duration_s=row.duration_s or 0.0,
+                observed=_pose(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
                 odometry=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
                 world=_pose(row.world_x_m, row.world_y_m, row.world_heading_rad),
             )
@@ -158,3 +185,10 @@ def read_steps(engine: Engine, episode: ExportedEpisode) -> Iterator[ExportedSte
 
 def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
     return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)
+
+
+def _camera(profile: Mapping[str, Any]) -> Camera | None:
+    try:
+        return Camera.model_validate(profile.get("camera"))
+    except ValidationError:
+        return None  # an imported robot, of which no camera is known

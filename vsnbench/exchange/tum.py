@@ -11,14 +11,15 @@ from vsnbench.whole_files import whole_file
 def write_tum(episode: ExportedEpisode, steps: Iterable[ExportedStep], path: Path) -> int:
     """Write where the robot was after each action and return how many poses that is.
 
-    Poses in the site's frame where they are known, else odometry since the start of the episode; never a mixture.
+    A pose is as old as the end of its motion, by the robot's clock. Poses are in the site's frame where they are known,
+    else odometry since the start of the episode; never a mixture.
 
     Raises:
         RecordError: the file cannot be written.
     """
     taken = list(steps)
     surveyed = any(step.world for step in taken)
-    poses = [(step.time_s, step.world if surveyed else step.odometry) for step in taken]
+    poses = [(episode.taken_s(step) + step.duration_s, step.world if surveyed else step.odometry) for step in taken]
     frame = "site" if surveyed else "start of the episode"
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         file.write(f"# episode {episode.id}, frame: {frame}; timestamp tx ty tz qx qy qz qw\n")
