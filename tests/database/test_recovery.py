@@ -10,7 +10,11 @@ from sqlalchemy import text
 from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import ProcessIdentity, this_process
-from vsnbench.database.queries import episode_details, episode_steps
+from vsnbench.database.queries import episode_details, episode_steps, list_episodes
+from vsnbench.database.read_shapes import EpisodeFilter
+from vsnbench.database.recovery import dead_episodes, recover_one
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.pose import Pose
 
 RUNNER = """
 import sys
@@ -105,6 +109,56 @@ def test_a_file_written_under_another_kernel_was_written_by_the_dead(sqlite: str
         with journal.engine.begin() as connection:
             connection.execute(text("UPDATE process SET boot_id = 'before the power cut'"))
         assert len(journal.recover()) == 1
+
+
+def test_what_a_dead_process_had_only_claimed_or_placed_is_left_to_others_without_a_trace(url: str) -> None:
+    with Journal.open(url) as journal:
+        campaign = journal.find_or_create_campaign(plan())
+        claimed = journal.claim_next(campaign.id, [campaign.trials[0].id])
+        placed = journal.claim_next(campaign.id, [campaign.trials[1].id])
+        assert claimed is not None
+        assert placed is not None
+        journal.place(placed.id, Fix(Pose(1.0, 1.0, 0.0), PoseSource.SURVEYED))
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET start_ticks = 1"))
+        assert journal.recover() == ()
+        assert list_episodes(journal.engine, EpisodeFilter()) == ()
+        assert journal.standing(campaign).left == campaign.trials
+
+
+def test_recovery_leaves_alone_what_was_closed_while_it_looked(url: str) -> None:
+    with Journal.open(url) as journal:
+        episode = begun(journal, journal.find_or_create_campaign(plan()).trials[0])
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET start_ticks = 1"))
+        with journal.engine.begin() as connection:
+            (dead,) = dead_episodes(connection, this_process())
+        journal.end_episode(episode.id, stopped(success=True))
+        with journal.engine.begin() as connection:
+            assert recover_one(connection, dead) is None
+        details = episode_details(journal.engine, episode.id)
+        assert [(verdict.success, verdict.source) for verdict in details.verdicts] == [(True, "protocol")]
+        assert details.events == ()
+
+
+def test_a_claim_elsewhere_holds_while_it_is_renewed(postgresql: str) -> None:
+    with Journal.open(postgresql) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        episode = begun(journal, trial)
+        long_ago = {"then": datetime.now(UTC) - timedelta(hours=1)}
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET boot_id = 'another kernel', host = 'another robot'"))
+            connection.execute(text("UPDATE episode SET lease_until = :then"), long_ago)
+        assert journal.renew(episode.id)
+        assert journal.recover() == ()
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE episode SET lease_until = :then"), long_ago)
+        journal.append_step(episode.id, forward(1))  # every step is a sign of life
+        assert journal.recover() == ()
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE episode SET lease_until = :then"), long_ago)
+        assert [one.id for one in journal.recover()] == [episode.id]
+        assert not journal.renew(episode.id)
 
 
 def test_a_process_is_told_from_a_later_one_with_the_same_number() -> None:

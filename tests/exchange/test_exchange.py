@@ -12,7 +12,9 @@ from rosbags.highlevel import AnyReader
 
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.database.migrate import open_record
-from vsnbench.errors import UsageError
+from vsnbench.database.queries import campaign_states, list_episodes
+from vsnbench.database.read_shapes import EpisodeFilter
+from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.episodes import ExportedEpisode, read_episodes, read_steps
 from vsnbench.exchange.habitat import read_habitat, write_habitat
 from vsnbench.exchange.importing import import_habitat, import_upstream_log, unsurveyed_site
@@ -215,3 +217,76 @@ def test_an_episode_that_is_not_there_is_named(lab: Lab) -> None:
         read_episodes(open_record(lab.url), [7])
     with pytest.raises(UsageError, match="no ended episode to export"):
         read_episodes(open_record(lab.url), models=["nobody"])
+
+
+def imported(lab: Lab, log: Path) -> tuple[int, tuple[int, ...]]:
+    with lab.journal() as journal:
+        return import_upstream_log(
+            journal,
+            lab.directory,
+            read_upstream_log(log),
+            model="vlv",
+            site=unsurveyed_site("lab"),
+            robot=load_profile("turtlebot2"),
+            source=log / "datos.csv",
+        )
+
+
+TWO_EPISODES = "1700000000,chair,['Forward', 'Stop'],2\n1700000100,bed,['Left', 'Stop'],2\n"
+
+
+def test_an_import_with_one_bad_picture_leaves_nothing_behind_and_can_be_repeated(lab: Lab, tmp_path: Path) -> None:
+    log = upstream(tmp_path / "log", TWO_EPISODES, pictures=4)
+    last = sorted((log / "rgb").iterdir())[-1]
+    good = last.read_bytes()
+    last.write_bytes(b"no picture")
+    with pytest.raises(RecordError, match="png is not a picture: nothing was imported"):
+        imported(lab, log)
+    with lab.journal() as journal:
+        assert list_episodes(journal.engine, EpisodeFilter()) == ()
+    assert not (lab.directory / "episodes").exists()
+    assert not list(lab.directory.glob(".import-*"))
+    last.write_bytes(good)
+    _, numbers = imported(lab, log)
+    assert len(numbers) == 2
+    assert len(list((lab.directory / "episodes").rglob("*.jpg"))) == 4
+
+
+def test_an_import_that_fails_half_way_writes_neither_rows_nor_files(lab: Lab, tmp_path: Path) -> None:
+    log = upstream(tmp_path / "log", TWO_EPISODES, pictures=4)
+    (lab.directory / "episodes").mkdir()
+    (lab.directory / "episodes" / "000002").write_text("in the way")
+    with pytest.raises(RecordError, match="cannot keep the pictures"):
+        imported(lab, log)
+    with lab.journal() as journal:
+        assert list_episodes(journal.engine, EpisodeFilter()) == ()
+        assert campaign_states(journal.engine) == ()
+    assert sorted(path.name for path in (lab.directory / "episodes").iterdir()) == ["000002"]
+
+
+def test_an_import_is_withdrawn_whole_and_may_come_again(lab: Lab, tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    file.write_text(json.dumps([{"goal": "chair", "success": 1.0, "steps": 50}] * 3))
+
+    def bring_in() -> int:
+        with lab.journal() as journal:
+            episodes = read_habitat(file)
+            campaign, _ = import_habitat(journal, episodes, model="vlv", site=unsurveyed_site("hm3d"), source=file)
+        return campaign
+
+    def counted() -> int:
+        return len(read(lab.url, Selection()).counted())
+
+    campaign = bring_in()
+    assert counted() == 3
+    with lab.journal() as journal:
+        assert journal.withdraw_import(campaign, author="ada", note="the wrong checkpoint") == 3
+        assert counted() == 0
+        assert journal.withdraw_import(campaign, author="ada") == 0
+    assert bring_in() == campaign
+    assert counted() == 3
+    lab.write([Attempt()])
+    with lab.journal() as journal, pytest.raises(UsageError, match="was run here, not imported"):
+        journal.withdraw_import(campaign + 1, author="ada")
+    with lab.journal() as journal, pytest.raises(UsageError, match="there is no campaign 77"):
+        journal.withdraw_import(77, author="ada")
