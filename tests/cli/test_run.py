@@ -258,3 +258,22 @@ def test_what_is_wrong_with_a_site_of_ones_own_is_said_before_it_is_run(
     words = ("--model", "random", "--goal", "bed", "--starts", "1", "--max-steps", "1", "--site", path)
     assert run(*words, "--results", tmp_path / "results").code == 0
     assert "site few: warning: 3 starting positions" in caplog.text
+
+
+def test_another_file_behind_the_same_name_is_another_model_and_says_so(
+    run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    weights = tmp_path / "net.pt"
+    words = ("--model", "tests.cli.turning:Loaded", "--weights", weights, "--goal", "chair", "--starts", "1")
+    again = (*words, "--max-steps", "1", "--results", tmp_path / "results")
+    weights.write_bytes(b"first")
+    run(*again)
+    assert "nothing to do" in run(*again).err
+    assert "is a new one" not in caplog.text
+    weights.write_bytes(b"second")
+    answer = run(*again)
+    assert "campaign 2 is a new one: model loaded is not that of campaign 1: file --weights (" in caplog.text
+    assert "the one trial is done" in answer.err
+    assert rows(tmp_path / "results", "SELECT count(*) FROM episode") == [(2,)]
+    weights.write_bytes(b"first")
+    assert "nothing to do" in run(*again).err, "the first campaign is found again"

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
     from vsnbench.database.read_shapes import EpisodeDetails, StepRow
@@ -160,6 +162,7 @@ def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
     rows = [
         ("vsnbench", f"{given.vsnbench_version}{git}, Python {given.platform.get('python', '')}"),
         ("machine", f"{given.host}, {given.platform.get('processor', '')}"),
+        ("model ran on", _runs_on(given.platform)),
         ("operator", given.operator),
         ("weights", weights),
         ("settings", ", ".join(f"{name}={value}" for name, value in given.model_settings.items()) or "none"),
@@ -170,3 +173,9 @@ def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
     ]
     for name, value in rows:
         console.print(f"  {name:<17} {safe(value)}", soft_wrap=True)
+
+
+def _runs_on(platform: "Mapping[str, str]") -> str:
+    """Return device, runtime and threads of the model, as far as its card said."""
+    said = {name.removeprefix("model_"): value for name, value in platform.items() if name.startswith("model_")}
+    return ", ".join(f"{name} {value}" for name, value in said.items()) or "not said"

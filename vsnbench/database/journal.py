@@ -9,13 +9,14 @@ from typing import Self
 from sqlalchemy import Connection, Engine, insert
 
 from vsnbench.database import campaigns, claims
-from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, OpenCampaign
+from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
 from vsnbench.database.engine import open_engine, reading, record_errors
 from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode, StepRecord
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.database.insertion import insert_row
 from vsnbench.database.judging import end_episode, judge
 from vsnbench.database.migrate import upgrade
+from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, recover_one
 from vsnbench.database.row_encoding import process_row, text
@@ -75,6 +76,20 @@ class Journal:
         """Return the campaign of the plan's condition and seed; trials that it did not have yet are planned in it."""
         with _transaction(self.engine) as connection:
             return campaigns.find_or_create(connection, plan, self._process_id)
+
+    def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
+        """Say what makes the model of a campaign that is new another one than the last of its name; empty for nothing.
+
+        Args:
+            campaign: as it was opened.
+            model: the plan's.
+        """
+        if campaign.resumed:
+            return ""
+        with _transaction(reading(self.engine)) as connection:
+            last = last_of_its_name(connection, text(model.name), campaign.id)
+        found = differences(last[1], model) if last else ()
+        return f"model {model.name} is not that of campaign {last[0]}: {', '.join(found)}" if last and found else ""
 
     def standing(self, campaign: OpenCampaign) -> CampaignStanding:
         """Say which of the trials that were asked for are done, are run elsewhere, or are left."""

@@ -3,13 +3,13 @@
 import logging
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, OpenCampaign
 from vsnbench.database.journal import Journal
-from vsnbench.database.provenance import gather_provenance
+from vsnbench.database.provenance import Provenance, gather_provenance
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
@@ -102,11 +102,13 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             conditions=robot.conditions,
         )
         request.results.prepare()
-        journal = stack.enter_context(Journal.open(request.results.database_url))
+        journal = stack.enter_context(Journal.open(request.results.database_url, _provenance(policy)))
         campaign = journal.find_or_create_campaign(plan)
+        if change := journal.model_change(campaign, plan.model):
+            logger.warning("campaign %d is a new one: %s", campaign.id, change)
         if viewer is not None:
             viewer.prepare()
-        operator = gather_provenance().operator
+        operator = _provenance(policy).operator
         target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer, operator)
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
@@ -130,6 +132,13 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             stop,
         )
     return Launched(campaign, result)
+
+
+def _provenance(policy: Policy) -> Provenance:
+    """Describe this process, and where in it the model runs."""
+    here = gather_provenance()
+    runs_on = {f"model_{name}": str(value) for name, value in policy.card.runs_on.items()}
+    return replace(here, platform={**here.platform, **runs_on})
 
 
 def _identity(request: RunRequest, policy: Policy) -> ModelIdentity:

@@ -1,0 +1,72 @@
+"""What makes a model another one than the last of its name: said when a campaign is asked for again and is new."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import Connection, select
+
+from vsnbench.database.campaign_plan import ModelIdentity
+from vsnbench.database.tables import Campaign, Model
+from vsnbench.harmless_text import harmless
+
+_SHOWN_CHARACTERS = 41
+"""A commit and its first mark of change."""
+_HASH_CHARACTERS = 12
+_HASHES = frozenset({"weights", "sha256"})
+
+
+def differences(old: ModelIdentity, new: ModelIdentity) -> tuple[str, ...]:
+    """Return in words what tells two models of one name apart; empty where nothing does."""
+    found = _changed("", {"weights": old.weights_sha256}, {"weights": new.weights_sha256})
+    found += _changed("file --", old.files, new.files, hashes=True)
+    found += _changed("code ", old.code, new.code)
+    found += _changed("setting ", old.settings, new.settings)
+    if old.surveyed != new.surveyed:
+        found.append("whether it is handed the site")
+    return tuple(found)
+
+
+def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelIdentity] | None:
+    """Return the newest earlier campaign of a model of that name, and the model that it has; None for the first."""
+    row = connection.execute(
+        select(
+            Campaign.id,
+            Model.weights_sha256,
+            Model.weights_label,
+            Model.settings,
+            Model.surveyed,
+            Model.files,
+            Model.code,
+        )
+        .join(Model, Model.id == Campaign.model_id)
+        .where(Model.name == name, Campaign.id < campaign_id)
+        .order_by(Campaign.id.desc())
+        .limit(1)
+    ).first()
+    if row is None:
+        return None
+    model = ModelIdentity(
+        name,
+        weights_sha256=row.weights_sha256,
+        weights_label=row.weights_label,
+        settings=row.settings,
+        surveyed=row.surveyed,
+        files=row.files,
+        code=row.code,
+    )
+    return row.id, model
+
+
+def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any], *, hashes: bool = False) -> list[str]:
+    words = []
+    for name in sorted(old.keys() | new.keys()):
+        was, now = old.get(name), new.get(name)
+        if was != now:
+            shown = f"{kind}{name.replace('_', '-') if hashes else name}"
+            most = _HASH_CHARACTERS if hashes or name in _HASHES else _SHOWN_CHARACTERS
+            words.append(f"{shown} ({_short(was, most)} → {_short(now, most)})")
+    return words
+
+
+def _short(value: Any, most: int) -> str:
+    return "none" if value is None or value == "" else harmless(str(value)[:most])
