@@ -86,7 +86,7 @@ def test_check_as_json_gives_findings(flawed_site: Path) -> None:
 
 def test_draw_writes_the_files_it_names(tmp_path: Path) -> None:
     svg, png = tmp_path / "plan.svg", tmp_path / "plan.png"
-    assert call("draw", "apartment", str(svg), str(png)) == (0, f"{svg}\n{png}\n")
+    assert call("draw", "apartment", "-o", str(svg), "-o", str(png)) == (0, f"{svg}\n{png}\n")
     assert "<svg" in svg.read_text(encoding="utf-8")
     assert png.read_bytes().startswith(b"\x89PNG")
 
@@ -96,8 +96,8 @@ def test_draw_writes_the_files_it_names(tmp_path: Path) -> None:
     [
         (("show", "castle"), UsageError, "no site 'castle'"),
         (("check", "apartment", "--robot", "roomba"), UsageError, "roomba"),
-        (("draw", "apartment", "plan.bmp"), UsageError, "plan.bmp"),
-        (("draw", "apartment", "/no/such/place/plan.png"), UsageError, "cannot write"),
+        (("draw", "apartment", "-o", "plan.bmp"), UsageError, "plan.bmp"),
+        (("draw", "apartment", "-o", "/no/such/place/plan.png"), UsageError, "cannot write"),
         (("draw", "apartment", "--goal", "piano"), UsageError, "has no piano"),
     ],
 )
@@ -110,4 +110,17 @@ def test_a_broken_file_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "broken.yaml"
     path.write_text("name: broken\nrooms: []\n", encoding="utf-8")
     with pytest.raises(SiteError, match=r"broken\.yaml:2"):
-        call("check", str(path))
+        call("show", str(path))
+    code, out = call("check", str(path))
+    assert code == 1
+    assert "broken.yaml:2: rooms: List should have at least 1 item" in out
+    assert "2 more" not in out
+    assert out.count("error: ") == 3
+
+
+def test_draw_outlines_from_where_stop_succeeds(tmp_path: Path) -> None:
+    plain, ringed = tmp_path / "plain.svg", tmp_path / "ringed.svg"
+    call("draw", "apartment", "-o", str(plain))
+    call("draw", "apartment", "-o", str(ringed), "--goal", "plant")
+    assert "#2e7d32" not in plain.read_text(encoding="utf-8")
+    assert "#2e7d32" in ringed.read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vsnbench.errors import SiteError
-from vsnbench.protocol.settings_file import parse_settings, read_settings
+from vsnbench.protocol.settings_file import parse_settings, read_settings, settings_faults
 
 
 class Wheel(BaseModel):
@@ -50,8 +50,9 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
         ("name: a\n---\nname: b\n", r"^cart.yaml:2: not valid YAML: but found another document$"),
         ("name: 2026-99-99\n", r"^cart.yaml: not valid YAML: month must be in 1..12$"),
         ("name: 1" + "0" * 5000, r"^cart.yaml: not valid YAML: Exceeds the limit"),
+        ("name: !!python/object/apply:os.system [ls]\n", r"^cart.yaml:1: not valid YAML: could not determine a constr"),
         ("name: " + "[" * 5000 + "]" * 5000, r"^cart.yaml: not valid YAML: too many levels$"),
-        ("name: &a [*a]\n", r"^cart.yaml:1: name: Input should be a valid string$"),
+        ("name: &a [*a]\n", r"^cart.yaml: aliases and merge keys make more than 250,000 values"),
         ("wheels: []\n", r"^cart.yaml:1: name: Field required$"),
         ("name: a\nwheels:\n- {}\n- {}\n", r"^cart.yaml:3: wheels.0.radius_m: Field required \(and 1 more\)$"),
         ("name: a\n  wheels: [\n", r"^cart.yaml:2: not valid YAML: "),
@@ -74,3 +75,41 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
 def test_a_missing_file_is_an_error_of_the_asked_class(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="cannot read cart file"):
         read_settings(tmp_path / "none.yaml", Cart, SiteError, "cart")
+
+
+def merge_bomb(levels: int) -> str:
+    merged = (f"a{level}: &a{level}\n  <<: [{', '.join([f'*a{level - 1}'] * 9)}]" for level in range(1, levels))
+    return "\n".join(["a0: &a0 {k: 1}", *merged])
+
+
+def alias_bomb(levels: int) -> str:
+    lines = ["a0: &a0 [x, y]"]
+    lines += [f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 9)}]" for level in range(1, levels)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("text", [merge_bomb(12), alias_bomb(12), "a: &a\n  <<: *a\n"])
+def test_a_bomb_of_aliases_is_refused_before_it_is_built(text: str) -> None:
+    with pytest.raises(SiteError, match="make more than 250,000 values"):
+        parse(text)
+
+
+def test_a_file_too_long_is_refused_unread() -> None:
+    with pytest.raises(SiteError, match="longer than 2,000,000 characters"):
+        parse("name: a\n" + "# \n" * 700_000)
+
+
+def test_merge_keys_work_and_give_way_to_what_is_written_beside_them() -> None:
+    text = "name: a\nwheels:\n- &wheel {radius_m: 0.2}\n- {<<: *wheel}\n- {<<: *wheel, radius_m: 0.4}\n"
+    assert [wheel.radius_m for wheel in parse(text).wheels] == [0.2, 0.2, 0.4]
+
+
+def test_all_faults_of_a_file_can_be_had_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("nam: a\nwheels:\n- {}\n- {radius_m: round}\n")
+    faults = [str(fault) for fault in settings_faults(path, Cart, SiteError, "cart")]
+    assert len(faults) == 4
+    assert faults[0] == f"{path}:1: nam: there is no such field"
+    assert any(fault.startswith(f"{path}:4: wheels.1.radius_m: ") for fault in faults)
+    path.write_text("name: a\n")
+    assert settings_faults(path, Cart, SiteError, "cart") == []

@@ -4,11 +4,12 @@ import re
 from collections import Counter
 
 import pytest
+from pydantic import ValidationError
 from shapely.geometry import Point
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.categories import CATEGORIES, GOAL_CATEGORIES
-from vsnbench.protocol.site import Site, embedded_sites, load_site, parse_site
+from vsnbench.protocol.site import Site, StartingPosition, embedded_sites, load_site, parse_site
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +136,19 @@ def test_a_changed_copy_keeps_nothing_of_the_original(apartment: Site) -> None:
     assert sofa.shape.centroid.x == pytest.approx(3.45)
     assert moved.shape.centroid.x == pytest.approx(5.0)
     assert apartment.model_copy(update={"objects": [moved]}).sha256 != apartment.sha256
+
+
+def test_a_start_may_exclude_goals_and_one_that_does_not_keeps_the_hash_of_before() -> None:
+    site = load_site("apartment")
+    assert site.sha256 == "cd027302a88f41aa97f6d8eceb4905e014c417d5b4573d23f7d7b50a48fdca93"
+    assert "not_for" not in site.content()["starts"][0]
+    start = site.starts[0].model_copy(update={"not_for": ["toilet", "bed"]})
+    excluding = site.model_copy(update={"starts": [start, *site.starts[1:]]})
+    assert excluding.excluded == {("toilet", 1), ("bed", 1)}
+    assert excluding.sha256 != site.sha256
+    assert Site.model_validate(excluding.content()) == excluding
+
+
+def test_only_a_goal_category_can_be_excluded() -> None:
+    with pytest.raises(ValidationError, match="'piano' is no goal category"):
+        StartingPosition(number=1, position=(0, 0), heading_deg=0, not_for=["piano"])

@@ -90,3 +90,11 @@ def test_starts_are_numbers_and_ranges() -> None:
 def test_starts_that_cannot_be_are_refused(asked: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         choose_starts(asked, APARTMENT)
+
+
+def test_goals_that_a_start_excludes_are_no_trials() -> None:
+    trials = plan_trials(GOALS, STARTS, 2, excluded={(GOALS[0], STARTS[0])})
+    assert len(trials) == 2 * (len(GOALS) * len(STARTS) - 1)
+    assert all((trial.goal, trial.start) != (GOALS[0], STARTS[0]) for trial in trials)
+    with pytest.raises(UsageError, match="not_for"):
+        plan_trials(GOALS[:1], STARTS[:1], 1, excluded={(GOALS[0], STARTS[0])})

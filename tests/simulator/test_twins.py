@@ -20,7 +20,7 @@ from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, load_site
-from vsnbench.protocol.site_check import check_site
+from vsnbench.protocol.survey.check import check_site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.physics import Physics
 from vsnbench.simulator.scene import build_scene

@@ -1,5 +1,6 @@
 """`vsnbench sites`: list, show, check, draw and picture surveyed places, and generate made-up ones."""
 
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -12,7 +13,7 @@ app = typer.Typer(
 
     vsnbench sites list
     vsnbench sites check my-flat.yaml --robot lola2
-    vsnbench sites draw apartment plan.svg
+    vsnbench sites draw apartment --output plan.svg
     vsnbench sites look apartment --output look.png
     vsnbench sites generate --seed 7 --output flat.yaml
     """,
@@ -103,30 +104,36 @@ def check(
     robot: Annotated[str, typer.Option(help="Whose radius: a robot profile's name.")] = "turtlebot2",
     as_json: JsonOption = False,
 ) -> None:
-    """Say what is wrong with a site, in words; exit code 1 when trials on it would be worth nothing.
+    """Say everything that is wrong with a site, and how to mend it; exit code 1 when trials there are worth nothing.
 
     vsnbench sites check my-flat.yaml
     """
     import json
 
     from vsnbench.errors import SiteError
-    from vsnbench.protocol.site import load_site
-    from vsnbench.protocol.site_check import Finding, Severity, check_site
+    from vsnbench.protocol.site import load_site, site_file_faults
+    from vsnbench.protocol.survey.check import check_site
+    from vsnbench.protocol.survey.finding import Severity, SiteFinding, error
     from vsnbench.robots.profiles import load_profile
     from vsnbench.simulator.scene import build_scene
 
-    site, profile = load_site(site_name), load_profile(robot)
-    findings = check_site(site, profile.base.radius_m)
+    profile = load_profile(robot)
+    faults = site_file_faults(site_name)
+    findings: list[SiteFinding] = [error(f"{fault.where}:", fault.problem) for fault in faults]
+    name = site_name
+    if not faults:
+        site = load_site(site_name)
+        name = site.name
+        findings = check_site(site, profile.base.radius_m)
+        if not any(finding.severity is Severity.ERROR for finding in findings):  # only the simulator knows the looks
+            try:
+                build_scene(site)
+            except SiteError as problem:
+                findings.append(error(f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
-    if not errors:  # only the simulator knows which looks there are
-        try:
-            build_scene(site)
-        except SiteError as error:
-            findings.append(Finding(Severity.ERROR, str(error)))
-            errors = 1
     if as_json:
-        rows = [{"severity": finding.severity.value, "message": finding.message} for finding in findings]
-        typer.echo(json.dumps({"site": site.name, "robot": profile.name, "findings": rows}, indent=2))
+        rows = [asdict(finding) | {"message": finding.message} for finding in findings]
+        typer.echo(json.dumps({"site": name, "robot": profile.name, "findings": rows}, indent=2))
     else:
         for finding in findings:
             typer.echo(f"{finding.severity.value}: {finding.message}")
@@ -134,7 +141,7 @@ def check(
         counted = (
             f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "nothing to complain about"
         )
-        typer.echo(f"{site.name} for {profile.name}: {counted}")
+        typer.echo(f"{name} for {profile.name}: {counted}")
     if errors:
         raise typer.Exit(1)
 
@@ -142,31 +149,37 @@ def check(
 @app.command()
 def draw(
     site_name: SiteArgument,
-    files: Annotated[
-        list[str] | None, typer.Argument(help="Where to: .svg, .png or .pdf; NAME-plan.svg and .png when absent.")
+    output: Annotated[
+        list[str] | None,
+        typer.Option("--output", "-o", help="Where to: .svg, .png or .pdf; NAME-plan.svg and .png when absent."),
     ] = None,
-    goal: Annotated[str | None, typer.Option(help="Show this goal category in colour and the others in grey.")] = None,
+    goal: Annotated[
+        str | None, typer.Option(help="Show this goal in colour, the others in grey, and from where STOP succeeds.")
+    ] = None,
     starts: Annotated[bool, typer.Option(help="Show the starting positions.")] = True,
 ) -> None:
-    """Draw the floor plan as for a paper.
+    """Draw the floor plan as for a paper; with a goal, also from where STOP succeeds at it.
 
-    vsnbench sites draw apartment plan.pdf --goal chair
+    vsnbench sites draw apartment --output plan.pdf --goal chair
     """
     from pathlib import Path
 
     from vsnbench.errors import UsageError
+    from vsnbench.protocol.goal_distance import success_region
+    from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.protocol.site import load_site
     from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan
 
     site = load_site(site_name)
     if goal is not None and not site.instances(goal):
         raise UsageError(f"site {site.name} has no {goal}; it has {', '.join(sorted(site.categories))}")
-    paths = [Path(file) for file in files or [f"{site.name}-plan.svg", f"{site.name}-plan.png"]]
+    reached = success_region(site, goal, ProtocolParameters()) if goal is not None else None
+    paths = [Path(file) for file in output or [f"{site.name}-plan.svg", f"{site.name}-plan.png"]]
     for path in paths:
         if path.suffix not in (".svg", ".png", ".pdf"):
             raise UsageError(f"cannot draw {path}: name a file that ends in .svg, .png or .pdf")
         try:
-            save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal))
+            save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal, success=reached))
         except OSError as error:
             raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
         typer.echo(str(path))

@@ -19,6 +19,10 @@ _REACH_CELLS = 4
 
 _PAPER = ProtocolParameters()
 
+_TILE = 16
+"""Cells on the side of a tile."""
+_BAND_M = 4 * RESOLUTION_M
+"""Farther from where success begins only its side matters."""
 _OUTLINE_M = 1e-3
 """Outlines of regions are polygons: nearer than this to one is in it."""
 
@@ -47,10 +51,9 @@ class FreeSpace:
         self.x_m, self.y_m = np.meshgrid(xs, ys)
         self.points: npt.NDArray[np.object_] = np.asarray(shapely.points(self.x_m, self.y_m), dtype=object)
         """(rows, columns): the grid points as shapely points."""
-        self._solids = shapely.STRtree(solid_shapes(site, robot_height_m))
-        clearance = self._nearest_solid(self.points.ravel()).reshape(self.x_m.shape)
+        self._solids = np.asarray(solid_shapes(site, robot_height_m), dtype=object)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
-        self.clearance_m: FloatGrid = np.where(inside, clearance, 0.0)
+        self.clearance_m: FloatGrid = np.where(inside, self._clearance_of_all(), 0.0)
         """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
         self.cells: BoolGrid = self.clearance_m >= robot_radius_m
         """(rows, columns): whether the robot's centre can be there."""
@@ -61,21 +64,28 @@ class FreeSpace:
         point = shapely.Point(x_m, y_m)
         if not any(room.shape.covers(point) for room in self.site.rooms):
             return 0.0
-        return float(self._nearest_solid(np.array([point]))[0])
+        return float(np.min(shapely.distance(self._solids, point)))
 
     def success_level_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
         """Return (rows, columns): negative where STOP succeeds at a goal, positive elsewhere; metres to the edge of it.
 
-        Where no wall is near, it is the distance to the nearest footprint less the success distance.
+        Where no wall is near, it is the distance to the nearest footprint less the success distance, as far as four
+        cells away.
         """
-        level = np.full(self.cells.shape, np.inf)
+        within_m = parameters.success_distance_m
+        level = np.full(self.cells.shape, _BAND_M)
         for thing, region in success_regions(self.site, goal, parameters):
-            straight = shapely.distance(thing.shape, self.points) - parameters.success_distance_m
+            x_min, y_min, x_max, y_max = thing.shape.buffer(within_m + _BAND_M).bounds
+            low, left = self.cell_of(x_min, y_min)
+            high, right = self.cell_of(x_max, y_max)
+            window = (slice(low, high + 1), slice(left, right + 1))
+            straight = shapely.distance(thing.shape, self.points[window]) - within_m
             near = straight < RESOLUTION_M
-            around_walls = shapely.distance(region, self.points[near])
+            near[near] = ~shapely.contains_xy(region, self.x_m[window][near], self.y_m[window][near])
+            around_walls = shapely.distance(region, self.points[window][near])
             hidden = around_walls > np.maximum(straight[near], 0.0) + _OUTLINE_M
             straight[near] = np.where(hidden, around_walls, straight[near])
-            level = np.minimum(level, straight)
+            level[window] = np.minimum(level[window], straight)
         return level
 
     def geodesic_field_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
@@ -100,9 +110,24 @@ class FreeSpace:
         column = round((x_m - self.origin_x_m) / RESOLUTION_M)
         return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
 
-    def _nearest_solid(self, points: npt.NDArray[np.object_]) -> FloatGrid:
-        _, distances = self._solids.query_nearest(points, return_distance=True, all_matches=False)
-        return np.asarray(distances, dtype=np.float64)
+    def _clearance_of_all(self) -> FloatGrid:
+        """Return (rows, columns): distance from each grid point to the nearest solid thing, worked out tile by tile.
+
+        What is nearest to any point of a tile is no farther from the tile's middle than the nearest thing there plus
+        the tile's diagonal: a few things of all.
+        """
+        rows, columns = self.x_m.shape
+        clearance = np.empty((rows, columns))
+        for low in range(0, rows, _TILE):
+            for left in range(0, columns, _TILE):
+                tile = (slice(low, low + _TILE), slice(left, left + _TILE))
+                x_m, y_m = self.x_m[tile], self.y_m[tile]
+                middle = shapely.Point((x_m[0, 0] + x_m[-1, -1]) / 2, (y_m[0, 0] + y_m[-1, -1]) / 2)
+                diagonal_m = math.hypot(x_m[-1, -1] - x_m[0, 0], y_m[-1, -1] - y_m[0, 0])
+                from_middle = shapely.distance(self._solids, middle)
+                near = self._solids[from_middle <= from_middle.min() + diagonal_m + 1e-6]
+                clearance[tile] = np.min([shapely.distance(solid, self.points[tile]) for solid in near], axis=0)
+        return clearance
 
     def _interpolate(self, field: FloatGrid, start: Pose) -> float:
         rows, columns = field.shape

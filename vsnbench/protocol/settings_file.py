@@ -1,16 +1,43 @@
-"""Reads a YAML file into a pydantic model, with errors that name the line and the field."""
+"""Reads a YAML file into a pydantic model, with errors that name the line and the field; bounded in size and depth."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 
 from vsnbench.errors import VsnbenchError
 
 Settings = TypeVar("Settings", bound=BaseModel)
+
+MOST_CHARACTERS = 2_000_000
+"""Longer files are refused: a site of a thousand objects has a twentieth of it."""
+MOST_VALUES = 250_000
+"""More values, aliases and merge keys (`<<`) followed, are refused before they are made."""
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsFault:
+    """One thing that is wrong with a file."""
+
+    where: str
+    """`file:line: field`, or as much of it as is known."""
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.problem}"
+
+
+class _FaultyError(Exception):
+    def __init__(self, *faults: SettingsFault) -> None:
+        super().__init__(str(faults[0]))
+        self.faults = faults
 
 
 def read_settings(path: Path, model: type[Settings], error: type[VsnbenchError], what: str) -> Settings:
@@ -19,13 +46,7 @@ def read_settings(path: Path, model: type[Settings], error: type[VsnbenchError],
     Raises:
         VsnbenchError: the file cannot be read or breaks the format; of the class `error`.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as problem:
-        raise error(f"cannot read {what} file {path}: {problem.strerror or problem}") from problem
-    except UnicodeDecodeError as problem:
-        raise error(f"cannot read {what} file {path}: it is no text in UTF-8") from problem
-    return parse_settings(text, str(path), model, error, what)
+    return parse_settings(_text_of(path, error, what), str(path), model, error, what)
 
 
 def parse_settings(text: str, origin: str, model: type[Settings], error: type[VsnbenchError], what: str) -> Settings:
@@ -41,54 +62,118 @@ def parse_settings(text: str, origin: str, model: type[Settings], error: type[Vs
     Raises:
         VsnbenchError: the text breaks the format; of the class `error`; the message names the line and the field.
     """
-    tree, content = _read_yaml(text, origin, error)
+    try:
+        return _parse(text, origin, model, what)
+    except _FaultyError as faulty:
+        more = f" (and {len(faulty.faults) - 1} more)" if len(faulty.faults) > 1 else ""
+        raise error(f"{faulty.faults[0]}{more}") from faulty
+
+
+def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchError], what: str) -> list[SettingsFault]:
+    """Return everything in which a file breaks its format; empty for a good one.
+
+    Raises:
+        VsnbenchError: the file cannot be read; of the class `error`.
+    """
+    try:
+        _parse(_text_of(path, error, what), str(path), model, what)
+    except _FaultyError as faulty:
+        return list(faulty.faults)
+    return []
+
+
+def _text_of(path: Path, error: type[VsnbenchError], what: str) -> str:
+    try:
+        with path.open(encoding="utf-8") as file:
+            return file.read(MOST_CHARACTERS + 1)
+    except OSError as problem:
+        raise error(f"cannot read {what} file {path}: {problem.strerror or problem}") from problem
+    except UnicodeDecodeError as problem:
+        raise error(f"cannot read {what} file {path}: it is no text in UTF-8") from problem
+
+
+def _parse(text: str, origin: str, model: type[Settings], what: str) -> Settings:
+    tree, content = _read_yaml(text, origin)
     if not isinstance(content, dict):
         required = [name for name, field in model.model_fields.items() if field.is_required()]
         fields = ", ".join(required or model.model_fields)
-        raise error(f"{origin}:1: a {what} file is a mapping with {fields}")
+        raise _FaultyError(SettingsFault(f"{origin}:1", f"a {what} file is a mapping with {fields}"))
     try:
         return model.model_validate(content)
     except ValidationError as problem:
         # A misspelt field is missing under its right name too: the misspelling is what helps.
-        worst = min(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
-        field = ".".join(str(part) for part in worst["loc"]) or what
-        more = f" (and {problem.error_count() - 1} more)" if problem.error_count() > 1 else ""
-        raise error(f"{origin}:{_line_of(tree, worst['loc'])}: {field}: {_words(worst)}{more}") from problem
+        worst_first = sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
+        faults = [
+            SettingsFault(
+                f"{origin}:{_line_of(tree, one['loc'])}: {'.'.join(str(part) for part in one['loc']) or what}",
+                _words(one),
+            )
+            for one in worst_first
+        ]
+        raise _FaultyError(*faults) from problem
 
 
-def _read_yaml(text: str, origin: str, error: type[VsnbenchError]) -> tuple[yaml.Node | None, Any]:
+def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
     """Return the tree with its lines, and the plain values."""
+
+    def faulty(problem: str, line: int | None = None) -> _FaultyError:
+        return _FaultyError(SettingsFault(origin if line is None else f"{origin}:{line}", problem))
+
+    if len(text) > MOST_CHARACTERS:
+        raise faulty(f"longer than {MOST_CHARACTERS:,} characters")
+    yaml = YAML(typ="safe", pure=True)
     try:
-        loader = yaml.SafeLoader(text)
-        tree = loader.get_single_node()
-        for key in _keys_given_twice(tree, set()):
-            raise error(f"{origin}:{key.start_mark.line + 1}: {key.value} is given twice in the same place")
-        return tree, None if tree is None else loader.construct_document(tree)
-    except yaml.reader.ReaderError as problem:
+        tree = yaml.compose(text)
+        twice = [
+            SettingsFault(f"{origin}:{key.start_mark.line + 1}", f"{key.value} is given twice in the same place")
+            for key in _keys_given_twice(tree, set())
+        ]
+        if twice:
+            raise _FaultyError(*twice)
+        if tree is None:
+            return None, None
+        if _count_values(tree, {}) > MOST_VALUES:
+            raise faulty(f"aliases and merge keys make more than {MOST_VALUES:,} values of it: write fewer")
+        return tree, yaml.constructor.construct_document(tree)
+    except ReaderError as problem:
         line = text.count("\n", 0, problem.position) + 1
-        raise error(f"{origin}:{line}: not valid YAML: a control character") from problem
-    except yaml.MarkedYAMLError as problem:
+        raise faulty("not valid YAML: a control character", line) from problem
+    except MarkedYAMLError as problem:
         mark = problem.problem_mark
-        where = f"{origin}:{mark.line + 1}" if mark else origin
-        raise error(f"{where}: not valid YAML: {problem.problem or problem.context}") from problem
-    except (yaml.YAMLError, ValueError, RecursionError) as problem:
-        # A date with 99 days, a number of 5,000 digits, brackets 1,000 deep.
-        reason = "too many levels" if isinstance(problem, RecursionError) else problem
-        raise error(f"{origin}: not valid YAML: {reason}") from problem
+        reason = str(problem.problem or problem.context).splitlines()[0]
+        raise faulty(f"not valid YAML: {reason}", mark.line + 1 if mark else None) from problem
+    except RecursionError as problem:
+        raise faulty("not valid YAML: too many levels") from problem
+    except (YAMLError, ValueError, ArithmeticError, AttributeError, TypeError, KeyError) as problem:
+        # A date with 99 days, a number of 5,000 digits, a key that is a list, a tag for another kind of value.
+        reason = (str(problem).splitlines() or [type(problem).__name__])[0]
+        raise faulty(f"not valid YAML: {reason}") from problem
 
 
-def _keys_given_twice(node: yaml.Node | None, seen: set[int]) -> Iterator[yaml.Node]:
+def _count_values(node: Node, known: dict[int, int]) -> int:
+    """Return how many values a node makes with every alias followed; an alias inside itself counts as too many."""
+    if id(node) not in known:
+        known[id(node)] = MOST_VALUES + 1
+        if isinstance(node, MappingNode):
+            parts = [part for pair in node.value for part in pair]
+        else:
+            parts = list(node.value) if isinstance(node, SequenceNode) else []
+        known[id(node)] = 1 + sum(_count_values(part, known) for part in parts)
+    return known[id(node)]
+
+
+def _keys_given_twice(node: Node | None, seen: set[int]) -> Iterator[Node]:
     """Walk the tree for keys that YAML would quietly let win over their first mention."""
     if node is None or id(node) in seen:  # an alias leads to a node that has been looked at, or to one around it
         return
     seen.add(id(node))
-    if isinstance(node, yaml.SequenceNode):
+    if isinstance(node, SequenceNode):
         for item in node.value:
             yield from _keys_given_twice(item, seen)
-    elif isinstance(node, yaml.MappingNode):
+    elif isinstance(node, MappingNode):
         names: set[str] = set()
         for key, value in node.value:
-            if isinstance(key, yaml.ScalarNode):
+            if isinstance(key, ScalarNode):
                 if key.value in names:
                     yield key
                 names.add(key.value)
@@ -104,16 +189,16 @@ def _words(detail: ErrorDetails) -> str:
     return detail["msg"]
 
 
-def _line_of(node: yaml.Node | None, location: tuple[int | str, ...]) -> int:
+def _line_of(node: Node | None, location: tuple[int | str, ...]) -> int:
     """Return the 1-based line of the deepest node on the way to `location`."""
     line = 1
     for part in location:
-        found: yaml.Node | None = None
-        if isinstance(node, yaml.MappingNode):
+        found: Node | None = None
+        if isinstance(node, MappingNode):
             for key, value in node.value:
                 if key.value == part:
                     found, line = value, key.start_mark.line + 1
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
             found = node.value[part]
             line = found.start_mark.line + 1
         if found is None:

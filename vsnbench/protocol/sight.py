@@ -37,7 +37,8 @@ class Sight:
         self.walls: BaseGeometry = closed.buffer(-_GRAZE_M, join_style="mitre")
         """What blocks sight, metres in the site's frame."""
         shapely.prepare(self.walls)
-        corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(self.walls)), return_index=True)
+        parts = shapely.orient_polygons(shapely.get_parts(self.walls))  # whoever faces an edge has it run to the right
+        corners, ring = shapely.get_coordinates(shapely.get_rings(parts), return_index=True)
         same = ring[:-1] == ring[1:]
         self._edges: npt.NDArray[np.float64] = np.stack([corners[:-1][same], corners[1:][same]], axis=1)
         self._edge_lines = np.asarray(shapely.linestrings(self._edges), dtype=object)
@@ -70,12 +71,10 @@ class Sight:
         """Return everything that lies behind the walls in `within`, seen from a point outside them."""
         edges = self._edges[shapely.intersects(self._edge_lines, within)]
         start, end = edges[:, 0] - here, edges[:, 1] - here
-        across = np.abs(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])
-        broad = across > 1e-12  # an edge seen end on throws no shadow
-        start, end = start[broad], end[broad]
+        facing = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0] < -1e-12
+        start, end = start[facing], end[facing]
         behind = shapely.polygons(np.stack([start, end, _FAR * end, _FAR * start], axis=1) + np.array(here))
-        shadow = shapely.union_all(shapely.intersection(behind, within.buffer(1.0)))
-        return shadow.buffer(_ROUNDING_M)
+        return shapely.union_all(behind).buffer(_ROUNDING_M)
 
 
 _KEPT: dict[str, Sight] = {}

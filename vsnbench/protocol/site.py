@@ -13,16 +13,35 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
 from shapely.validation import explain_validity
 
 from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.settings_file import parse_settings, read_settings
+from vsnbench.protocol.settings_file import SettingsFault, parse_settings, read_settings, settings_faults
 from vsnbench.resources import resource_directory
 
+
+def _goal_category(name: str) -> str:
+    if name not in GOAL_CATEGORIES:
+        raise ValueError(f"{name!r} is no goal category; they are {', '.join(GOAL_CATEGORIES)}")
+    return name
+
+
+GoalCategory = Annotated[str, AfterValidator(_goal_category)]
 LARGEST_M = 200.0
 """No coordinate lies farther from the origin: a survey in centimetres is noticed before it is built."""
 
@@ -187,6 +206,13 @@ class StartingPosition(_Strict):
     position: Point
     heading_deg: float
     note: str = ""
+    not_for: list[GoalCategory] = Field(default=[], description="goals that no trial searches from here")
+
+    @model_serializer(mode="wrap")
+    def _without_what_it_does_not_say(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave an empty `not_for` out: sites keep the hash that they had before there was one."""
+        content: dict[str, Any] = serialize(self)
+        return content if self.not_for else {name: value for name, value in content.items() if name != "not_for"}
 
     @property
     def pose(self) -> Pose:
@@ -231,6 +257,11 @@ class Site(_Strict):
         """Return the objects of a category; empty when there are none."""
         return [thing for thing in self.objects if thing.category == category]
 
+    @property
+    def excluded(self) -> frozenset[tuple[str, int]]:
+        """The goals, each with a starting position's number, that are no trials here."""
+        return frozenset((goal, start.number) for start in self.starts for goal in start.not_for)
+
     def start(self, number: int) -> StartingPosition:
         """Return the starting position with that number.
 
@@ -265,11 +296,25 @@ def load_site(name_or_path: str | Path) -> Site:
         UsageError: there is no such site.
         SiteError: the file cannot be read or breaks the format; the message names the line and the field.
     """
+    return read_settings(_site_file(name_or_path), Site, SiteError, "site")
+
+
+def site_file_faults(name_or_path: str | Path) -> list[SettingsFault]:
+    """Return everything in which a site's file breaks the format, with lines and fields; empty for a good one.
+
+    Raises:
+        UsageError: there is no such site.
+        SiteError: the file cannot be read.
+    """
+    return settings_faults(_site_file(name_or_path), Site, SiteError, "site")
+
+
+def _site_file(name_or_path: str | Path) -> Path:
     path = embedded_sites().get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
         known = ", ".join(embedded_sites())
         raise UsageError(f"no site {str(name_or_path)!r}: name an embedded one ({known}) or the path of a site file")
-    return read_settings(path, Site, SiteError, "site")
+    return path
 
 
 def parse_site(text: str, origin: str) -> Site:

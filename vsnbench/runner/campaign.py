@@ -1,7 +1,7 @@
 """The plan of a campaign: which trials there are, in which order, each with its own seed."""
 
 import random
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
@@ -11,7 +11,11 @@ from vsnbench.protocol.site import Site
 
 
 def plan_trials(
-    goals: Sequence[str], starts: Sequence[int], repetitions: int, shuffle_seed: int | None = None
+    goals: Sequence[str],
+    starts: Sequence[int],
+    repetitions: int,
+    shuffle_seed: int | None = None,
+    excluded: Container[tuple[str, int]] = (),
 ) -> tuple[PlannedTrial, ...]:
     """Return goals x starting positions x repetitions in the order in which they are run.
 
@@ -20,13 +24,20 @@ def plan_trials(
         starts: numbers of starting positions.
         repetitions: how often each goal meets each start.
         shuffle_seed: run them in the random order that follows from it; in the order given when None.
+        excluded: goals with a starting position that is not for them (`Site.excluded`).
+
+    Raises:
+        UsageError: nothing is left to run.
     """
     trials = [
         PlannedTrial(goal, start, repetition)
         for repetition in range(1, repetitions + 1)
         for goal in goals
         for start in starts
+        if (goal, start) not in excluded
     ]
+    if not trials:
+        raise UsageError("the site excludes every goal asked for from every starting position asked for (not_for)")
     if shuffle_seed is not None:
         random.Random(shuffle_seed).shuffle(trials)  # noqa: S311 - an order, not a secret
     return tuple(trials)

@@ -1,7 +1,7 @@
 """From what a person asked for to a running campaign: everything is checked before anything moves or is written."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,15 +10,18 @@ from typing import Any
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, OpenCampaign
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import Provenance, gather_provenance
-from vsnbench.errors import UsageError
+from vsnbench.errors import SiteError, UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import Isolation
+from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, embedded_sites, load_site
-from vsnbench.protocol.site_check import check_site
+from vsnbench.protocol.survey.check import layout_findings
+from vsnbench.protocol.survey.finding import Severity, SiteFinding
+from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import PlacedByHand, Robot
@@ -80,6 +83,9 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
     site = load_site(request.site)
     starts = choose_starts(request.starts, site)
     parameters = ProtocolParameters(max_actions=request.max_steps)
+    surveyed = request.site not in embedded_sites()
+    if surveyed:
+        _heed(request.site, layout_findings(site))
     with ExitStack() as stack:
         policy = create_policy(request.model, request.isolation, **request.model_options)
         stack.callback(getattr(policy, "close", lambda: None))
@@ -87,8 +93,10 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
         _check_weights(policy, robot)
-        if request.site not in embedded_sites():
-            _warn_of_site_faults(site, robot, parameters)
+        if surveyed:
+            _heed(
+                request.site, start_findings(site, free_space(site, robot.identity.profile.base.radius_m), parameters)
+            )
         by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
         if by_hand:
             require_operator(robot.identity.profile, unattended=request.unattended)
@@ -98,7 +106,9 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             model=_identity(request, policy),
             protocol=parameters,
             seed=request.seed,
-            trials=plan_trials(goals, starts, request.repetitions, request.seed if request.shuffle else None),
+            trials=plan_trials(
+                goals, starts, request.repetitions, request.seed if request.shuffle else None, site.excluded
+            ),
             conditions=robot.conditions,
         )
         request.results.prepare()
@@ -184,10 +194,15 @@ def _check_weights(policy: Policy, robot: Robot) -> None:
         logger.warning("%s runs on %s; name others with --weights FILE", policy.card.name, policy.card.weights_label)
 
 
-def _warn_of_site_faults(site: Site, robot: Robot, parameters: ProtocolParameters) -> None:
-    """Say what `vsnbench sites check` would say, before an afternoon is spent on it."""
-    for finding in check_site(site, robot.identity.profile.base.radius_m, parameters):
-        logger.warning("site %s: %s: %s", site.name, finding.severity, finding.message)
+def _heed(site: str, findings: Iterable[SiteFinding]) -> None:
+    """Refuse a site with errors before anything is built on it, and pass its warnings on."""
+    found = list(findings)
+    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    if errors:
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        raise SiteError(f"site {site}: {errors[0].message}{more}; vsnbench sites check {site} tells everything")
+    for finding in found:
+        logger.warning("site %s: %s", site, finding.message)
 
 
 def _progress(

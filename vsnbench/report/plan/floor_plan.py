@@ -14,7 +14,9 @@ from vsnbench.report.plan.ink import INK, Ink
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from shapely.geometry.base import BaseGeometry
 
+_SUCCESS = "#2e7d32"
 _START = "#0b3c5d"
 
 
@@ -29,6 +31,8 @@ class PlanStyle:
     legend: bool = True
     highlight: str | None = None
     """A goal category to show in full colour while the others step back."""
+    success: "BaseGeometry | None" = None
+    """From where STOP succeeds (`protocol.goal_distance.success_region`): outlined on the floor."""
 
 
 def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | None = None) -> "Axes":
@@ -58,6 +62,8 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
         below = 0.75 if beside_the_bar or not wanted.scale_bar else 1.1
         _draw_legend(ink, axes, site, x_max, y_min - 0.28 if below == 0.75 else y_min - 0.7)
     ink.put_on(axes)
+    if wanted.success is not None:
+        _draw_success(axes, wanted.success)
     axes.set_xlim(x_min - 0.15, x_max + 0.15)
     axes.set_ylim(y_min - 0.15 - below, y_max + 0.15)
     axes.set_aspect("equal")
@@ -84,6 +90,7 @@ def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi:
 def _new_axes(site: Site) -> "Axes":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from shapely.geometry.base import BaseGeometry
 
     x_min, y_min, x_max, y_max = _bounds(site)
     width_in = 7.2
@@ -97,6 +104,15 @@ def _bounds(site: Site) -> tuple[float, float, float, float]:
 
     x_min, y_min, x_max, y_max = shapely.union_all([wall.shape for wall in site.walls]).bounds
     return x_min, y_min, x_max, y_max
+
+
+def _draw_success(axes: "Axes", region: "BaseGeometry") -> None:
+    import shapely
+    from matplotlib.lines import Line2D
+
+    for ring in shapely.get_rings(shapely.get_parts(region)):
+        look = {"color": _SUCCESS, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 4.5}
+        axes.add_artist(Line2D(*shapely.get_coordinates(ring).T, **look))
 
 
 def _draw_start(axes: "Axes", start: StartingPosition) -> None:

@@ -14,7 +14,7 @@ from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.free_space import BoolGrid, FloatGrid
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Room, Site, StartingPosition
-from vsnbench.protocol.site_check import check_site
+from vsnbench.protocol.survey.check import check_site
 from vsnbench.protocol.walls import solid_shapes
 from vsnbench.simulator.twins import palette
 from vsnbench.simulator.twins.furnishing import furnish_rooms

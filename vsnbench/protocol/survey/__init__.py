@@ -1,0 +1,1 @@
+"""What is wrong with a surveyed site, and how to mend it."""
