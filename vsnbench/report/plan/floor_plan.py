@@ -90,7 +90,6 @@ def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi:
 def _new_axes(site: Site) -> "Axes":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from shapely.geometry.base import BaseGeometry
 
     x_min, y_min, x_max, y_max = _bounds(site)
     width_in = 7.2
@@ -111,8 +110,8 @@ def _draw_success(axes: "Axes", region: "BaseGeometry") -> None:
     from matplotlib.lines import Line2D
 
     for ring in shapely.get_rings(shapely.get_parts(region)):
-        look = {"color": _SUCCESS, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 4.5}
-        axes.add_artist(Line2D(*shapely.get_coordinates(ring).T, **look))
+        x_m, y_m = shapely.get_coordinates(ring).T
+        axes.add_artist(Line2D(x_m, y_m, color=_SUCCESS, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4.5))
 
 
 def _draw_start(axes: "Axes", start: StartingPosition) -> None:
