@@ -1,7 +1,9 @@
-"""Finds what third parties add: entry points of a group, and anything named as `package.module:Class`."""
+"""Finds what third parties add, by entry point or as `package.module:Class`, and hashes the code it was made from."""
 
+import hashlib
 import importlib
 import sys
+from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -44,3 +46,42 @@ def import_factory(where: str, kind: str, name: str, makes: str, error_class: ty
     if not callable(found):
         raise error_class(f"{asked_for}: {where} is neither a class nor a function that makes {makes}")
     return found
+
+
+def source_sha256(made: type) -> str:
+    """Return the hash of what a third party's class was made from.
+
+    That is every module of its own package, or beside its own file, that is loaded by now.
+    """
+    digest = hashlib.sha256()
+    for name, file in sorted(_modules_with(made.__module__)):
+        try:
+            digest.update(f"{name}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+        except OSError:  # gone since it was imported: what runs is not what lies there
+            digest.update(f"{name}\0gone\n".encode())
+    return digest.hexdigest()
+
+
+def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
+    """Yield the loaded modules of one package, or those beside a module that stands alone."""
+    top = name.partition(".")[0]
+    own = file_of_module(sys.modules.get(name))
+    if own is None:
+        return
+    alone = not hasattr(sys.modules.get(top), "__path__")
+    installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
+    for other, module in list(sys.modules.items()):
+        if other == "__main__":
+            continue
+        file = file_of_module(module)
+        if file is None:
+            continue
+        beside = alone and not installed and file.parent == own.parent
+        if other == name or other.partition(".")[0] == top or beside:
+            yield other, file
+
+
+def file_of_module(module: object) -> Path | None:
+    """Return the file that a loaded module was read from; None for what has none."""
+    file = getattr(module, "__file__", None)
+    return Path(file) if isinstance(file, str) and Path(file).is_file() else None

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from vsnbench.protocol.site import embedded_sites
 
 pytestmark = pytest.mark.ros
 
@@ -119,6 +120,17 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
 
         network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--site", "apartment", "--robot", robot)
         network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", robot)
+        network.wait_for_service("/discrete_move")
+        elsewhere = tmp_path / "elsewhere.yaml"
+        elsewhere.write_text(embedded_sites()["apartment"].read_text().replace("name: apartment", "name: elsewhere"))
+        words = ["run", "--robot", robot, "--model", "oracle", "--goal", "sofa", "--results", str(tmp_path / "no")]
+        refused = network.start("-m", "vsnbench.cli.main", *words, "--site", str(elsewhere))
+        assert refused.wait(120) == 1
+        assert f"robot {robot} is simulated in another site than elsewhere" in refused.output.splitlines()[-1]
+        assert not (tmp_path / "no").exists()
+        second = network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--robot", robot, "__name:=second")
+        assert second.wait(60) == 1
+        assert "/simulation/place_robot is already served by /simulated_robot" in second.output
         compare = network.start(HERE / "nodes" / "compare_with_simulation.py", robot, "7")
         assert compare.wait(120) == 0, compare.output
         difference = json.loads(compare.output.splitlines()[-1])
@@ -134,6 +146,11 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         over_ros = run(robot)
         assert over_ros.wait(240) == 0, over_ros.output
         assert rows(robot, ACTIONS) == rows(f"simulated:{robot}", ACTIONS)
+        ((kind, simulated, conditions),) = rows(
+            robot, "select kind, simulated, conditions from campaign join robot on robot.id = robot_id"
+        )
+        assert (kind, simulated) == ("ros1", 1)
+        assert {"simulator", "command_lag_s", "rate_factor", "depth_frames"} <= set(json.loads(conditions))
         judged = rows(robot, "select success, end_reason, distance_source from verdict")
         assert judged == [(1, "stop", "simulated")]
         for ours, theirs in zip(

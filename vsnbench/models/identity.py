@@ -7,7 +7,7 @@ was made from, which is every module of its own package (or beside its own file)
 
 import hashlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from vsnbench.git_checkout import checkout_of
 from vsnbench.models.contract import Policy
 from vsnbench.models.registry import is_third_party
 from vsnbench.models.weights import file_sha256
+from vsnbench.plugins import file_of_module, source_sha256
 
 _MOST_FILES = 10_000
 
@@ -58,48 +59,14 @@ def code_of(policy: Policy) -> dict[str, str]:
     made = type(policy)
     if made.__module__.partition(".")[0] == "vsnbench":
         return {}
-    found = {"class": f"{made.__module__}:{made.__qualname__}", "sha256": _source_sha256(made)}
+    found = {"class": f"{made.__module__}:{made.__qualname__}", "sha256": source_sha256(made)}
     if version := _package_version(made.__module__.partition(".")[0]):
         found["version"] = version
-    if file := _file_of(sys.modules.get(made.__module__)):
+    if file := file_of_module(sys.modules.get(made.__module__)):
         checkout = checkout_of(file)
         if checkout.commit:
             found["commit"] = checkout.commit + ("+changes" if checkout.dirty else "")
     return found
-
-
-def _source_sha256(made: type) -> str:
-    digest = hashlib.sha256()
-    for name, file in sorted(_modules_with(made.__module__)):
-        try:
-            digest.update(f"{name}\0{file_sha256(file)}\n".encode())
-        except OSError:  # gone since it was imported: what runs is not what lies there
-            digest.update(f"{name}\0gone\n".encode())
-    return digest.hexdigest()
-
-
-def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
-    """Yield the loaded modules of one package, or those beside a module that stands alone."""
-    top = name.partition(".")[0]
-    own = _file_of(sys.modules.get(name))
-    if own is None:
-        return
-    alone = not hasattr(sys.modules.get(top), "__path__")
-    installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
-    for other, module in list(sys.modules.items()):
-        if other == "__main__":
-            continue
-        file = _file_of(module)
-        if file is None:
-            continue
-        beside = alone and not installed and file.parent == own.parent
-        if other == name or other.partition(".")[0] == top or beside:
-            yield other, file
-
-
-def _file_of(module: object) -> Path | None:
-    file = getattr(module, "__file__", None)
-    return Path(file) if isinstance(file, str) and Path(file).is_file() else None
 
 
 def _package_version(top: str) -> str:

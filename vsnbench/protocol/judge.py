@@ -114,7 +114,7 @@ def judge(
 
 _WORDS = {
     EndReason.MOTION_FAILED: "the base could not carry out an action",
-    EndReason.SENSOR_LOST: "a sensor went silent",
+    EndReason.SENSOR_LOST: "a sensor went silent or sent what cannot be used",
     EndReason.MODEL_ERROR: "the model failed",
     EndReason.MODEL_LOST: "the model did not answer",
     EndReason.ABORTED: "a person ended the episode",

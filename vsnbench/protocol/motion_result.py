@@ -39,4 +39,4 @@ class MotionResult:
     pose: Pose | None = None
     """Odometry after the motion, relative to the start of the episode."""
     sensor_lost: bool = False
-    """The motion failed because a sensor went silent, not because of the base."""
+    """The motion failed because of a sensor, which was silent or sent what cannot be used, not because of the base."""

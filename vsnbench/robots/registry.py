@@ -10,13 +10,14 @@ Names on the command line (`--robot`):
 """
 
 import inspect
+from dataclasses import replace
 from typing import Any
 
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
-from vsnbench.plugins import import_factory, plug_ins
+from vsnbench.plugins import import_factory, plug_ins, source_sha256
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.robot_identity import kind_of_class
+from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import embedded_profiles, load_profile
@@ -99,6 +100,13 @@ def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Rob
         raise RobotError(f"robot {name}: {where} is no robot: see docs/robots.md for what it needs")
     _check_kind(name, where, robot)
     return robot
+
+
+def identity_of(robot: Robot) -> RobotIdentity:
+    """Return who a robot is, with the code of a third party's, which it need not hash itself."""
+    if type(robot).__module__.startswith("vsnbench."):
+        return robot.identity
+    return replace(robot.identity, code_sha256=source_sha256(type(robot)))
 
 
 def _check_kind(name: str, where: str, robot: Robot) -> None:

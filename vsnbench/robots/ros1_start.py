@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 _AGE_LIMIT_S = 1.0
 """A part whose last message is older does not answer."""
 _RETRY_S = 0.25
+_CONNECTING_S = 1.0
+"""Parts that answer take this long to connect, of which nothing need be said."""
 
 
 @dataclass
@@ -52,7 +54,7 @@ class Patience:
         """
         if time.monotonic() >= self._give_up_s:
             raise RobotError(f"{missing} (waited {self.allowed_s:.0f} s)")
-        if missing != self._said:
+        if missing != self._said and self.allowed_s - self.left_s > _CONNECTING_S:
             logger.warning("waiting: %s", missing)
             self._said = missing
         time.sleep(_RETRY_S)

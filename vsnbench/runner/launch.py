@@ -25,7 +25,7 @@ from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import PlacedByHand, Robot
-from vsnbench.robots.registry import open_robot
+from vsnbench.robots.registry import identity_of, open_robot
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.operator import Absent, Operator, require_operator
@@ -102,7 +102,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             require_operator(robot.identity.profile, unattended=request.unattended)
         plan = CampaignPlan(
             site=site,
-            robot=robot.identity,
+            robot=identity_of(robot),
             model=_identity(request, policy),
             protocol=parameters,
             seed=request.seed,
