@@ -39,8 +39,8 @@ def require_same_account(link: "RobotLink", opened_with: SimulationAccount) -> N
     """
     now = link.wait_for(lambda now: now.simulation, 0.0)
     if now != opened_with:
-        told = now.site if now else "nothing"
+        played = now.site if now else "unknown"
         raise RobotError(
-            f"the simulator was started anew and plays something else (site {told}) than this session began with "
+            f"the simulator was started anew and plays something else (site {played}) than this session began with "
             f"(site {opened_with.site}): start the session anew, or the simulator as it was"
         )

@@ -176,7 +176,7 @@ class SimulatedRobot:
 
 
 def _reported(pose: Pose) -> Pose:
-    """Return odometry as it is told to others: with a wrapped heading."""
+    """Return odometry as it is reported: with a wrapped heading."""
     return Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
 
 

@@ -63,7 +63,7 @@ class Outcome:
 
 @dataclass
 class _Senses:
-    """What other threads have told; guarded by the mover's lock."""
+    """What other threads have reported; guarded by the mover's lock."""
 
     hazards: dict[Hazard, set[int]] = field(default_factory=lambda: {hazard: set() for hazard in Hazard})
     hazard_reason: str = ""
