@@ -37,10 +37,10 @@ class ModelIdentity:
     @property
     def sha256(self) -> str:
         """Hash of what tells one model from another: name, weights, settings, files and code."""
-        told = [self.name, self.weights_sha256, dict(self.settings), self.surveyed]
+        content = [self.name, self.weights_sha256, dict(self.settings), self.surveyed]
         # A commit that changes nothing of the source makes no other model.
         code = {name: value for name, value in self.code.items() if name != "commit"}
-        return content_sha256([*told, dict(self.files), code] if self.files or code else told)
+        return content_sha256([*content, dict(self.files), code] if self.files or code else content)
 
 
 @dataclass(frozen=True, slots=True)

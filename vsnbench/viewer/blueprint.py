@@ -71,9 +71,9 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         text_log_columns=[encodings.TextLogColumn(kind="body", visible=True)],
     )
     documents.append(rrb.TextLogView(origin="events", name="Events", columns=columns))
-    told = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
+    texts = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
     return rrb.Blueprint(
-        rrb.Horizontal(seen, middle, told, column_shares=[5, 7, 5]),
+        rrb.Horizontal(seen, middle, texts, column_shares=[5, 7, 5]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),

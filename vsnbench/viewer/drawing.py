@@ -112,12 +112,12 @@ class EpisodeDrawing:
 
         log = self._recording.log
         self._set_time(entry.index, entry.stamp_s)
-        told = entry.decision.diagnostics
+        diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
         self._blocked += entry.blocked
         if entry.rgb_jpeg is not None:
             log("camera/rgb", rr.EncodedImage(contents=entry.rgb_jpeg, media_type="image/jpeg"))
-        self._detections(told.boxes)
+        self._detections(diagnostics.boxes)
         if entry.depth_png is not None:
             log(
                 "camera/depth",
@@ -152,8 +152,8 @@ class EpisodeDrawing:
     def _decision(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        told = entry.decision.diagnostics
-        numbers = {f"p({name})": value for name, value in told.probabilities.items()} | dict(told.scalars)
+        diagnostics = entry.decision.diagnostics
+        numbers = {f"p({name})": value for name, value in diagnostics.probabilities.items()} | dict(diagnostics.scalars)
         if numbers and not self._with_scores:
             self._with_scores = True
             send_layout(self._recording, episode_blueprint(self._header, with_scores=True))
@@ -237,16 +237,16 @@ def _running_text(header: EpisodeHeader) -> str:
 
 
 def _decision_text(entry: StepEntry) -> str:
-    told = entry.decision.diagnostics
+    diagnostics = entry.decision.diagnostics
     lines = [
         f"**{entry.decision.raw_action}**" + (f" in {entry.infer_s * 1e3:.0f} ms" if entry.infer_s is not None else "")
     ]
-    if told.note:
-        lines.append(told.note)
-    if told.probabilities:
-        lines.append(_table([(name, f"{p:.3f}", "█" * round(p * 16)) for name, p in told.probabilities.items()]))
-    if told.scalars:
-        lines.append(_table([(name, f"{value:.4g}") for name, value in told.scalars.items()]))
+    if diagnostics.note:
+        lines.append(diagnostics.note)
+    if diagnostics.probabilities:
+        lines.append(_table([(name, f"{p:.3f}", "█" * round(p * 16)) for name, p in diagnostics.probabilities.items()]))
+    if diagnostics.scalars:
+        lines.append(_table([(name, f"{value:.4g}") for name, value in diagnostics.scalars.items()]))
     return "\n\n".join(lines)
 
 

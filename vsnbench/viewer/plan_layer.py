@@ -145,10 +145,10 @@ class FloorPlan:
         import rerun as rr
 
         log, begin = self._recording.log, self._header.begin.pose
-        told = entry.decision.diagnostics
-        if told.map is not None:
-            corner = begin.compose(Pose(told.map.origin_x_m, told.map.origin_y_m))
-            resolution = told.map.resolution_m
+        diagnostics = entry.decision.diagnostics
+        if diagnostics.map is not None:
+            corner = begin.compose(Pose(diagnostics.map.origin_x_m, diagnostics.map.origin_y_m))
+            resolution = diagnostics.map.resolution_m
             turn = np.array(
                 [
                     [math.cos(begin.heading_rad), -math.sin(begin.heading_rad), 0.0],
@@ -161,13 +161,15 @@ class FloorPlan:
                 rr.Transform3D(
                     translation=[*corner.position, 0.0], mat3x3=turn @ np.diag([resolution, resolution, 1.0])
                 ),
-                rr.SegmentationImage(told.map.cells, opacity=0.55, draw_order=-5.0),
+                rr.SegmentationImage(diagnostics.map.cells, opacity=0.55, draw_order=-5.0),
             )
-        points = [begin.compose(Pose(*point)).position for point in told.nodes]
+        points = [begin.compose(Pose(*point)).position for point in diagnostics.nodes]
         self._show("plan/policy/nodes", points, lambda: rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
-        way = [[begin.compose(Pose(*point)).position for point in told.path]] if len(told.path) > 1 else []
+        way = (
+            [[begin.compose(Pose(*point)).position for point in diagnostics.path]] if len(diagnostics.path) > 1 else []
+        )
         self._show("plan/policy/path", way, lambda: rr.LineStrips2D(way, colors=POLICY_RGB, radii=0.02))
-        target = [] if told.sub_goal is None else [begin.compose(Pose(*told.sub_goal)).position]
+        target = [] if diagnostics.sub_goal is None else [begin.compose(Pose(*diagnostics.sub_goal)).position]
         self._show("plan/policy/sub_goal", target, lambda: rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
 
     def _show(self, entity: str, what: Sequence[object], draw: "Callable[[], rr.AsComponents]") -> None:
