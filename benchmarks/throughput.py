@@ -24,12 +24,13 @@ from vsnbench.protocol.site import Site, load_site
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.attendant import EndedEpisode, Nobody
 from vsnbench.runner.campaign import plan_trials
 from vsnbench.runner.depth_guard import look_ahead
-from vsnbench.runner.episode import EpisodeOutcome
+from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import run_session
-from vsnbench.runner.stopping import StopSignals
+from vsnbench.runner.stopping import Stopping
 from vsnbench.viewer.live import RerunEpisodes
 
 START = 5
@@ -60,12 +61,22 @@ class Tally:
         """Actions per second."""
         return self.actions / self.seconds
 
-    def episode_begins(self, goal: str, start: int) -> None:
+
+class Counting(Nobody):
+    """Counts the actions of the episodes that it is told of, and shows nothing."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+
+    def trial_begins(self, plan: EpisodePlan) -> None:
         """Say nothing."""
 
-    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:  # noqa: ARG002
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:  # noqa: ARG002
         """Count."""
-        self.actions += outcome.actions
+        self._tally.actions += 1
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Say nothing."""
 
 
 def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
@@ -108,12 +119,12 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
         seed=0,
         trials=plan_trials(["chair"], [START], episodes),
     )
-    with Journal.open(results.database_url) as journal, StopSignals() as stop:
+    with Journal.open(results.database_url) as journal, Stopping() as stop:
         campaign = journal.find_or_create_campaign(plan)
         target = RecordingTarget(journal, results, "wanderer", robot.profile, RerunEpisodes(live=False))
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
-        run_session(journal, campaign, site, PARAMETERS, robot, Wanderer(), recorder, tally, stop)
+        run_session(journal, campaign, site, PARAMETERS, robot, Wanderer(), recorder, Counting(tally), stop)
         tally.seconds = time.perf_counter() - began
     return tally
 

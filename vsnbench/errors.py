@@ -21,6 +21,10 @@ class RobotError(VsnbenchError):
     """The robot, simulated or real, cannot be used or stopped answering."""
 
 
+class NotPlacedError(RobotError):
+    """The robot does not stand as it should at its start, and a person can put that right."""
+
+
 class SensorLostError(RobotError):
     """A sensor of the robot went silent or sends what cannot be used."""
 

@@ -18,7 +18,8 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition, load_site
-from vsnbench.runner.episode import EpisodePlan
+from vsnbench.runner.attendant import EndedEpisode, Nobody
+from vsnbench.runner.episode import EpisodePlan, Step
 
 APARTMENT = load_site("apartment")
 PROFILE = RobotProfile.model_validate(
@@ -111,3 +112,18 @@ class ScriptedPolicy:
         if isinstance(answer, Exception):
             raise answer
         return Decision(answer)
+
+
+class QuietDisplay:
+    """Shows nothing."""
+
+    def trial_begins(self, goal: str, start: int) -> None: ...
+
+    def step(self, goal: str, start: int, step: Step) -> None: ...
+
+    def episode_ended(self, ended: EndedEpisode) -> None: ...
+
+    def judged(self, success: bool | None) -> None: ...
+
+
+NOBODY = Nobody(QuietDisplay())

@@ -5,13 +5,14 @@ The robot here is a stand-in whose faults are scripted; real episodes are driven
 
 import os
 import signal
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import pytest
 
-from tests.runner.stand_ins import APARTMENT, PLAN, PROFILE, ScriptedPolicy, StandInRobot
-from vsnbench.errors import RecordError, RobotError, SensorLostError
+from tests.runner.stand_ins import APARTMENT, NOBODY, PLAN, PROFILE, QuietDisplay, ScriptedPolicy, StandInRobot
+from vsnbench.errors import NotPlacedError, RecordError, RobotError, SensorLostError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
@@ -20,8 +21,10 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site, StartingPosition
+from vsnbench.runner.attendant import Nobody
+from vsnbench.runner.emergency_stop import PRESSED
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
-from vsnbench.runner.stopping import Stopped, StopSignals
+from vsnbench.runner.stopping import Stopped, Stopping
 
 
 @dataclass
@@ -55,8 +58,8 @@ class MemoryRecorder:
 def run(
     robot: StandInRobot, script: list[Action | Exception], recorder: MemoryRecorder, plan: EpisodePlan = PLAN
 ) -> EpisodeOutcome:
-    with StopSignals() as stop:
-        return run_episode(robot, ScriptedPolicy(script), plan, recorder, stop)
+    with Stopping() as stop:
+        return run_episode(robot, ScriptedPolicy(script), plan, recorder, NOBODY, stop)
 
 
 def test_the_robot_is_put_at_the_start_with_the_seed_of_the_trial() -> None:
@@ -133,7 +136,7 @@ def lose_the_camera(look: int) -> None:
             [Action.TURN_LEFT],
             EndReason.MOTION_FAILED,
             1,
-            "",
+            "stalled",
         ),
         (
             StandInRobot(),
@@ -201,15 +204,77 @@ def test_a_record_that_cannot_be_written_halts_the_robot_and_ends_the_run() -> N
     assert len(robot.executed) == 1
 
 
-def test_a_robot_that_cannot_begin_records_no_episode() -> None:
-    class Absent(StandInRobot):
+def test_an_attempt_that_cannot_begin_is_void_with_its_reason() -> None:
+    class Blocked(StandInRobot):
         def begin(self, start: StartingPosition, seed: int) -> None:
-            raise RobotError("nobody put it there")
+            raise RobotError("starting position 1 touches sofa-1")
 
-    recorder = MemoryRecorder()
-    with pytest.raises(RobotError, match="nobody put it there"):
-        run(Absent(), [Action.STOP], recorder)
-    assert recorder.outcome is None
+    robot, recorder = Blocked(), MemoryRecorder()
+    outcome = run(robot, [Action.STOP], recorder)
+    assert recorder.outcome is outcome
+    assert (outcome.verdict.end_reason, outcome.verdict.success) == (EndReason.MOTION_FAILED, None)
+    assert outcome.error == "could not begin: starting position 1 touches sofa-1"
+    assert (outcome.actions, outcome.began, recorder.steps) == (0, False, [])
+    assert robot.halts
+
+
+def test_a_robot_that_needs_a_person_is_placed_and_asked_about_again_until_it_stands() -> None:
+    asked: list[tuple[int, str]] = []
+
+    class ByHand(StandInRobot):
+        needs_a_person = True
+
+        def begin(self, start: StartingPosition, seed: int) -> None:
+            if len(asked) < 3:
+                raise NotPlacedError(f"wheel drop {len(asked)}")
+            super().begin(start, seed)
+
+    class Person(Nobody):
+        def place(self, start: StartingPosition, problem: str) -> None:
+            asked.append((start.number, problem))
+
+    with Stopping() as stop:
+        plan = replace(PLAN, start=APARTMENT.starts[3])
+        run_episode(ByHand(), ScriptedPolicy([Action.STOP]), plan, MemoryRecorder(), Person(QuietDisplay()), stop)
+    assert asked == [(4, ""), (4, "wheel drop 1"), (4, "wheel drop 2")]
+
+
+def test_where_nobody_is_a_robot_that_does_not_stand_cannot_begin() -> None:
+    class ByHand(StandInRobot):
+        needs_a_person = True
+
+        def begin(self, start: StartingPosition, seed: int) -> None:
+            raise NotPlacedError("the base still reports: wheel drop")
+
+    outcome = run(ByHand(), [Action.STOP], MemoryRecorder())
+    assert outcome.error == (
+        "could not begin: starting position 1: the base still reports: wheel drop, and the run is unattended"
+    )
+
+
+def test_a_request_for_the_end_of_the_episode_ends_it_as_aborted_and_not_the_session() -> None:
+    robot, recorder = StandInRobot(simulated=False), MemoryRecorder()
+    with Stopping() as stop:
+
+        def press(_action: Action) -> MotionResult:
+            pressing = threading.Thread(target=stop.ask, args=(PRESSED,))
+            pressing.start()
+            pressing.join(30)
+            return MotionResult(completed=True)
+
+        robot.on_execute = press
+        outcome = run_episode(robot, ScriptedPolicy([Action.TURN_LEFT]), PLAN, recorder, NOBODY, stop)
+        stop.episode_is_over()
+        with stop.interruptible():
+            pass
+    assert outcome.verdict.end_reason is EndReason.ABORTED
+    assert recorder.interventions == ["stopped with the emergency stop key"]
+    assert robot.halts
+
+
+def test_a_verdict_on_a_real_robot_is_only_proposed() -> None:
+    assert run(StandInRobot(simulated=False), [Action.STOP], MemoryRecorder()).proposed
+    assert not run(StandInRobot(), [Action.STOP], MemoryRecorder()).proposed
 
 
 def test_a_policy_that_asks_for_the_survey_gets_the_site_the_true_start_and_the_robot() -> None:
@@ -221,6 +286,6 @@ def test_a_policy_that_asks_for_the_survey_gets_the_site_the_true_start_and_the_
             self.told = (site.name, start, base, parameters)
 
     policy = Surveyed([Action.STOP])
-    with StopSignals() as stop:
-        run_episode(StandInRobot(), policy, PLAN, MemoryRecorder(), stop)
+    with Stopping() as stop:
+        run_episode(StandInRobot(), policy, PLAN, MemoryRecorder(), NOBODY, stop)
     assert policy.told == ("apartment", PLAN.start.pose, PROFILE.base, PLAN.parameters)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.runner.stand_ins import PLAN, PROFILE, ScriptedPolicy, StandInRobot
+from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from tests.runner.test_episode import MemoryRecorder
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.actions import Action
@@ -17,7 +17,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.runner.episode import EpisodeOutcome, run_episode
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
-from vsnbench.runner.stopping import Stopped, StopSignals
+from vsnbench.runner.stopping import Stopped, Stopping, of_signal
 
 NEVER = StandInRobot().observe()
 
@@ -42,8 +42,8 @@ class Answering:
 
 
 def run(policy: Answering, robot: StandInRobot, recorder: MemoryRecorder) -> EpisodeOutcome:
-    with StopSignals() as stop:
-        return run_episode(robot, policy, PLAN, recorder, stop)
+    with Stopping() as stop:
+        return run_episode(robot, policy, PLAN, recorder, NOBODY, stop)
 
 
 def fail_with(failure: BaseException) -> Callable[[Observation], Any]:
@@ -112,7 +112,7 @@ def test_a_policy_that_exits_in_reset_fails_as_one_that_exits_in_act() -> None:
 
 def test_a_request_to_stop_that_interrupts_a_policy_is_not_the_policys_failure() -> None:
     with pytest.raises(Stopped):
-        PolicyCalls(Answering(fail_with(Stopped(15))), passes=Stopped).act(NEVER)
+        PolicyCalls(Answering(fail_with(Stopped(of_signal(15)))), passes=Stopped).act(NEVER)
 
 
 def test_a_policy_that_spoils_its_depth_image_does_not_switch_the_depth_guard_off() -> None:

@@ -1,5 +1,6 @@
 """`vsnbench run`: run what is left of a campaign."""
 
+import threading
 from pathlib import Path
 from typing import Annotated
 
@@ -107,7 +108,9 @@ def command(
     db: Database = None,
     unattended: Annotated[
         bool,
-        typer.Option("--unattended", help="nobody places a real robot; distances are estimated", rich_help_panel=_HOW),
+        typer.Option(
+            "--unattended", help="nobody is beside a real robot; its episodes await judgement", rich_help_panel=_HOW
+        ),
     ] = False,
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
@@ -130,7 +133,7 @@ def command(
     The same command goes on with the trials that are left.
     Another seed, site, model or parameter is another campaign.
     """
-    from vsnbench.cli.run_summary import run_and_tell
+    from vsnbench.cli.run_summary import leave_strays_behind, run_and_tell
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.runner.launch import RunRequest
@@ -150,8 +153,10 @@ def command(
         seed=seed,
         shuffle=shuffle,
         noise=noise,
-        unattended=unattended,
         model_options={name: value for name, value in options.items() if value is not None},
         isolation=Isolation(python, memory_bytes) if apart else None,
     )
-    raise typer.Exit(run_and_tell(request, live=live))
+    before = frozenset(threading.enumerate())
+    code = run_and_tell(request, live=live, unattended=unattended)
+    leave_strays_behind(code, before)
+    raise typer.Exit(code)

@@ -1,35 +1,63 @@
 """Runs a campaign from the terminal and says afterwards what is done, what is left and what to type next."""
 
+import logging
+import os
 import sys
+import threading
+import time
 
 from rich.console import Console
 from rich.markup import escape
 
+from vsnbench.runner.attendance import TerminalAttendance
 from vsnbench.runner.launch import Launched, RunRequest, launch
-from vsnbench.runner.stopping import Stopped
+from vsnbench.runner.stopping import StopAuthor, Stopped
 from vsnbench.viewer.live import RerunEpisodes
 
+logger = logging.getLogger(__name__)
 
-def run_and_tell(request: RunRequest, *, live: bool) -> int:
-    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 130 or 143 when stopped.
+STRAY_TIMEOUT_S = 2.0
+"""How long threads that a model started are waited for when all is done."""
+
+
+def run_and_tell(request: RunRequest, *, live: bool, unattended: bool) -> int:
+    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 129, 130 or 143 when stopped.
 
     Args:
         request: what to run.
         live: show each episode in Rerun as it happens.
+        unattended: nobody is beside a real robot.
     """
     console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
     try:
         with RerunEpisodes(live=live) as viewer:
-            launched = launch(request, viewer)
+            launched = launch(request, TerminalAttendance(unattended), viewer)
             viewer.linger()
     except Stopped as stopped:
+        by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
         console.print(
-            f"[yellow]stopped[/yellow] ({stopped}): the robot is halted and every finished step is recorded. "
+            f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
             "The same command goes on with the trials that are left."
         )
-        return 128 + stopped.signal_number
+        return stopped.request.exit_code
     _tell(console, launched, request)
-    return 1 if launched.result.left else 0
+    return 1 if launched.result.left or launched.result.elsewhere else 0
+
+
+def leave_strays_behind(code: int, before: frozenset[threading.Thread]) -> None:
+    """End the process with this exit code if threads that were not there before would keep it alive.
+
+    A model's own threads must not hold a terminal, a robot or a cluster's slot after the last trial.
+    """
+    give_up_s = time.monotonic() + STRAY_TIMEOUT_S
+    strays = [thread for thread in threading.enumerate() if not thread.daemon and thread not in before]
+    for thread in strays:
+        thread.join(max(give_up_s - time.monotonic(), 0))
+    if alive := [thread.name for thread in strays if thread.is_alive()]:
+        logger.warning("threads that the model left running are not waited for: %s", ", ".join(alive))
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
@@ -38,17 +66,29 @@ def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
     if result.left:
         console.print(
-            f"[yellow]{result.left} of {trials} trial{'' if trials == 1 else 's'} left[/yellow]"
+            f"[yellow]{result.left} of {_trials(trials)} left[/yellow]"
             f"{f' ({result.void} void)' if result.void else ''}: the same command goes on."
         )
-    elif result.episodes:
-        console.print(f"[green]{_all(trials)} done[/green]; results in {escape(str(request.results.path))}")
-    else:
+    if result.elsewhere:
+        console.print(f"[yellow]{_trials(result.elsewhere)} run elsewhere[/yellow]: another process is at it.")
+    if not result.left and not result.elsewhere:
+        if result.episodes:
+            console.print(f"[green]{_all(trials)} done[/green]; results in {escape(str(request.results.path))}")
+        else:
+            console.print(
+                f"nothing to do: {_all(trials)} done. Ask for more goals, --starts or --repetitions, "
+                "or for another --seed."
+            )
+    if result.awaiting:
         console.print(
-            f"nothing to do: {_all(trials)} done in this campaign. Another --seed or more --repetitions "
-            "makes another campaign."
+            f"[cyan]{_trials(result.awaiting)} await judgement[/cyan] and count when a person has confirmed them: "
+            f"vsnbench judge --pending{escape(request.results.options)}"
         )
     console.print(f"[dim]next:[/dim] vsnbench report{escape(request.results.options)}")
+
+
+def _trials(count: int) -> str:
+    return f"{count} trial{'' if count == 1 else 's'}"
 
 
 def _all(trials: int) -> str:

@@ -8,6 +8,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import quote
@@ -30,12 +31,20 @@ _READER_TIMEOUT_S = 30.0
 logger = logging.getLogger(__name__)
 
 
+@dataclass
+class LockPatience:
+    """How long a writer of an SQLite file waits while another process has locked it: until it gives up."""
+
+    gives_up: Callable[[], bool] = lambda: False
+    """Asked after each time-out; True makes it a RecordError."""
+
+
 def shown_database(engine: Engine) -> str:
     """Return an engine's database as it may be printed."""
     return shown_url(engine.url.render_as_string(hide_password=False))
 
 
-def open_engine(url: str, *, read_only: bool = False) -> Engine:
+def open_engine(url: str, *, read_only: bool = False, patience: LockPatience | None = None) -> Engine:
     """Return an engine on the database; nothing is created or migrated.
 
     SQLite: WAL, foreign keys on, a busy time-out, and a write transaction that takes the lock when it begins, so that
@@ -44,6 +53,7 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
     Args:
         url: any SQLAlchemy URL.
         read_only: refuse every write; the SQLite file must exist.
+        patience: how long a writer waits for another process; for ever when not given.
 
     Raises:
         UsageError: the URL is not one, or its driver is not installed.
@@ -70,7 +80,7 @@ def open_engine(url: str, *, read_only: bool = False) -> Engine:
         raise UsageError(
             f"the driver for {shown_url(url)} is not installed ({error}): pip install 'vsnbench[postgresql]'"
         ) from error
-    _set_up_sqlite(engine, read_only=read_only)
+    _set_up_sqlite(engine, patience or LockPatience(), read_only=read_only)
     return engine
 
 
@@ -89,7 +99,7 @@ def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
     return lambda: sqlite3.connect(uri, uri=True, timeout=_READER_TIMEOUT_S, check_same_thread=False)
 
 
-def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
+def _set_up_sqlite(engine: Engine, patience: LockPatience, *, read_only: bool) -> None:
     @event.listens_for(engine, "connect")
     def connect(connection: sqlite3.Connection, _record: object) -> None:
         connection.isolation_level = None  # the driver begins no transaction of its own: `begin` below does
@@ -98,7 +108,7 @@ def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
         if read_only:
             connection.execute("PRAGMA query_only = ON")
             return
-        _patiently(connection, "PRAGMA journal_mode = WAL", engine)
+        _patiently(connection, "PRAGMA journal_mode = WAL", engine, patience)
         # In WAL, NORMAL survives kill -9 whole; only a power cut can lose the last commits, never corrupt the file.
         connection.execute("PRAGMA synchronous = NORMAL")
 
@@ -109,12 +119,12 @@ def _set_up_sqlite(engine: Engine, *, read_only: bool) -> None:
             connection.exec_driver_sql("BEGIN")
         else:
             try:
-                _patiently(raw, "BEGIN IMMEDIATE", engine)
+                _patiently(raw, "BEGIN IMMEDIATE", engine, patience)
             except sqlite3.OperationalError:  # raised again where SQLAlchemy makes an error of its own of it
                 connection.exec_driver_sql("BEGIN IMMEDIATE")
 
 
-def _patiently(connection: sqlite3.Connection, statement: str, engine: Engine) -> None:
+def _patiently(connection: sqlite3.Connection, statement: str, engine: Engine, patience: LockPatience) -> None:
     """Carry out a statement that needs the file to itself, as long as it takes: what drove until here is at rest.
 
     Nothing has been written when it fails for want of the lock, so it may be tried again; each try ends within
@@ -126,6 +136,8 @@ def _patiently(connection: sqlite3.Connection, statement: str, engine: Engine) -
             connection.execute(statement)
         except sqlite3.OperationalError as error:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                raise
+            if patience.gives_up():
                 raise
             now_s = time.monotonic()
             if said_s == began_s or now_s - said_s >= _SAY_AGAIN_S:

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, Engine, insert
 
 from vsnbench.database import campaigns, claims
 from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
-from vsnbench.database.engine import open_engine, reading, record_errors
+from vsnbench.database.engine import LockPatience, open_engine, reading, record_errors
 from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode, StepRecord
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.database.insertion import insert_row
@@ -18,7 +18,7 @@ from vsnbench.database.judging import end_episode, judge
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
-from vsnbench.database.recovery import dead_episodes, recover_one
+from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
 from vsnbench.database.row_encoding import process_row, text
 from vsnbench.database.tables import Event, Process
 from vsnbench.protocol.fix import Fix
@@ -31,8 +31,16 @@ class Journal:
     Every method commits before it returns, and raises RecordError when the database cannot be used.
     """
 
-    def __init__(self, engine: Engine, process_id: int, recovered: tuple[RecoveredEpisode, ...] = ()) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        process_id: int,
+        recovered: tuple[RecoveredEpisode, ...] = (),
+        patience: LockPatience | None = None,
+    ) -> None:
         self.engine = engine
+        self.patience = patience or LockPatience()
+        """How long every method waits while another process has locked an SQLite file."""
         self._process_id = process_id
         self.recovered = recovered
         """What was found running without a process when the record was opened."""
@@ -48,12 +56,13 @@ class Journal:
         Raises:
             RecordError: it cannot be used, or it is from a newer vsnbench.
         """
-        engine = open_engine(url)
+        patience = LockPatience()
+        engine = open_engine(url, patience=patience)
         try:
             upgrade(engine)
             with _transaction(engine) as connection:
                 process_id = insert_row(connection, Process, process_row(provenance or gather_provenance()))
-            journal = cls(engine, process_id)
+            journal = cls(engine, process_id, patience=patience)
             journal.recovered = journal.recover()
         except BaseException:
             engine.dispose()
@@ -226,6 +235,11 @@ class Journal:
             # Looked at again under the lock: another process may have closed them first.
             found = [recover_one(connection, row) for row in dead_episodes(connection, here)]
         return tuple(one for one in found if one is not None)
+
+    def interrupted(self) -> tuple[RecoveredEpisode, ...]:
+        """Return every episode that ended because its process did; what it left on the disk may be cleared away."""
+        with _transaction(reading(self.engine)) as connection:
+            return interrupted(connection)
 
 
 @contextmanager

@@ -58,6 +58,16 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
     return RecoveredEpisode(row.id, row.goal, row.start, row.steps, row.images_directory)
 
 
+def interrupted(connection: Connection) -> tuple[RecoveredEpisode, ...]:
+    """Return the episodes that ended because their process did."""
+    rows = connection.execute(
+        select(Episode.id, Trial.goal, Trial.start, Episode.actions, Episode.images_directory)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != "")
+    )
+    return tuple(RecoveredEpisode(*row) for row in rows)
+
+
 def _open_episodes() -> Select[*tuple[Any, ...]]:
     active = [state.value for state in ACTIVE]
     steps = (

@@ -39,7 +39,12 @@ class Robot(Protocol):
         ...
 
     def begin(self, start: StartingPosition, seed: int) -> None:
-        """Stand at `start` with odometry zeroed there; a real robot waits until a person has put it there."""
+        """Stand at `start`, where a person has put a robot that needs one, with odometry zeroed there.
+
+        Raises:
+            NotPlacedError: it does not stand as it should; a person can put that right.
+            RobotError: it cannot begin.
+        """
         ...
 
     def observe(self) -> Observation:
@@ -71,25 +76,24 @@ class Robot(Protocol):
         self.close()
 
 
-class Attendant(Protocol):
-    """The person beside a robot that nothing else can put at its starting position."""
+@runtime_checkable
+class PlacedByHand(Robot, Protocol):
+    """A robot that may need a person to put it at the start of every episode, before `begin`.
 
-    def put_at(self, start: StartingPosition, problem: str) -> None:
-        """Return once the person says that the robot stands at `start`.
+    Its `begin` raises NotPlacedError where it does not stand as it should and a person can put that right.
+    """
 
-        Args:
-            start: where it should stand, and facing where.
-            problem: what was wrong with the last attempt; empty at first.
-
-        Raises:
-            RobotError: there is nobody who could put the problem right.
-        """
-        ...
+    needs_a_person: bool
 
 
 @runtime_checkable
-class PlacedByHand(Robot, Protocol):
-    """A robot that may need a person to put it at the start of every episode."""
+class MadeReady(Robot, Protocol):
+    """A robot whose parts may have to be waited for, before a person is asked to carry it anywhere."""
 
-    attendant: Attendant | None
-    needs_a_person: bool
+    def make_ready(self) -> None:
+        """Return when every part answers.
+
+        Raises:
+            RobotError: one does not; the message says what to start.
+        """
+        ...

@@ -23,14 +23,13 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import ROS1, RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
-from vsnbench.robots.contract import Attendant
 from vsnbench.robots.ros1_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
 from vsnbench.robots.ros1_simulation import await_account, require_same_account
 from vsnbench.robots.ros1_start import (
     Patience,
     await_fresh_odometry,
-    have_it_placed_by_a_person,
     have_it_placed_by_the_simulator,
+    require_it_stands,
     wait_until_ready,
 )
 from vsnbench.ros1.installation import require_ros
@@ -76,14 +75,12 @@ class RosRobot:
         self,
         profile: RobotProfile,
         parameters: ProtocolParameters | None = None,
-        attendant: Attendant | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
         require_ros()
         from vsnbench.ros1.robot_link import RobotLink
 
         self.profile = profile
-        self.attendant = attendant
         self._parameters = parameters if parameters is not None else ProtocolParameters()
         if self._parameters.turn_deg != round(self._parameters.turn_deg):
             raise RobotError(f"discrete_move takes whole degrees: {self._parameters.turn_deg:g}° cannot be asked")
@@ -128,12 +125,21 @@ class RosRobot:
         played = self._simulation.site_sha256 if self._simulation else ""
         return RobotIdentity(self.profile, ROS1, simulated=self._simulation is not None, site_sha256=played)
 
+    def make_ready(self) -> None:
+        """Wait until every part of the robot answers.
+
+        Raises:
+            RobotError: a part does not answer within the patience.
+        """
+        wait_until_ready(self._link, self.profile, Patience(self._patience_s))
+
     def begin(self, start: StartingPosition, seed: int) -> None:
-        """Stand at `start`, placed by the simulator or by a person, with every part of the robot answering.
+        """Stand at `start`, where the simulator puts it or a person has, with every part of the robot answering.
 
         Odometry counts from there: its present pose is remembered, and the base is asked for nothing.
 
         Raises:
+            NotPlacedError: a wheel hangs in the air, or something is pressed.
             RobotError: a part does not answer within the patience, or the robot cannot stand there.
         """
         self._start = None
@@ -143,10 +149,7 @@ class RosRobot:
             require_same_account(self._link, self._simulation)
             have_it_placed_by_the_simulator(self._link, start, seed, patience)
         else:
-            have_it_placed_by_a_person(self._link, start, self.attendant, self.profile)
-            # The base may have been switched off to carry it.
-            patience = Patience(self._patience_s)
-            wait_until_ready(self._link, self.profile, patience)
+            require_it_stands(self._link)
         patience.insist_on(lambda: self._link.begin_episode(min(patience.left_s, 2.0)))
         await_fresh_odometry(self._link, patience)
         self._link.clear_events()

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.errors import NotPlacedError, RobotError, SensorLostError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
-from vsnbench.robots.contract import Attendant
 from vsnbench.ros1.graph_check import GraphFault, graph_faults, unknown_to_master
 from vsnbench.ros1.master import MasterError, SystemState
 from vsnbench.ros1.robot_snapshot import RobotSnapshot
@@ -101,26 +100,14 @@ def have_it_placed_by_the_simulator(link: "RobotLink", start: StartingPosition, 
     patience.insist_on(place)
 
 
-def have_it_placed_by_a_person(
-    link: "RobotLink", start: StartingPosition, attendant: Attendant | None, profile: RobotProfile
-) -> None:
-    """Have a person put the robot at `start`; not before its wheels carry it and nothing is pressed.
+def require_it_stands(link: "RobotLink") -> None:
+    """See that the robot stands on its wheels and nothing is pressed.
 
     Raises:
-        RobotError: there is nobody to do it.
+        NotPlacedError: it does not.
     """
-    if attendant is None:
-        raise RobotError(
-            f"nothing can put {profile.name} at starting position {start.number} but a person, and nobody was named: "
-            "run in a terminal, or with --unattended"
-        )
-    problem = ""
-    while True:
-        attendant.put_at(start, problem)
-        pressed = sorted({hazard.value for hazard, _ in link.snapshot().pressed})
-        if not pressed:
-            return
-        problem = f"the base still reports: {', '.join(pressed)}"
+    if pressed := sorted({hazard.value for hazard, _ in link.snapshot().pressed}):
+        raise NotPlacedError(f"the base still reports: {', '.join(pressed)}")
 
 
 def await_fresh_odometry(link: "RobotLink", patience: Patience) -> None:

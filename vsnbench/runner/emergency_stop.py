@@ -1,8 +1,7 @@
-"""The emergency stop key: the space bar halts the robot at once and ends the episode as Ctrl-C does."""
+"""The emergency stop key: the space bar halts the robot at once and asks for the end of the episode."""
 
 import os
 import select
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -10,19 +9,22 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
+from vsnbench.runner.stopping import Ends, StopAuthor, StopRequest
+
 KEYS = b" \x1b"
 """Space and Escape."""
+PRESSED = StopRequest(StopAuthor.PERSON, "the emergency stop key", Ends.EPISODE)
 
 
 class EmergencyStop:
     """Listens for the key while it is entered; does nothing where standard input is no terminal."""
 
     def __init__(
-        self, halt: Callable[[], None], descriptor: int | None = None, announce: Callable[[], None] | None = None
+        self, halt: Callable[[], None], ask: Callable[[StopRequest], None], descriptor: int | None = None
     ) -> None:
-        """Halt the robot with `halt`; `announce` is told before, so that the interrupt is known for the key's."""
+        """Halt the robot with `halt`, and `ask` for the end of the episode."""
         self._halt = halt
-        self._announce = announce
+        self._ask = ask
         self._descriptor = _terminal() if descriptor is None else descriptor
         self._ended = threading.Event()
         self._listening = threading.Event()
@@ -54,6 +56,11 @@ class EmergencyStop:
             if self._descriptor is not None and not self._ended.is_set() and self._thread is not None:
                 self._listen(self._descriptor)
 
+    def give_back(self) -> None:
+        """Give the terminal back for good; from any thread."""
+        self._ended.set()
+        self._stop_listening()
+
     def _listen(self, descriptor: int) -> None:
         """Have keys come one by one, unseen; Ctrl-C stays what it is."""
         import termios
@@ -80,11 +87,9 @@ class EmergencyStop:
                 continue
             key = os.read(self._descriptor, 1)
             if key and key in KEYS:
-                if self._announce is not None:
-                    self._announce()
-                # The signal first, or the movement that the halt cuts short would be taken for the base's failure; it
+                # The request first, or the movement that the halt cuts short would be taken for the base's failure; it
                 # only asks, though, and whatever the main thread is busy with, the robot is halted from here.
-                os.kill(os.getpid(), signal.SIGINT)
+                self._ask(PRESSED)
                 self._halt()
 
 

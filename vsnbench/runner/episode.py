@@ -5,7 +5,7 @@ import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from vsnbench.errors import ModelLostError, RobotError, SensorLostError
+from vsnbench.errors import ModelLostError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
@@ -16,10 +16,10 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
-from vsnbench.robots.contract import Robot
+from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
-from vsnbench.runner.stopping import Stopped, StopSignals
+from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping
 
 logger = logging.getLogger(__name__)
 
@@ -76,10 +76,26 @@ class EpisodeOutcome:
     wall_s: float
     error: str = ""
     """What went wrong, for a void episode."""
+    proposed: bool = False
+    """The robot is real: the verdict counts when a person has confirmed it."""
+    began: bool = True
+    """False where not even the first observation could be asked for."""
+
+
+class Beside(Protocol):
+    """Whoever stands beside the robot while an episode runs (`vsnbench.runner.attendant` has the whole contract)."""
+
+    def place(self, start: StartingPosition, problem: str) -> None:
+        """Put the robot at `start`; `problem` is what was wrong with the last attempt."""
+        ...
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Be told of an action."""
+        ...
 
 
 class EpisodeRecorder(Protocol):
-    """Whatever keeps an episode: the database, the image files, Rerun."""
+    """Whatever keeps an episode: the database, the image files, a viewer."""
 
     def begin(self, plan: EpisodePlan, start: Fix) -> None:
         """Note that the episode has started; `start` is where the robot really stands."""
@@ -103,29 +119,29 @@ class EpisodeRecorder(Protocol):
 
 
 def run_episode(
-    robot: Robot, policy: Policy, plan: EpisodePlan, recorder: EpisodeRecorder, stop: StopSignals
+    robot: Robot, policy: Policy, plan: EpisodePlan, recorder: EpisodeRecorder, beside: Beside, stop: Stopping
 ) -> EpisodeOutcome:
     """Run one episode to its end, record it step by step, and judge it.
 
     The robot is halted on every way out. A RecordError leaves this function at once: what cannot be kept must not
-    be driven.
+    be driven. An attempt that cannot begin is void, with its reason; a request to end this episode ends it as
+    aborted, and the session may go on.
 
     Raises:
-        Stopped: somebody asked the run to stop; the episode has been recorded as aborted or interrupted.
+        Stopped: somebody asked the session to stop; the episode has been recorded as aborted or interrupted, or, where
+            it had not begun, not at all.
         RecordError: the record cannot be written.
     """
     began = time.monotonic()
     calls = PolicyCalls(policy, passes=Stopped)
     actions = 0
-    began_recording = False
+    recording = False
     stopped: Stopped | None = None
     error = ""
     try:
-        with stop.interruptible():
-            robot.begin(plan.start, plan.seed)
-            here = robot.locate()
+        here = _stand_at_start(robot, plan, beside, stop)
         recorder.begin(plan, here)
-        began_recording = True
+        recording = True
         with stop.interruptible():
             calls.reset(plan.site, plan.goal, here.pose, robot.identity.profile.base, plan.seed, plan.parameters)
         reason: EndReason | None = None
@@ -134,12 +150,15 @@ def run_episode(
                 step, reason = _take_step(robot, calls, plan, actions + 1, here)
             recorder.step(step)
             actions, here = actions + 1, step.after
+            beside.step_taken(plan, step)
             if step.blocked and step.guard is not None:
                 recorder.event("blocked", f"action {step.index}: {step.guard.words}")
-    except Stopped as request:
-        stopped = request
-        reason = EndReason.ABORTED if request.by_person else EndReason.INTERRUPTED
-        error = request.words
+        if step.result is not None and not reason.is_result:
+            error = step.result.failure
+    except Stopped as acted:
+        stopped = acted
+        reason = EndReason.ABORTED if acted.request.author is StopAuthor.PERSON else EndReason.INTERRUPTED
+        error = acted.request.words
     except PolicyFailedError as failure:
         reason, error = EndReason.MODEL_ERROR, str(failure)
     except ModelLostError as failure:
@@ -150,19 +169,40 @@ def run_episode(
         reason, error = EndReason.MOTION_FAILED, str(failure)
     finally:
         robot.halt()
-    if not began_recording:
-        if stopped is not None:
+    ends_session = stopped is not None and stopped.request.ends is Ends.SESSION
+    if not recording:
+        if stopped is not None and ends_session:
             raise stopped
-        raise RobotError(error or "the robot could not begin the episode")
-    outcome = _judged(robot, plan, reason, actions, time.monotonic() - began, error)
-    if error:
-        recorder.event(outcome.verdict.end_reason.value, error)
-    if stopped is not None and stopped.by_person and not robot.identity.simulated:
-        recorder.intervention(stopped.words)
+        error = f"could not begin: {error or 'no reason given'}"
+    outcome = _judged(robot, plan, reason, actions, time.monotonic() - began, error, began=recording)
+    if outcome.error:
+        recorder.event(outcome.verdict.end_reason.value, outcome.error)
+    if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:
+        recorder.intervention(stopped.request.words)
     recorder.end(outcome)
-    if stopped is not None:
+    if stopped is not None and ends_session:
         raise stopped
     return outcome
+
+
+def _stand_at_start(robot: Robot, plan: EpisodePlan, beside: Beside, stop: Stopping) -> Fix:
+    """Have the robot stand at its start, put there by whoever stands beside it where it needs that."""
+    by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
+    if by_hand and isinstance(robot, MadeReady):
+        with stop.interruptible():
+            robot.make_ready()
+    problem = ""
+    while True:
+        if by_hand:
+            beside.place(plan.start, problem)
+        try:
+            with stop.interruptible():
+                robot.begin(plan.start, plan.seed)
+                return robot.locate()
+        except NotPlacedError as error:
+            if not by_hand:
+                raise
+            problem = str(error)
 
 
 def _take_step(
@@ -187,15 +227,17 @@ def _take_step(
 
 
 def _judged(
-    robot: Robot, plan: EpisodePlan, reason: EndReason, actions: int, wall_s: float, error: str
+    robot: Robot, plan: EpisodePlan, reason: EndReason, actions: int, wall_s: float, error: str, *, began: bool
 ) -> EpisodeOutcome:
     final: Fix | None = None
     distance: GoalDistance | None = None
     try:
-        final = robot.locate()
-        distance = distance_to_goal(plan.site, plan.goal, final, plan.parameters)
+        if began:
+            final = robot.locate()
+            distance = distance_to_goal(plan.site, plan.goal, final, plan.parameters)
     except RobotError as failure:
         if reason is EndReason.STOP:
             reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"
     verdict = judge(reason, actions, distance, plan.parameters)
-    return EpisodeOutcome(verdict, actions, final, wall_s, error)
+    proposed = not robot.identity.simulated
+    return EpisodeOutcome(verdict, actions, final, wall_s, error, proposed, began)

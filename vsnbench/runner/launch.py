@@ -18,7 +18,7 @@ from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site, embedded_sites, load_site
+from vsnbench.protocol.site import embedded_sites, load_site
 from vsnbench.protocol.survey.check import layout_findings
 from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
@@ -26,14 +26,12 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import identity_of, open_robot
+from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
-from vsnbench.runner.emergency_stop import EmergencyStop
-from vsnbench.runner.operator import Absent, Operator, require_operator
-from vsnbench.runner.operator_notes import OperatorNotes
-from vsnbench.runner.progress import CampaignProgress
+from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import SessionResult, SessionWatcher, run_session
-from vsnbench.runner.stopping import StopSignals
+from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
 
@@ -53,8 +51,6 @@ class RunRequest:
     seed: int = 0
     shuffle: bool = False
     noise: bool = False
-    unattended: bool = False
-    """Nobody is beside the robot: it is taken to stand where it should, and distances are estimated."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
     isolation: Isolation | None = None
     """Run the model in a process of its own."""
@@ -68,11 +64,12 @@ class Launched:
     result: SessionResult
 
 
-def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched:
+def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | None = None) -> Launched:
     """Run the trials of the campaign that are left.
 
     Args:
         request: what was asked for.
+        attendance: finds whoever stands beside the robot.
         viewer: whoever shows or copies the episodes.
 
     Raises:
@@ -99,7 +96,7 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             )
         by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
         if by_hand:
-            require_operator(robot.identity.profile, unattended=request.unattended)
+            attendance.require(robot.identity.profile)
         plan = CampaignPlan(
             site=site,
             robot=identity_of(robot),
@@ -120,16 +117,22 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             viewer.prepare()
         operator = _provenance(policy).operator
         target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer, operator)
-        stop = stack.enter_context(StopSignals())
-        progress = stack.enter_context(_progress(journal, campaign, policy, site, parameters))
-        watcher: SessionWatcher = progress
-        if isinstance(robot, PlacedByHand) and by_hand:
-            if request.unattended:
-                robot.attendant = Absent()
-            else:
-                emergency = stack.enter_context(EmergencyStop(robot.halt, announce=stop.key_pressed))
-                notes = OperatorNotes(journal, operator)
-                robot.attendant = watcher = Operator(progress, parameters, notes, emergency)
+        sweep_results(request.results, journal)
+        stop = stack.enter_context(Stopping())
+        stop.last_acts.append(robot.halt)
+        outcomes = journal.standing(campaign).outcomes
+        occasion = Occasion(
+            f"{_title(policy)} in {site.name}",
+            len(campaign.trials),
+            len(outcomes),
+            sum(outcomes),
+            parameters,
+            by_hand,
+            robot.halt,
+            stop,
+        )
+        attendant = stack.enter_context(attendance.attend(occasion))
+        journal.patience.gives_up = lambda: stop.session_ends
         result = run_session(
             journal,
             campaign,
@@ -138,8 +141,9 @@ def launch(request: RunRequest, viewer: EpisodeViewer | None = None) -> Launched
             robot,
             policy,
             partial(EpisodeRecorderFanOut, target),
-            watcher,
+            attendant,
             stop,
+            operator,
         )
     return Launched(campaign, result)
 
@@ -203,14 +207,3 @@ def _heed(site: str, findings: Iterable[SiteFinding]) -> None:
         raise SiteError(f"site {site}: {errors[0].message}{more}; vsnbench sites check {site} tells everything")
     for finding in found:
         logger.warning("site %s: %s", site, finding.message)
-
-
-def _progress(
-    journal: Journal, campaign: OpenCampaign, policy: Policy, site: Site, parameters: ProtocolParameters
-) -> CampaignProgress:
-    done = journal.standing(campaign).outcomes
-    if campaign.resumed and done:
-        logger.info("campaign %d goes on", campaign.id)
-    return CampaignProgress(
-        f"{_title(policy)} in {site.name}", len(campaign.trials), len(done), sum(done), parameters.max_actions
-    )

@@ -1,46 +1,38 @@
-"""The person beside a robot that nothing else can place: asked to put it down, to measure, and to look.
+"""The person beside a robot that nothing else can place: asked to put it down, to look, and to measure.
 
-With no terminal there is nobody to ask, and a run refuses to begin unless it was told to go on unattended; then a
-distance is reckoned from the surveyed start and the odometry, and recorded as `estimated`.
+Nothing that is typed by accident is a verdict: Enter alone asks again, a collision and a distance far from the estimate
+are asked back. Whoever is not sure says `later`, and the episode awaits judgement (`vsnbench judge`); so it does when
+the terminal hangs up or Ctrl-C ends the session at a question.
 """
 
-import math
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.errors import RobotError, UsageError
+from vsnbench.errors import UsageError
 from vsnbench.protocol.fix import PoseSource
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, judge
-from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
+from vsnbench.runner.answers import MisreadError, Said, confirmed, measured_m, what_was_touched
+from vsnbench.runner.attendant import Display, EndedEpisode, Judgement, Nobody
 from vsnbench.runner.emergency_stop import EmergencyStop
-from vsnbench.runner.episode import EpisodeOutcome
+from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest
 
-LEFT_STANDING = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
-"""After these the robot stands where it failed, and a person must get it out of there."""
+Answer = TypeVar("Answer")
 
-
-class Notes(Protocol):
-    """Where the person's judgements and interventions are kept."""
-
-    def verdict(self, episode_id: int, verdict: Verdict) -> None:
-        """Let the person's judgement of an episode stand."""
-        ...
-
-    def intervention(self, episode_id: int, step_number: int, what: str) -> None:
-        """Note what the person did to the robot; `step_number` is the episode's last action, 0 for none."""
-        ...
+SURPRISE_M = 1.0
+"""A measured distance that differs from the estimate by more is asked back."""
 
 
-class Display(Protocol):
-    """Where the campaign's progress is shown, and how it makes room for a question."""
+class TerminalDisplay(Display, Protocol):
+    """A display that makes room for a question."""
 
     console: Console
 
@@ -48,123 +40,139 @@ class Display(Protocol):
         """Take the progress bar away while a person types."""
         ...
 
-    def episode_begins(self, goal: str, start: int) -> None:
-        """A trial is about to be run."""
-        ...
 
-    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:
-        """An episode has ended."""
-        ...
-
-
-def require_operator(profile: RobotProfile, *, unattended: bool) -> None:
+def require_operator(profile: RobotProfile) -> None:
     """Make sure that somebody can be asked.
 
     Raises:
-        UsageError: there is no terminal, and nobody said that the robot is to run unattended.
+        UsageError: there is no terminal.
     """
-    if not unattended and not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(
             f"{profile.name} must be put at each starting position by a person, and there is no terminal to ask one: "
-            "run in a terminal, or with --unattended (distances are then estimated from odometry)"
+            "run in a terminal, or with --unattended (the episodes then await judgement: `vsnbench judge --pending`)"
         )
 
 
-class Absent:
-    """Nobody is there: the robot is taken to stand where it should."""
+def read_terminal() -> str:
+    """Return the next line typed from now on; what was typed while the robot drove is no answer.
 
-    def put_at(self, start: StartingPosition, problem: str) -> None:
-        """Accept at once.
+    Raises:
+        EOFError: nobody is at the terminal any more.
+    """
+    import termios
 
-        Raises:
-            RobotError: something is wrong that only a person could put right.
-        """
-        if problem:
-            raise RobotError(f"starting position {start.number}: {problem}, and the run is unattended")
+    try:
+        if sys.stdin.isatty():
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+        line = sys.stdin.readline()
+    except (OSError, termios.error) as error:
+        raise EOFError from error
+    if not line:
+        raise EOFError
+    return line
 
 
-class Operator:
-    """A person at the terminal; also watches the session, to ask after every episode what the robot cannot know."""
+class Operator(Nobody):
+    """A person at the terminal."""
 
     def __init__(
         self,
-        display: Display,
-        parameters: ProtocolParameters,
-        notes: Notes,
+        display: TerminalDisplay,
         emergency: EmergencyStop,
-        read_line: Callable[[str], str] = input,
+        stop: Stopping,
+        read_line: Callable[[], str] = read_terminal,
     ) -> None:
-        self._display = display
-        self._parameters = parameters
-        self._notes = notes
+        super().__init__(display)
+        self._console = display.console
+        self._paused = display.paused
         self._emergency = emergency
+        self._stop = stop
         self._read_line = read_line
-        self._left_standing: tuple[int, EpisodeOutcome] | None = None
 
-    def put_at(self, start: StartingPosition, problem: str) -> None:
-        """Name the starting position and wait for Enter; note it when the robot had to be fetched from a failure."""
+    def place(self, start: StartingPosition, problem: str) -> None:
+        """Name the starting position and wait for Enter."""
         x, y = start.position
         where = f"x {x:.2f} m, y {y:.2f} m, facing {start.heading_deg:g}°"
-        with self._emergency.off(), self._display.paused():
+        with self._emergency.off(), self._paused():
             if problem:
-                self._display.console.print(f"[yellow]not yet[/yellow]: {escape(problem)}")
+                self._console.print(f"[yellow]not yet[/yellow]: {escape(problem)}")
             note = f" ({start.note})" if start.note else ""
-            self._display.console.print(
+            self._console.print(
                 f"Put the robot at [bold]starting position {start.number}[/bold]: {where}{escape(note)}"
             )
-            self._read_line("Enter when it stands there, Ctrl-C to end the session: ")
-        if self._left_standing is not None:
-            number, outcome = self._left_standing
-            self._left_standing = None
-            self._notes.intervention(number, outcome.actions, f"moved by hand after {outcome.verdict.end_reason}")
-        self._display.console.print("[dim]driving; the space bar stops the robot and ends the episode[/dim]")
+            self._ask("Enter when it stands there (Ctrl-C ends the session): ")
+        self._console.print("[dim]driving; the space bar stops the robot and ends this episode[/dim]")
 
-    def episode_begins(self, goal: str, start: int) -> None:
-        """Pass it on to the display."""
-        self._display.episode_begins(goal, start)
+    def judge(self, ended: EndedEpisode) -> Judgement | None:
+        """Ask what the robot touched and how far it is from the goal; None for later."""
+        with self._emergency.off(), self._paused():
+            judgement = self._asked(ended)
+        if judgement is None:
+            self._console.print(
+                f"[yellow]#{ended.number} awaits judgement[/yellow]: vsnbench judge {ended.number}", soft_wrap=True
+            )
+        else:
+            self._display.judged(judgement.verdict.success)
+            words = escape(judgement.verdict.text)
+            self._console.print(f"[dim]#{ended.number} judged by you:[/dim] {words}", soft_wrap=True)
+        return judgement
 
-    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:
-        """Pass it on to the display, and ask for collisions and the measured distance."""
-        self._display.episode_ends(number, goal, start, outcome)
-        if outcome.verdict.end_reason in LEFT_STANDING:
-            self._left_standing = (number, outcome)
-        if outcome.verdict.end_reason not in (EndReason.STOP, EndReason.STEP_LIMIT):
-            return
-        with self._emergency.off(), self._display.paused():
-            verdict = self._asked(goal, outcome)
-        if verdict != outcome.verdict:
-            self._notes.verdict(number, verdict)
-            if verdict.end_reason is EndReason.COLLISION:
-                self._notes.intervention(number, outcome.actions, f"collision called: {verdict.text}")
-            self._display.console.print(f"[dim]#{number} judged by you:[/dim] {escape(verdict.text)}")
+    def _asked(self, ended: EndedEpisode) -> Judgement | None:
+        proposed, outcome, plan = ended.outcome.verdict, ended.outcome, ended.plan
+        if proposed.end_reason is EndReason.COLLISION:
+            there_was = self._until("The robot felt a collision. Was there one? (yes / later): ", confirmed)
+            return Judgement(proposed) if there_was else None
+        touched = self._touched()
+        if touched is Said.LATER:
+            return None
+        if isinstance(touched, str):
+            verdict = judge(EndReason.COLLISION, outcome.actions, proposed.distance, plan.parameters)
+            seen = replace(verdict, text=f"{verdict.text}: {touched} (seen by a person)")
+            return Judgement(seen, note=touched, called_collision=True)
+        return self._measured(ended) if proposed.end_reason is EndReason.STOP else Judgement(proposed)
 
-    def _asked(self, goal: str, outcome: EpisodeOutcome) -> Verdict:
-        """Return the verdict with what the person saw and measured."""
-        given = outcome.verdict
-        distance = given.distance
-        touched = self._read_line("Did the robot touch anything? What? (Enter: nothing): ").strip()
-        if touched and touched.lower() not in ("n", "no"):
-            verdict = judge(EndReason.COLLISION, outcome.actions, distance, self._parameters)
-            return replace(verdict, text=f"{verdict.text}: {touched} (seen by a person)")
-        if given.end_reason is not EndReason.STOP:
-            return given
-        known = f"{distance.distance_m:.2f} m, {distance.source}" if distance else "unknown"
-        metres = self._number(f"Measured distance to the nearest {goal}, metres (Enter: keep {known}): ")
-        if metres is None:
-            return given
-        taped = GoalDistance(metres, PoseSource.TAPE, distance.instance if distance else "")
-        return judge(EndReason.STOP, outcome.actions, taped, self._parameters)
-
-    def _number(self, question: str) -> float | None:
-        """Ask until the answer is a distance or nothing."""
+    def _touched(self) -> Said | str:
         while True:
-            answer = self._read_line(question).strip().lower().removesuffix("m").replace(",", ".").strip()
-            if not answer:
-                return None
+            told = self._until("Did it touch anything? (no / what / later): ", what_was_touched)
+            if isinstance(told, Said) or self._is_sure(f"A collision with {told!r}: the episode has failed"):
+                return told
+
+    def _measured(self, ended: EndedEpisode) -> Judgement | None:
+        plan, proposed = ended.plan, ended.outcome.verdict
+        estimate = proposed.distance
+        if estimate is None:
+            raise ValueError("an episode that ended with STOP has a distance to the goal")
+        question = f"Metres by tape to the nearest {plan.goal}? (0.84 / keep {estimate.distance_m:.2f} / later): "
+        while True:
+            told = self._until(question, partial(measured_m, site=plan.site))
+            if isinstance(told, Said):
+                return None if told is Said.LATER else Judgement(proposed)
+            far_off = abs(told - estimate.distance_m) > SURPRISE_M
+            if not far_off or self._is_sure(f"{told:.2f} m, and odometry says {estimate.distance_m:.2f} m"):
+                taped = GoalDistance(told, PoseSource.TAPE, estimate.instance)
+                return Judgement(judge(EndReason.STOP, ended.outcome.actions, taped, plan.parameters))
+
+    def _is_sure(self, of: str) -> bool:
+        return self._until(f"{of}. Is that right? (yes / no): ", confirmed)
+
+    def _until(self, question: str, read: Callable[[str], Answer]) -> Answer:
+        """Ask until the answer can be taken."""
+        while True:
             try:
-                metres = float(answer)
-            except ValueError:
-                metres = math.nan
-            if math.isfinite(metres) and 0 <= metres < 100:
-                return metres
-            self._display.console.print("[yellow]a distance in metres, like 0.84[/yellow]")
+                return read(self._ask(question))
+            except MisreadError as error:
+                self._console.print(f"[yellow]{escape(str(error))}[/yellow]")
+
+    def _ask(self, question: str) -> str:
+        """Return what is typed; Ctrl-C, a hang-up and an end of the input act here.
+
+        Raises:
+            Stopped: nobody answers any more.
+        """
+        self._console.print(question, end="", markup=False, soft_wrap=True)
+        with self._stop.interruptible():
+            try:
+                return self._read_line()
+            except EOFError:
+                raise Stopped(StopRequest(StopAuthor.SYSTEM, "a terminal that was closed", exit_code=129)) from None

@@ -18,10 +18,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from vsnbench.runner.episode import EpisodeOutcome, Step
+from vsnbench.runner.attendant import EndedEpisode
+from vsnbench.runner.episode import Step
 
 _STYLE = {True: "green", False: "red", None: "yellow"}
-_WORD = {True: "success", False: "failed", None: "void"}
 
 
 class CampaignProgress:
@@ -58,29 +58,42 @@ class CampaignProgress:
     def _rate(self) -> str:
         return f"SR {self._successes}/{self._done} = {self._successes / self._done:.0%}" if self._done else "SR -"
 
-    def episode_begins(self, goal: str, start: int) -> None:
+    def trial_begins(self, goal: str, start: int) -> None:
         """Show which trial is being run."""
         self._bar.update(self._task, now=f"{goal} from {start}")
 
     def step(self, goal: str, start: int, step: Step) -> None:
         """Show how far the episode has come."""
-        self._bar.update(self._task, now=f"{goal} from {start}: action {step.index}/{self._max_actions}")
+        action = step.decision.action.value.replace("_", " ").lower()
+        now = f"{goal} from {start}: {step.index}/{self._max_actions} {'blocked' if step.blocked else action}"
+        self._bar.update(self._task, now=now)
 
-    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:
-        """Write the episode's line and move the bar on when the trial is done."""
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Write the episode's line; one that awaits judgement moves the bar and not the rate."""
+        outcome, plan = ended.outcome, ended.plan
         success = outcome.verdict.success
         if success is not None:
-            self._done += 1
-            self._successes += success
+            if not outcome.proposed:
+                self._count(success)
             self._bar.advance(self._task)
-        self._bar.update(self._task, rate=self._rate(), now="")
-        reason = escape(outcome.error or outcome.verdict.text.split(": ", 1)[-1])
-        actions = f"{outcome.actions} action{'' if outcome.actions == 1 else 's'}"
+        self._bar.update(self._task, now="")
+        awaits = "[cyan]awaits judgement[/], proposed: " if outcome.proposed and success is not None else ""
+        why = f": {escape(outcome.error)}" if outcome.error else ""
         self.console.print(
-            f"[dim]#{number}[/dim] {goal} from {start}: [{_STYLE[success]}]{_WORD[success]}[/] "
-            f"({outcome.verdict.end_reason}, {actions}) [dim]{reason}[/dim]",
+            f"[dim]#{ended.number}[/dim] {plan.goal} from {plan.start.number}: {awaits}"
+            f"[{_STYLE[success]}]{escape(outcome.verdict.text)}[/]{why}",
             soft_wrap=True,
         )
+
+    def judged(self, success: bool | None) -> None:
+        """Take a person's judgement into the rate."""
+        if success is not None:
+            self._count(success)
+
+    def _count(self, success: bool) -> None:
+        self._done += 1
+        self._successes += success
+        self._bar.update(self._task, rate=self._rate())
 
     @contextmanager
     def paused(self) -> Iterator[None]:
@@ -91,7 +104,3 @@ class CampaignProgress:
         finally:
             if self.console.is_terminal:
                 self._bar.start()
-
-    def note(self, text: str) -> None:
-        """Write a line above the bar."""
-        self.console.print(escape(text), soft_wrap=True)

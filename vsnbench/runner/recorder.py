@@ -112,7 +112,7 @@ class EpisodeRecorderFanOut:
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict, in one transaction."""
         self._settle()
-        length_m = path_length_m([moment.pose for moment in self._trajectory])
+        length_m = path_length_m([moment.pose for moment in self._trajectory]) if outcome.began else None
         if self._images:
             self._images.finish(self._trajectory)
         self._target.journal.end_episode(
@@ -121,6 +121,7 @@ class EpisodeRecorderFanOut:
                 end_reason=outcome.verdict.end_reason,
                 actions=outcome.actions,
                 verdict=outcome.verdict,
+                proposed=outcome.proposed,
                 error=outcome.error,
                 path_length_m=length_m,
                 geodesic_m=self._geodesic_m(outcome.final.pose) if outcome.final else None,

@@ -1,33 +1,37 @@
 """Runs what is left of a campaign, trial by trial, and survives what goes wrong in one of them."""
 
 import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.database.campaign_plan import OpenCampaign
 from vsnbench.database.episode_entries import Claim
+from vsnbench.database.interventions import INTERVENTION, intervention_words
 from vsnbench.database.journal import Journal
-from vsnbench.errors import EpisodeClosedError, RobotError
+from vsnbench.database.lifecycle import LEASE
+from vsnbench.errors import EpisodeClosedError, RecordError
 from vsnbench.models.contract import Policy
+from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site
+from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, EpisodeRecorder, run_episode
-from vsnbench.runner.stopping import StopSignals
+from vsnbench.runner.attendant import Attendant, EndedEpisode
+from vsnbench.runner.episode import EpisodePlan, EpisodeRecorder, Step, run_episode
+from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
 
 VOID_IN_A_ROW = 3
 """After so many void episodes one after another something is broken that another attempt will not mend."""
+LEFT_STANDING = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
+"""After these a real robot stands where it failed, and a person must get it out of there."""
 
 
 class SessionRecorder(EpisodeRecorder, Protocol):
-    """The recorder of one trial's episode, which knows the episode's number once it has begun."""
-
-    @property
-    def episode_id(self) -> int:
-        """The episode's number."""
-        ...
+    """The recorder of one claimed episode."""
 
     def close(self) -> None:
         """Let go of files and threads."""
@@ -42,18 +46,6 @@ class RecorderFactory(Protocol):
         ...
 
 
-class SessionWatcher(Protocol):
-    """Who is told how the session goes."""
-
-    def episode_begins(self, goal: str, start: int) -> None:
-        """A trial is about to be run."""
-        ...
-
-    def episode_ends(self, number: int, goal: str, start: int, outcome: EpisodeOutcome) -> None:
-        """An episode has ended."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class SessionResult:
     """What a session achieved."""
@@ -61,7 +53,11 @@ class SessionResult:
     episodes: int
     void: int
     left: int
-    """Trials of the campaign that still have no valid episode."""
+    """Trials that were asked for and that nobody has done or is at."""
+    elsewhere: int = 0
+    """Trials that another process is at."""
+    awaiting: int = 0
+    """Trials that await a person's judgement."""
     stopped_because: str = ""
 
 
@@ -73,13 +69,14 @@ def run_session(
     robot: Robot,
     policy: Policy,
     new_recorder: RecorderFactory,
-    watcher: SessionWatcher,
-    stop: StopSignals,
+    attendant: Attendant,
+    stop: Stopping,
+    operator: str = "",
 ) -> SessionResult:
-    """Run every trial of the campaign that is left, once each.
+    """Run every trial that was asked for and is left, once each.
 
-    A void episode leaves its trial for the next session; several in a row end this one. A robot that cannot even
-    begin ends it at once.
+    A void episode leaves its trial for the next session, one that could not even begin included; several in a row end
+    this one. What a person ended with the emergency stop key says nothing about what is broken, and is not counted.
 
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.
@@ -88,29 +85,94 @@ def run_session(
     episodes = void = in_a_row = 0
     because = ""
     wanted = [trial.id for trial in campaign.trials]
+    beside = _Beside(journal, attendant, operator)
     while (claim := journal.claim_next(campaign.id, wanted)) is not None:
         trial = claim.trial
         wanted = wanted[wanted.index(trial.id) + 1 :]
-        watcher.episode_begins(trial.goal, trial.start)
         plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
+        attendant.trial_begins(plan)
         recorder = new_recorder(claim)
         try:
-            outcome = run_episode(robot, policy, plan, recorder, stop)
+            with _kept(journal, claim):
+                outcome = run_episode(robot, policy, plan, recorder, beside, stop)
         except EpisodeClosedError as closed:
             logger.warning("%s", closed)
             continue
-        except RobotError as error:
-            because = str(error)
-            break
         finally:
+            stop.episode_is_over()
             recorder.close()
             journal.release(claim.id)
         episodes += 1
-        watcher.episode_ends(recorder.episode_id, trial.goal, trial.start, outcome)
-        is_void = outcome.verdict.success is None
-        void += is_void
-        in_a_row = in_a_row + 1 if is_void else 0
+        beside.has_ended(EndedEpisode(claim.id, plan, outcome))
+        reason = outcome.verdict.end_reason
+        void += not reason.is_result
+        if not reason.is_result and reason is not EndReason.ABORTED:
+            in_a_row += 1
+        elif reason.is_result:
+            in_a_row = 0
         if in_a_row == VOID_IN_A_ROW:
             because = f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
             break
-    return SessionResult(episodes, void, len(journal.standing(campaign).left), because)
+    standing = journal.standing(campaign)
+    return SessionResult(episodes, void, len(standing.left), len(standing.elsewhere), len(standing.awaiting), because)
+
+
+class _Beside:
+    """The attendant of a session, whose judgements and interventions are kept."""
+
+    def __init__(self, journal: Journal, attendant: Attendant, operator: str) -> None:
+        self._journal = journal
+        self._attendant = attendant
+        self._operator = operator
+        self._left_standing: EndedEpisode | None = None
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        self._attendant.step_taken(plan, step)
+
+    def place(self, start: StartingPosition, problem: str) -> None:
+        """Have the robot placed; that it had to be fetched from a failure first is an intervention there."""
+        self._attendant.place(start, problem)
+        if (fetched := self._left_standing) is not None:
+            self._left_standing = None
+            self._intervened(fetched, f"moved by hand after {fetched.outcome.verdict.end_reason}")
+
+    def has_ended(self, ended: EndedEpisode) -> None:
+        """Tell the attendant, and have what awaits judgement judged."""
+        self._attendant.episode_ended(ended)
+        outcome = ended.outcome
+        if not outcome.proposed:
+            return
+        if outcome.began and outcome.verdict.end_reason in LEFT_STANDING:
+            self._left_standing = ended
+        if not outcome.verdict.end_reason.is_result:
+            return
+        judgement = self._attendant.judge(ended)
+        if judgement is None:
+            return
+        self._journal.judge(ended.number, judgement.verdict, author=self._operator, note=judgement.note)
+        if judgement.called_collision:
+            self._intervened(ended, f"collision called: {judgement.verdict.text}")
+
+    def _intervened(self, ended: EndedEpisode, what: str) -> None:
+        words = intervention_words(what, self._operator)
+        step = ended.outcome.actions or None
+        self._journal.add_event(INTERVENTION, words, episode_id=ended.number, step_number=step)
+
+
+@contextmanager
+def _kept(journal: Journal, claim: Claim) -> Iterator[None]:
+    """Keep a claim alive, however long a person takes to wheel the robot to its mark."""
+    over = threading.Event()
+
+    def renew() -> None:
+        while not over.wait(LEASE.total_seconds() / 3):
+            try:
+                journal.renew(claim.id)
+            except RecordError as error:
+                logger.warning("episode %d: %s", claim.id, error)
+
+    threading.Thread(target=renew, name="claim", daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()

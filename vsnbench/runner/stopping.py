@@ -1,78 +1,188 @@
-"""Ctrl-C and SIGTERM: stop at a safe point, never in the middle of a commit.
+"""Stopping is a request with an author: Ctrl-C, SIGTERM, the emergency key, a page. It acts at a safe point.
 
-A signal raises only inside `interruptible()`; anywhere else it is remembered and raised at the next such place. A
-second Ctrl-C raises wherever it is.
+A request interrupts only what runs inside `interruptible()`, never a commit; elsewhere it is remembered until the next
+such place. A second signal ends the process for certain, the robot first, whatever the main thread is busy with.
 """
 
+import contextlib
+import os
 import signal
-from collections.abc import Iterator
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
 from types import FrameType, TracebackType
 from typing import Self
 
+HALT_TIMEOUT_S = 2.0
+"""How long a process that is ended for certain waits for its robot."""
+REMINDER_S = 3.0
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_WAKE = signal.SIGUSR1
 
-class Stopped(BaseException):
-    """Somebody asked the run to stop; not an Exception, so that no model's `except Exception` swallows it."""
 
-    def __init__(self, signal_number: int, *, by_key: bool = False) -> None:
-        super().__init__(signal.Signals(signal_number).name)
-        self.signal_number = signal_number
-        self.by_key = by_key
-        """The emergency stop key sent the signal."""
+class StopAuthor(StrEnum):
+    """Who wants a stop."""
 
-    @property
-    def by_person(self) -> bool:
-        """Whether a person pressed Ctrl-C or the key, as opposed to something ending the process."""
-        return self.signal_number == signal.SIGINT
+    PERSON = "person"
+    SYSTEM = "system"
+    """Something that ends the process: a shutdown, a terminal that hung up."""
+
+
+class Ends(StrEnum):
+    """What a stop ends."""
+
+    EPISODE = "episode"
+    SESSION = "session"
+
+
+@dataclass(frozen=True, slots=True)
+class StopRequest:
+    """Somebody wants the robot to stop."""
+
+    author: StopAuthor
+    means: str
+    """By what: `Ctrl-C`, `the emergency stop key`, `SIGTERM`."""
+    ends: Ends = Ends.SESSION
+    exit_code: int = 128 + signal.SIGINT
 
     @property
     def words(self) -> str:
         """What happened, for the record."""
-        if not self.by_person:
-            return f"the process was ended by {self}"
-        return "stopped with the emergency stop key" if self.by_key else "stopped with Ctrl-C"
+        if self.author is StopAuthor.PERSON:
+            return f"stopped with {self.means}"
+        return f"the process was ended by {self.means}"
 
 
-class StopSignals:
-    """Turns SIGINT, SIGTERM and SIGHUP into `Stopped` while it is entered; the main thread's only."""
+class Stopped(BaseException):
+    """A request acts here; not an Exception, so that no model's `except Exception` swallows it."""
+
+    def __init__(self, request: StopRequest) -> None:
+        super().__init__(request.words)
+        self.request = request
+
+
+def of_signal(number: int) -> StopRequest:
+    """Return the request that a signal is."""
+    if number == signal.SIGINT:
+        return StopRequest(StopAuthor.PERSON, "Ctrl-C")
+    return StopRequest(StopAuthor.SYSTEM, signal.Signals(number).name, exit_code=128 + number)
+
+
+class Stopping:
+    """Takes requests to stop from any thread and from signals while it is entered, by the main thread only."""
 
     def __init__(self) -> None:
-        self._pending: int | None = None
+        self.last_acts: list[Callable[[], object]] = []
+        """Done in order, each within `HALT_TIMEOUT_S`, before the process is ended for certain: the robot first."""
+        self._pending: StopRequest | None = None
         self._interruptible = False
-        self._by_key = False
         self._previous: dict[int, signal._HANDLER] = {}
+        self._main = threading.main_thread().ident
+        self._inside = False
+        self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in _SIGNALS:
             self._previous[number] = signal.signal(number, self._received)
+        self._previous[_WAKE] = signal.signal(_WAKE, self._woken)
+        # Python's handlers wait for the main thread; these bytes are written at once, whatever it is busy with.
+        self._told, tells = socket.socketpair()
+        tells.setblocking(False)
+        self._tells = tells
+        self._wakeup_before = signal.set_wakeup_fd(tells.fileno(), warn_on_full_buffer=False)
+        threading.Thread(target=self._watch, name="stopping", daemon=True).start()
+        self._inside = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._inside = False
+        self._ended.set()
+        signal.set_wakeup_fd(self._wakeup_before)
         for number, handler in self._previous.items():
             signal.signal(number, handler)
+        self._tells.close()  # ends the watching thread, which closes its own end
 
-    def key_pressed(self) -> None:
-        """Take the next interrupt for the emergency stop key's; called from any thread just before it is sent."""
-        self._by_key = True
+    @property
+    def session_ends(self) -> bool:
+        """Whether somebody has asked for the end of the session."""
+        return self._pending is not None and self._pending.ends is Ends.SESSION
 
-    def _received(self, number: int, _frame: FrameType | None) -> None:
-        again = self._pending is not None and number == signal.SIGINT
-        self._pending = number
-        if self._interruptible or again:
-            raise self._stopped(number)
+    def ask(self, request: StopRequest) -> None:
+        """Ask for a stop, from any thread. The end of the session is not taken back by the end of an episode."""
+        if not self.session_ends:
+            self._pending = request
+        if self._inside and self._main is not None:
+            signal.pthread_kill(self._main, _WAKE)
+
+    def episode_is_over(self) -> None:
+        """Forget a request for the end of the episode: it has ended."""
+        if not self.session_ends:
+            self._pending = None
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Let a signal interrupt what runs inside; raises at once when one is waiting."""
+        """Let a request interrupt what runs inside; raises `Stopped` at once when one is waiting."""
         self._interruptible = True
         try:
-            if self._pending is not None:
-                raise self._stopped(self._pending)
+            self._act()
             yield
         finally:
             self._interruptible = False
 
-    def _stopped(self, number: int) -> Stopped:
-        return Stopped(number, by_key=self._by_key and number == signal.SIGINT)
+    def _received(self, number: int, _frame: FrameType | None) -> None:
+        if not self.session_ends:
+            self._pending = of_signal(number)
+        self._act()
+
+    def _woken(self, _number: int, _frame: FrameType | None) -> None:
+        self._act()
+
+    def _act(self) -> None:
+        if self._interruptible and self._pending is not None:
+            raise Stopped(self._pending)
+
+    def _watch(self) -> None:
+        """Count the signals as they come."""
+        signals = 0
+        with self._told:
+            while not self._ended.is_set():
+                self._told.settimeout(REMINDER_S if signals == 1 else None)
+                try:
+                    came = self._told.recv(1)
+                except TimeoutError:
+                    signals = max(signals, 1)
+                    self._told.settimeout(None)
+                    if not self._ended.is_set():
+                        _say("still stopping; once more Ctrl-C ends the process at once")
+                    came = self._told.recv(1)
+                if not came:
+                    return
+                if came[0] in _SIGNALS:
+                    signals += 1
+                if signals >= 2 and not self._ended.is_set():
+                    self._end_for_certain(came[0])
+
+    def _end_for_certain(self, number: int) -> None:
+        for act in self.last_acts:
+            thread = threading.Thread(target=_quietly, args=(act,), daemon=True)
+            thread.start()
+            thread.join(HALT_TIMEOUT_S)
+        _say("ended at once: the robot was told to halt; the next start closes the episode as interrupted")
+        os._exit(128 + number)
+
+
+def _quietly(act: Callable[[], object]) -> None:
+    with contextlib.suppress(Exception):
+        act()
+
+
+def _say(words: str) -> None:
+    """Write past every buffer and lock that the main thread may hold."""
+    with contextlib.suppress(OSError, ValueError):
+        os.write(sys.stderr.fileno(), f"\r\nvsnbench: {words}\r\n".encode())

@@ -6,34 +6,29 @@ import math
 import sys
 import time
 
-from vsnbench.errors import VsnbenchError
+from vsnbench.errors import NotPlacedError, VsnbenchError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros1 import RosRobot
 
 
-class Person:
-    """Somebody who does what is asked at once, and remembers what was asked."""
-
-    def __init__(self) -> None:
-        self.asked: list = []
-
-    def put_at(self, start: StartingPosition, problem: str) -> None:
-        self.asked.append([start.number, problem])
-        time.sleep(0.1)
-
-
 class Client:
     def __init__(self) -> None:
-        self.person = Person()
-        self.robot = RosRobot(load_profile(sys.argv[1]), attendant=self.person, patience_s=6.0)
+        self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=6.0)
 
     def begin(self) -> dict:
-        self.person.asked.clear()
-        self.robot.begin(StartingPosition(number=7, position=(2.0, 1.0), heading_deg=90), 5)
+        """Begin as a run does: with a person who does what is asked at once, and is asked again."""
+        problems = [""]
+        while True:
+            try:
+                self.robot.begin(StartingPosition(number=7, position=(2.0, 1.0), heading_deg=90), 5)
+                break
+            except NotPlacedError as error:
+                problems.append(str(error))
+                time.sleep(0.1)
         return {
-            "asked": self.person.asked,
+            "asked": problems if self.robot.needs_a_person else [],
             "simulated": self.robot.identity.simulated,
             "sensors": sorted(self.robot.sensors),
         }

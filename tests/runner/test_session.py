@@ -1,0 +1,302 @@
+"""A session over a real record: claims, judgements and interventions, and what goes wrong in one trial of several."""
+
+import os
+import signal
+import sqlite3
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.runner.stand_ins import PLAN, PROFILE, QuietDisplay, ScriptedPolicy, StandInRobot
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
+from vsnbench.database.journal import Journal
+from vsnbench.errors import RobotError
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.motion_result import MotionResult
+from vsnbench.protocol.robot_identity import RobotIdentity
+from vsnbench.protocol.site import StartingPosition
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.report.build import build
+from vsnbench.report.record import Selection
+from vsnbench.runner.attendant import EndedEpisode, Judgement, Nobody
+from vsnbench.runner.emergency_stop import PRESSED
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> ResultsDirectory:
+    place = ResultsDirectory.locate(tmp_path, None)
+    place.prepare()
+    return place
+
+
+def campaign_of(journal: Journal, *, simulated: bool = False, starts: int = 1):
+    plan = CampaignPlan(
+        site=PLAN.site,
+        robot=RobotIdentity(PROFILE, "simulated" if simulated else "ros1", simulated),
+        model=ModelIdentity("scripted"),
+        protocol=PLAN.parameters,
+        seed=0,
+        trials=[PlannedTrial(PLAN.goal, number) for number in range(1, starts + 1)],
+    )
+    return journal.find_or_create_campaign(plan)
+
+
+class Person(Nobody):
+    """Places the robot at once, and judges what it is asked about with the answers it was given."""
+
+    def __init__(self, *judgements: Judgement | Stopped | None) -> None:
+        super().__init__(QuietDisplay())
+        self.judgements = list(judgements)
+        self.placed: list[int] = []
+        self.told: list[EndedEpisode] = []
+
+    def place(self, start: StartingPosition, problem: str) -> None:
+        self.placed.append(start.number)
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        self.told.append(ended)
+
+    def judge(self, ended: EndedEpisode) -> Judgement | None:
+        judgement = self.judgements.pop(0)
+        if isinstance(judgement, Stopped):
+            raise judgement
+        return judgement
+
+
+@dataclass
+class ByHand(StandInRobot):
+    """A real robot that a person puts at its starts; where it cannot begin is scripted."""
+
+    simulated: bool = False
+    needs_a_person: bool = True
+    broken_starts: frozenset[int] = frozenset()
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        if start.number in self.broken_starts:
+            raise RobotError(f"starting position {start.number} touches sofa-1")
+        super().begin(start, seed)
+
+
+def drive(
+    results: ResultsDirectory,
+    robot: StandInRobot,
+    person: Nobody,
+    script: list[Action | Exception],
+    starts: int = 1,
+    stop: Stopping | None = None,
+) -> SessionResult:
+    with Journal.open(results.database_url) as journal, stop or Stopping() as stopping:
+        campaign = campaign_of(journal, simulated=robot.simulated, starts=starts)
+        target = RecordingTarget(journal, results, "scripted", PROFILE, operator="maria")
+        return run_session(
+            journal,
+            campaign,
+            PLAN.site,
+            PLAN.parameters,
+            robot,
+            ScriptedPolicy(script),
+            partial(EpisodeRecorderFanOut, target),
+            person,
+            stopping,
+            "maria",
+        )
+
+
+def read(results: ResultsDirectory, query: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(results.path / "vsnbench.db")) as connection:
+        return connection.execute(query).fetchall()
+
+
+def states(results: ResultsDirectory) -> list[tuple[Any, ...]]:
+    return read(results, "SELECT state, end_reason FROM episode ORDER BY id")
+
+
+def counted(results: ResultsDirectory) -> int:
+    activity = build(results.database_url, Selection()).activity
+    assert activity is not None
+    (robot,) = activity.robots
+    return robot.interventions
+
+
+TAPED = Judgement(Verdict(EndReason.STOP, False, "taped", GoalDistance(1.2, PoseSource.TAPE, "chair-1")))
+CALLED = Judgement(
+    Verdict(EndReason.COLLISION, False, "failed: collision: the table (seen by a person)"), "the table", True
+)
+
+
+def test_a_real_robots_episode_counts_when_a_person_has_judged_it(results: ResultsDirectory) -> None:
+    result = drive(results, ByHand(), Person(TAPED, None), [Action.STOP], starts=2)
+    assert states(results) == [("judged", "stop"), ("awaiting", "stop")]
+    assert (result.episodes, result.left, result.awaiting) == (2, 0, 1)
+    assert read(
+        results, "SELECT author, source, proposed, reason FROM verdict WHERE episode_id = 1 AND NOT proposed"
+    ) == [("maria", "person", 0, "taped")]
+
+
+def test_a_hang_up_at_the_question_leaves_the_episode_awaiting_and_loses_nothing(results: ResultsDirectory) -> None:
+    hung_up = Stopped(StopRequest(StopAuthor.SYSTEM, "a terminal that was closed"))
+    with pytest.raises(Stopped):
+        drive(results, ByHand(), Person(hung_up), [Action.TURN_LEFT, Action.STOP], starts=2)
+    assert states(results) == [("awaiting", "stop")]
+    assert read(results, "SELECT count(*) FROM step") == [(2,)]
+
+
+def test_a_person_who_ends_the_session_instead_of_placing_the_robot_leaves_no_trace(results: ResultsDirectory) -> None:
+    class Leaving(Person):
+        def place(self, start: StartingPosition, problem: str) -> None:
+            (state,) = states(results)
+            assert state == ("claimed", None), "nobody else sends a robot to the same mark"
+            raise Stopped(StopRequest(StopAuthor.PERSON, "Ctrl-C"))
+
+    with pytest.raises(Stopped):
+        drive(results, ByHand(), Leaving(), [Action.STOP])
+    assert states(results) == []
+
+
+def test_an_unattended_real_run_awaits_judgement(results: ResultsDirectory) -> None:
+    assert drive(results, ByHand(), Nobody(QuietDisplay()), [Action.STOP]).awaiting == 1
+    assert states(results) == [("awaiting", "stop")]
+
+
+def test_a_start_that_cannot_begin_is_void_with_its_reason_and_the_session_goes_on(results: ResultsDirectory) -> None:
+    robot, person = ByHand(broken_starts=frozenset({1})), Person(TAPED, TAPED)
+    result = drive(results, robot, person, [Action.STOP], starts=3)
+    assert states(results) == [("void", "motion_failed"), ("judged", "stop"), ("judged", "stop")]
+    assert read(results, "SELECT error FROM episode WHERE id = 1") == [
+        ("could not begin: starting position 1 touches sofa-1",)
+    ]
+    assert (result.void, result.left, result.stopped_because) == (1, 1, "")
+    assert person.placed == [1, 2, 3]
+
+
+def test_three_that_cannot_begin_in_a_row_end_the_session_with_the_reason(results: ResultsDirectory) -> None:
+    robot = ByHand(broken_starts=frozenset(range(1, 6)))
+    result = drive(results, robot, Person(), [Action.STOP], starts=5)
+    assert (result.episodes, result.left) == (3, 5)
+    assert result.stopped_because == (
+        "3 void episodes one after another, the last: could not begin: starting position 3 touches sofa-1"
+    )
+
+
+def test_why_an_action_failed_reaches_the_episode_and_whoever_is_told(results: ResultsDirectory) -> None:
+    stalled = MotionResult(completed=False, failure="discrete_move: stalled for 1 s")
+    person = Person()
+    result = drive(results, ByHand(on_execute=lambda _action: stalled), person, [Action.TURN_LEFT], starts=3)
+    assert read(results, "SELECT DISTINCT error FROM episode") == [("discrete_move: stalled for 1 s",)]
+    assert result.stopped_because.endswith("the last: discrete_move: stalled for 1 s")
+    assert [ended.outcome.error for ended in person.told] == ["discrete_move: stalled for 1 s"] * 3
+
+
+def test_the_key_ends_the_episode_and_the_session_goes_on(results: ResultsDirectory) -> None:
+    robot, stop = ByHand(), Stopping()
+
+    def press(_action: Action) -> MotionResult:
+        if len(robot.executed) in (2, 3, 4):  # once in each of three episodes
+            stop.ask(PRESSED)
+        return MotionResult(completed=True)
+
+    robot.on_execute = press
+    script: list[Action | Exception] = [Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP]
+    result = drive(results, robot, Person(TAPED), script, starts=4, stop=stop)
+    assert states(results) == [*[("void", "aborted")] * 3, ("judged", "stop")]
+    assert result.stopped_because == "", "a person who presses a key breaks nothing"
+    assert read(results, "SELECT text, step_number FROM event WHERE kind = 'intervention'") == [
+        ("stopped with the emergency stop key, by maria", 1),
+        ("stopped with the emergency stop key, by maria", None),
+        ("stopped with the emergency stop key, by maria", None),
+    ]
+    assert counted(results) == 3, "the abort and its event are one intervention"
+
+
+def test_ctrl_c_in_a_motion_ends_the_session_and_is_one_intervention(results: ResultsDirectory) -> None:
+    robot = ByHand()
+
+    def interrupt(_action: Action) -> MotionResult:
+        if len(robot.executed) == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return MotionResult(completed=True)
+
+    robot.on_execute = interrupt
+    with pytest.raises(Stopped):
+        drive(results, robot, Person(), [Action.TURN_LEFT], starts=2)
+    assert states(results) == [("void", "aborted")]
+    details = read(results, "SELECT text, step_number FROM event WHERE kind = 'intervention'")
+    assert details == [("stopped with Ctrl-C, by maria", 1)]
+    assert counted(results) == 1
+
+
+def test_fetching_the_robot_from_a_failure_is_noted_once_with_the_episode_that_failed(
+    results: ResultsDirectory,
+) -> None:
+    robot = ByHand()
+
+    def fail_once(_action: Action) -> MotionResult:
+        return MotionResult(completed=len(robot.executed) != 1, failure="" if len(robot.executed) != 1 else "stuck")
+
+    robot.on_execute = fail_once
+    drive(results, robot, Person(TAPED, CALLED), [Action.STOP], starts=3)
+    assert read(results, "SELECT episode_id, step_number, text FROM event WHERE kind = 'intervention' ORDER BY id") == [
+        (1, 1, "moved by hand after motion_failed, by maria"),
+        (3, 1, "collision called: failed: collision: the table (seen by a person), by maria"),
+    ]
+
+
+def test_a_locked_record_is_waited_for_with_the_robot_at_rest(results: ResultsDirectory) -> None:
+    waited: list[int] = []
+    robot = StandInRobot()
+    locker = sqlite3.connect(results.path / "vsnbench.db", check_same_thread=False, isolation_level=None)
+
+    with Journal.open(results.database_url) as journal, Stopping() as stop:
+
+        def goes_on() -> bool:
+            waited.append(len(robot.executed))
+            if len(waited) == 2:
+                locker.execute("COMMIT")
+            return False
+
+        journal.patience.gives_up = goes_on
+        robot.on_execute = lambda _action: (
+            locker.execute("BEGIN IMMEDIATE") if len(robot.executed) == 1 else None,
+            MotionResult(completed=True),
+        )[1]
+        target = RecordingTarget(journal, results, "scripted", PROFILE)
+        result = run_session(
+            journal,
+            campaign_of(journal, simulated=True),
+            PLAN.site,
+            PLAN.parameters,
+            robot,
+            ScriptedPolicy([Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP]),
+            partial(EpisodeRecorderFanOut, target),
+            Nobody(QuietDisplay()),
+            stop,
+        )
+    locker.close()
+    assert max(waited) <= 2, "one step was under way, and none is taken before the last one is kept"
+    assert (result.episodes, result.left) == (1, 0)
+    assert read(results, "SELECT count(*) FROM step") == [(3,)]
+
+
+@pytest.mark.parametrize(("simulated", "interventions"), [(False, 1), (True, 0)])
+def test_an_abort_without_an_event_counts_where_the_robot_is_real(
+    results: ResultsDirectory, simulated: bool, interventions: int
+) -> None:
+    with Journal.open(results.database_url) as journal:
+        trial = campaign_of(journal, simulated=simulated).trials[0]
+        handle = journal.claim_next(trial.campaign_id, [trial.id])
+        assert handle is not None
+        journal.place(handle.id, Fix(PLAN.start.pose, PoseSource.SURVEYED))
+        journal.begin(handle.id, EpisodeBegin())
+        void = Verdict(EndReason.ABORTED, None, "void")
+        journal.end_episode(handle.id, EpisodeEnd(EndReason.ABORTED, 3, void))
+    assert counted(results) == interventions

@@ -1,0 +1,103 @@
+"""Stopping: a request with an author acts at a safe point, from any thread; a second signal ends for certain."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping, StopRequest
+
+KEY = StopRequest(StopAuthor.PERSON, "a key", Ends.EPISODE)
+PAGE = StopRequest(StopAuthor.PERSON, "the page")
+
+
+def wait_inside(stop: Stopping, began: threading.Event) -> None:
+    with stop.interruptible():
+        began.set()
+        threading.Event().wait(30)
+
+
+def test_a_request_from_another_thread_interrupts_what_may_be_interrupted() -> None:
+    began = threading.Event()
+
+    def ask() -> None:
+        began.wait(30)
+        stop.ask(PAGE)
+
+    with Stopping() as stop:
+        threading.Thread(target=ask).start()
+        with pytest.raises(Stopped) as raised:
+            wait_inside(stop, began)
+    assert raised.value.request is PAGE
+    assert raised.value.request.words == "stopped with the page"
+
+
+def test_a_request_waits_for_a_safe_point() -> None:
+    with Stopping() as stop:
+        stop.ask(KEY)
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Stopped) as raised:
+            wait_inside(stop, threading.Event())
+    assert raised.value.request.author is StopAuthor.SYSTEM
+    assert raised.value.request.words == "the process was ended by SIGTERM"
+    assert raised.value.request.exit_code == 143
+
+
+def test_the_end_of_an_episode_does_not_take_the_end_of_the_session_back() -> None:
+    with Stopping() as stop:
+        stop.ask(PAGE)
+        stop.ask(KEY)
+        stop.episode_is_over()
+        assert stop.session_ends
+        with pytest.raises(Stopped):
+            wait_inside(stop, threading.Event())
+
+
+def test_handlers_and_threads_are_given_back() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGUSR1)
+    with Stopping():
+        assert signal.getsignal(signal.SIGINT) != before[0]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGUSR1)) == before
+    for thread in threading.enumerate():
+        if thread.name == "stopping":
+            thread.join(30)
+            assert not thread.is_alive()
+
+
+STUBBORN = """
+import sys, time
+from vsnbench.runner.stopping import Stopped, Stopping
+with Stopping() as stop:
+    stop.last_acts.append(lambda: print("halted", flush=True))
+    print("ready", flush=True)
+    while True:
+        try:
+            with stop.interruptible():
+                while True:
+                    time.sleep(0.01)
+        except BaseException as error:
+            print(type(error).__name__, flush=True)
+            stop._pending = None  # as deaf as code can be
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_ends_what_swallows_the_first_with_the_robot_halted(number: signal.Signals) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", STUBBORN], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            process.send_signal(number)
+            assert process.stdout.readline() == "Stopped\n"
+            process.send_signal(number)
+            out, err = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert process.returncode == 128 + number
+    assert "halted" in out
+    assert "ended at once" in err

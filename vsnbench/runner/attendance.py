@@ -1,0 +1,78 @@
+"""Who is there: a person at the terminal where the robot needs one, else nobody; and where progress is shown."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.runner.attendant import Attendant, Nobody
+from vsnbench.runner.emergency_stop import EmergencyStop
+from vsnbench.runner.operator import Operator, require_operator
+from vsnbench.runner.progress import CampaignProgress
+from vsnbench.runner.stopping import Stopping
+
+
+@dataclass(frozen=True, slots=True)
+class Occasion:
+    """What somebody attends."""
+
+    label: str
+    """Model and site, for people."""
+    trials: int
+    done: int
+    successes: int
+    parameters: ProtocolParameters
+    needs_a_person: bool
+    halt: Callable[[], None]
+    """Stands the robot still, from any thread."""
+    stop: Stopping
+
+
+class Attendance(Protocol):
+    """Finds whoever stands beside the robot."""
+
+    def require(self, profile: RobotProfile) -> None:
+        """Make sure that a robot which needs a person has one, before anything is written.
+
+        Raises:
+            UsageError: nobody is there.
+        """
+        ...
+
+    def attend(self, occasion: Occasion) -> AbstractContextManager[Attendant]:
+        """Return the attendant, as a context manager."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalAttendance:
+    """The person at this terminal; nobody where the robot needs nobody, or the run is unattended."""
+
+    unattended: bool = False
+
+    def require(self, profile: RobotProfile) -> None:
+        """See that there is a terminal, unless the run is unattended."""
+        if not self.unattended:
+            require_operator(profile)
+
+    @contextmanager
+    def attend(self, occasion: Occasion) -> Iterator[Attendant]:
+        """Show progress, and listen for the emergency stop key where a person stands beside the robot."""
+        with ExitStack() as stack:
+            progress = stack.enter_context(
+                CampaignProgress(
+                    occasion.label,
+                    occasion.trials,
+                    occasion.done,
+                    occasion.successes,
+                    occasion.parameters.max_actions,
+                )
+            )
+            if not occasion.needs_a_person or self.unattended:
+                yield Nobody(progress)
+                return
+            emergency = stack.enter_context(EmergencyStop(occasion.halt, occasion.stop.ask))
+            occasion.stop.last_acts.append(emergency.give_back)
+            yield Operator(progress, emergency, occasion.stop)

@@ -1,0 +1,33 @@
+"""What killed runs left in the results directory: cleared away when the next run begins."""
+
+import contextlib
+import os
+from pathlib import Path
+
+from vsnbench.database.journal import Journal
+from vsnbench.errors import RecordError
+from vsnbench.record.images import depth_path, rgb_path
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.whole_files import PART, sweep_parts
+
+
+def sweep_results(results: ResultsDirectory, journal: Journal) -> None:
+    """Remove half-written files, and the images of steps that were never committed.
+
+    What a live process is writing stays; so does every image of a committed step. Only the folders of interrupted
+    episodes are searched to their bottom: 10,000 episodes take 0.1 s.
+    """
+    with contextlib.suppress(OSError), os.scandir(results.path / "episodes") as folders:
+        for folder in folders:
+            sweep_parts(Path(folder.path))
+    for episode in journal.interrupted():
+        try:
+            directory = results.episode_directory(episode.images_directory)
+        except RecordError:
+            continue  # it leads out of the results directory: not ours to clear
+        sweep_parts(directory, below=True)
+        # One step is lost at most: the one whose images were in place before it was committed.
+        lost = episode.steps + 1
+        for path in (rgb_path(directory, lost), depth_path(directory, lost), directory / f"episode.rrd{PART}"):
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
