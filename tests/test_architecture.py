@@ -30,6 +30,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},
 }
 GROUND = {
+    "compilation",
     "database_url",
     "errors",
     "git_checkout",

@@ -5,13 +5,12 @@ would cost more than everything else together. Allowed moves, prices and wanted 
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.compilation import compiled
 from vsnbench.models.goal_views import ViewWish, instance_view_points, wanted_poses
 from vsnbench.models.lattice_planner import Clearance, LatticePlanner
 from vsnbench.models.oracle import OracleSettings
@@ -25,7 +24,6 @@ TICKS: Final = 4
 """Costs are counted in quarters of a move."""
 UNREACHED: Final = 2**30
 _SPARE_M = 0.03
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Lattice:
@@ -111,12 +109,7 @@ def guide_to_place(lattice: Lattice, row: int, column: int, within_m: float) -> 
     return Guide(lattice, np.repeat((space.cells & here)[None], lattice.planner.headings, axis=0))
 
 
-def _compiled(function: F) -> F:
-    compiled: F = numba.njit(cache=True, nogil=True)(function)
-    return compiled
-
-
-@_compiled
+@compiled
 def _solve(
     wanted: npt.NDArray[np.bool_],
     may_move: npt.NDArray[np.bool_],

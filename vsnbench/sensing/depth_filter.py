@@ -53,10 +53,9 @@ def share_invalid(depth_m: npt.NDArray[np.float32]) -> float:
 @cache
 def _kernel() -> Callable[..., Any]:
     """Return the compiled median; compiled on first use, and numba is imported only then."""
-    from numba import njit
+    from vsnbench.compilation import compiled
 
-    compiled: Callable[..., Any] = njit(cache=True, nogil=True)(_median_of_valid)
-    return compiled
+    return compiled(_median_of_valid)
 
 
 def _median_of_valid(

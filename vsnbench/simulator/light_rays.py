@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from vsnbench.simulator.kernel import kernel
+from vsnbench.compilation import compiled
 
 _FAR = 1e30
 _SKIN_M = 2e-3
 """Rays start this far above their surface, metres."""
 
 
-@kernel
+@compiled
 def _enter_slab(o: Any, d: Any, half: Any, low: Any, high: Any) -> Any:
     """Cut the stretch (low, high) of a ray down to what lies between two planes."""
     if abs(d) < 1e-12:
@@ -23,7 +23,7 @@ def _enter_slab(o: Any, d: Any, half: Any, low: Any, high: Any) -> Any:
     return max(low, min(first, second)), min(high, max(first, second))
 
 
-@kernel
+@compiled
 def _enter(
     shape: Any, hx: Any, hy: Any, hz: Any, ox: Any, oy: Any, oz: Any, dx: Any, dy: Any, dz: Any, limit: Any
 ) -> Any:
@@ -58,7 +58,7 @@ def _enter(
     return low if low <= high else _FAR
 
 
-@kernel
+@compiled
 def cast(
     px: Any,
     py: Any,
@@ -134,7 +134,7 @@ def cast(
     return best, found
 
 
-@kernel
+@compiled
 def _cast_from(
     start: Any, ray: Any, limit: Any, any_hit: Any, skip: Any, skip_instance: Any, world: Any, stamps: Any
 ) -> Any:
@@ -143,7 +143,7 @@ def _cast_from(
     )
 
 
-@kernel
+@compiled
 def light_points(
     points: Any,
     normals: Any,
@@ -302,7 +302,7 @@ def light_points(
         values[number, 3] = 1.0
 
 
-@kernel
+@compiled
 def fill_buried(start: Any, size: Any, values: Any) -> None:
     """Give every buried cell the mean of its lit neighbours, ring by ring."""
     for face in range(len(start)):

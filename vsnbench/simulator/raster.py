@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsnbench.simulator.kernel import kernel
+from vsnbench.compilation import compiled
 from vsnbench.simulator.textures import FULL, LEVELS, SIZE
 
 NEAR_M = 0.02
@@ -20,7 +20,7 @@ TONES = 4096
 """Steps of the table from light to sRGB; it ends at twice the light of white."""
 
 
-@kernel
+@compiled
 def draw_faces(
     eye: Any,
     axes: Any,
@@ -154,7 +154,7 @@ def draw_faces(
                         ids[column] = face
 
 
-@kernel
+@compiled
 def shade_pixels(
     eye: Any,
     axes: Any,

@@ -4,16 +4,14 @@ Bilinear, no antialiasing. Every rounding follows the one on which the original'
 multiplies and adds in one step: a level more or less at some pixels, as other resizers have it, shows in the logits.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-F = TypeVar("F", bound=Callable[..., Any])
+from vsnbench.compilation import compiled
+
 Floats = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 
@@ -71,19 +69,13 @@ def _samples(side: int, shorter: int, size_px: int) -> _Samples:
     return _Samples(before, after, np.float32(1) - after_weight, after_weight)
 
 
-def _compiled(function: F) -> F:
-    """Compile for the machine it runs on, once; kept on disk."""
-    compiled: F = numba.njit(cache=True, nogil=True)(function)
-    return compiled
-
-
-@_compiled
+@compiled
 def _mix(a: np.float32, a_weight: np.float32, b: np.float32, b_weight: np.float32) -> np.float32:
     """Return a * a_weight + b * b_weight with the first product not rounded: doubles hold it exactly."""
     return np.float32(np.float64(a) * np.float64(a_weight) + np.float64(np.float32(b * b_weight)))
 
 
-@_compiled
+@compiled
 def _sample(
     rgb: npt.NDArray[np.uint8],
     upper_rows: Indices,

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from vsnbench.models.vlv.kernel import kernel
+from vsnbench.compilation import compiled
 
 
-@kernel
+@compiled
 def project(
     depth_m: Any,
     ahead: Any,
@@ -93,7 +93,7 @@ def project(
             reach[column] = min(stop, seen_to, farthest * stretch)
 
 
-@kernel
+@compiled
 def carve(
     reach: Any,
     left: Any,
@@ -130,7 +130,7 @@ def carve(
                 crossed[at_row, at_column] = mark
 
 
-@kernel
+@compiled
 def weigh(
     hits: Any,
     floor: Any,

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from vsnbench.models.vlv.kernel import kernel
+from vsnbench.compilation import compiled
 
 
-@kernel
+@compiled
 def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, keys: Any, cells: Any) -> None:
     """Solve the eikonal equation by first-order fast marching (Sethian 1996).
 
@@ -109,7 +109,7 @@ def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, key
                 field[row, column] = math.inf
 
 
-@kernel
+@compiled
 def move_is_free(open_cells: Any, obstacles: Any, grid: Any, body: Any, x: float, y: float, heading: float) -> bool:
     """Whether one forward move keeps to open cells and has the free way ahead that the depth guard asks for.
 
@@ -147,7 +147,7 @@ def move_is_free(open_cells: Any, obstacles: Any, grid: Any, body: Any, x: float
     return True
 
 
-@kernel
+@compiled
 def search_actions(
     field: Any,
     open_cells: Any,
