@@ -33,6 +33,7 @@ SENSING: Final = "sensing"
 """The key under which lies how the look came about."""
 
 _LARGEST_INTEGER = 2**63
+_IN_DETAILS = ("a text in details", MOST_DETAILS_BYTES)
 _OVERHEAD_BYTES = 4
 """Of each value beside its text."""
 
@@ -145,7 +146,16 @@ def _point(value: object, what: str) -> tuple[float, float]:
 
 
 def _points(value: object, what: str) -> tuple[tuple[float, float], ...]:
-    return tuple(_point(each, f"{what}[{k}]") for k, each in enumerate(_items(value, what, MOST_POINTS)))
+    points = _items(value, what, MOST_POINTS)
+    return tuple(each if _is_point(each) else _point(each, f"{what}[{k}]") for k, each in enumerate(points))
+
+
+def _is_point(value: Any) -> bool:
+    """Whether it is what most policies give, and needs no copy."""
+    if type(value) is not tuple or len(value) != 2:
+        return False
+    x_m, y_m = value
+    return type(x_m) is float and type(y_m) is float and math.isfinite(x_m) and math.isfinite(y_m)
 
 
 def _box(value: object, what: str) -> Box:
@@ -197,6 +207,14 @@ class _Plain:
         self._room = MOST_DETAILS_BYTES
 
     def value(self, value: Any, depth: int) -> Any:
+        kind = type(value)  # the usual ones first: this walks through everything that a policy keeps
+        if kind is float:
+            self._spend(2 * _OVERHEAD_BYTES)
+            return value if math.isfinite(value) else None
+        if kind is dict:
+            return self.mapping(value, depth)
+        if kind is list:
+            return self._sequence(value, depth)
         match value:
             case None | bool():
                 self._spend(_OVERHEAD_BYTES)
@@ -210,9 +228,7 @@ class _Plain:
                 self._spend(2 * _OVERHEAD_BYTES)
                 return float.__float__(value) if math.isfinite(value) else None
             case str():
-                text = _text(value, "a text in details", MOST_DETAILS_BYTES)
-                self._spend(_OVERHEAD_BYTES + len(text))
-                return text
+                return self._text(value)
             case Mapping():
                 return self.mapping(value, depth)
             case list() | tuple():
@@ -226,10 +242,19 @@ class _Plain:
         self._descend(depth)
         kept: dict[str, Any] = {}
         for key, item in value.items():
-            if not isinstance(key, str | int):
+            if isinstance(key, str):
+                name = self._text(key)
+            elif isinstance(key, int):
+                name = str(self.value(key, depth))
+            else:
                 raise DecisionError(f"details have a key that is no text but {_kind(key)}")
-            kept[str(self.value(key, depth))] = self.value(item, depth + 1)
+            kept[name] = self.value(item, depth + 1)
         return kept
+
+    def _text(self, value: str) -> str:
+        text = value if type(value) is str else str.__str__(value)
+        self._spend(_OVERHEAD_BYTES + len(text))
+        return text if text.isascii() and "\x00" not in text else _text(text, *_IN_DETAILS)
 
     def _sequence(self, value: Sequence[Any], depth: int) -> list[Any]:
         self._descend(depth)

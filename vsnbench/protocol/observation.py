@@ -132,7 +132,9 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor]) -> Obs
         measured["pose"] = Pose(pose.x_m, pose.y_m, pose.heading_rad)
     if Sensor.INSTANCES in sensors and observation.instances is not None:
         labels = observation.instances
-        measured["instances"] = InstanceImage(_private(labels.ids), dict(labels.categories))
+        ids = labels.ids.view()  # no copy: neither guard nor record looks at the simulator's labels
+        ids.flags.writeable = False
+        measured["instances"] = InstanceImage(ids, dict(labels.categories))
     return observation_of(observation.stamp_s, observation.camera.model_copy(), **measured)
 
 
