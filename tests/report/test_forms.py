@@ -16,9 +16,10 @@ from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.latex import escaped as latex_escaped
 from vsnbench.report.forms.markdown import markdown
 from vsnbench.report.forms.plain import to_csv, to_json
-from vsnbench.report.forms.terminal import fitted, print_sheets
+from vsnbench.report.forms.terminal import print_sheets
 from vsnbench.report.record import Selection
 from vsnbench.report.reference_tables import reference_sheets
+from vsnbench.report.sheets import fitted
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 
@@ -144,5 +145,5 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
 
 
 def test_columns_without_a_rank_stay(hostile: Report) -> None:
-    sheet = fitted(hostile.sheets()[0], 1)
+    sheet = fitted(hostile.sheets()[0], lambda part: False)
     assert [column.heading for column in sheet.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]

@@ -11,11 +11,21 @@ from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
+from vsnbench.report.question import Question, questions
+from vsnbench.report.question_tables import question_sheets
 from vsnbench.report.record import Record, Selection, goal_order, read_record
 from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
 from vsnbench.report.sheets import Sheet
 from vsnbench.report.summary import Results, summarise
-from vsnbench.report.tables import action_sheet, end_sheet, goal_sheet, real_sheet, stability_sheet, start_sheet
+from vsnbench.report.tables import (
+    action_sheet,
+    end_sheet,
+    goal_sheet,
+    overview_sheet,
+    real_sheet,
+    stability_sheet,
+    start_sheet,
+)
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:
@@ -55,11 +65,16 @@ class Report:
     """None where only the rates were asked for."""
     reference: bool = False
     """The paper's numbers are laid beside."""
+    questions: tuple[Question, ...] = ()
+    """Which model succeeds more often, wherever that can be asked; empty where only the rates were asked for."""
 
     def sheets(self, *, long: bool = False) -> list[Sheet]:
         """Return the sheets in the order in which they are read; `long` adds those that are long."""
         results = self.results
-        sheets = [goal_sheet(one, results.shared_goals) for one in results.conditions]
+        sheets = question_sheets(self.questions)
+        if len(results.conditions) > 1:
+            sheets.append(overview_sheet(results))
+        sheets += [goal_sheet(one, results.shared_goals) for one in results.conditions]
         if self.reference:
             sheets.append(beside_sheet(results))
         if real := real_sheet(results):
@@ -94,7 +109,7 @@ def build(
         selection: which part of it.
         results_directory: where the images of its episodes lie.
         reference: lay the paper's numbers beside.
-        activity: count actions and distances too.
+        activity: count actions and distances, and compare models, too.
         meanwhile: is handed the report without its activity while the actions are still counted.
         beside: counts the actions; a thread when absent, which takes longer: SQLite's threads wait for one another.
 
@@ -107,6 +122,7 @@ def build(
     with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
         counting = counter.submit(_actions, url, selection)
         report = _uncounted(url, selection, results_directory, reference=reference)
+        report = replace(report, questions=questions(report.record, report.results))
         robots = _robots(url, report.record)
         if meanwhile:
             meanwhile(report)

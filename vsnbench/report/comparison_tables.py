@@ -61,7 +61,8 @@ def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> lis
             *(others if all_tests else ()),
         ),
         rows=tuple(_rate_row(rate, comparison.asked, all_tests=all_tests) for rate in comparison.rates),
-        notes=(*verdicts(comparison), *footnotes([comparison.first, comparison.second])),
+        notes=verdicts(comparison),
+        footnotes=footnotes([comparison.first, comparison.second]),
     )
     if not comparison.effects:
         return [kept(rates)]
@@ -128,7 +129,8 @@ def contest_sheet(contest: Contest) -> Sheet:
             )
             for one in contest.standings
         ),
-        notes=(*notes, *footnotes(conditions)),
+        notes=tuple(notes),
+        footnotes=footnotes(conditions),
     )
 
 

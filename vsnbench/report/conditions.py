@@ -169,7 +169,10 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
             words = ", ".join(own[facet] for facet in telling if facet in own)
             names[place] = f"{model} {words}" if words else model
             differing[place] = tuple(
-                word for facet, word in own.items() if "=" in word and any(word != other.get(facet) for other in facets)
+                word
+                for facet, word in own.items()
+                # Of noise that others have none of, `sensor noise on` says it.
+                if "=" in word and any(_differs(facet, word, other) for other in facets)
             )
     taken = list(names.values())
     for place, one in enumerate(conditions):
@@ -178,6 +181,10 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
         if clashes or bare:
             names[place] = f"{names[place]} #{one.number}"
     return tuple(replace(one, name=names[place], differing=differing[place]) for place, one in enumerate(conditions))
+
+
+def _differs(facet: str, word: str, other: Mapping[str, str]) -> bool:
+    return word != other.get(facet) and (facet in other or not facet.startswith("robot noise."))
 
 
 def _telling(facets: Sequence[Mapping[str, str]]) -> list[str]:

@@ -13,6 +13,7 @@ from vsnbench.report.build import Report, build
 from vsnbench.report.conditions import Condition
 from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.courses import mileage, outcomes_over_actions
+from vsnbench.report.figures.differences import differences
 from vsnbench.report.figures.plans import success_maps, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.style import Drawing
@@ -28,7 +29,15 @@ MOST_TRAJECTORIES = 6
 TRAJECTORIES_BESIDE = 3
 """Of these conditions a second process draws the trajectories: they take about as long as all that is left."""
 
-_ORDER = ("success-by-goal", "outcomes-over-actions", "success-map", "trajectories", "actions", "mileage")
+_ORDER = (
+    "differences",
+    "success-by-goal",
+    "outcomes-over-actions",
+    "success-map",
+    "trajectories",
+    "actions",
+    "mileage",
+)
 """Figures in the order in which they are looked at, by the beginning of their names."""
 
 
@@ -98,6 +107,7 @@ def _beside(*, can_fork: bool) -> Executor:
 def _charts(report: Report) -> Iterator[Drawing]:
     """Draw what needs no counted actions."""
     record, results = report.record, report.results
+    yield from differences(report.questions)
     yield from success_by_goal(results, published_results() if report.reference else None)
     yield from outcomes_over_actions(record, results)
     yield from success_maps(
@@ -137,8 +147,8 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
     left_out = ""
     if others := [one.condition.name for _, one in placed[MOST_TRAJECTORIES:]]:
         left_out = (
-            f"Drawn for {MOST_TRAJECTORIES} of {len(placed)} conditions, not for {', '.join(others)}: "
-            "`vsnbench report --model NAME --output DIR` draws those of one model. "
+            f" Drawn for {MOST_TRAJECTORIES} of {len(placed)} conditions, not for {', '.join(others)}: "
+            "`vsnbench report --model NAME --output DIR` draws those of one model."
         )
     engine = open_record(url)
     try:

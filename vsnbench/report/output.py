@@ -6,7 +6,7 @@ from pathlib import Path
 from vsnbench import loopback
 from vsnbench.errors import RecordError
 from vsnbench.report.build import Report
-from vsnbench.report.figures.style import Drawing
+from vsnbench.report.figures.style import COLUMN_IN, Drawing
 from vsnbench.report.forms.html import html_page
 from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.markdown import markdown
@@ -24,13 +24,17 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         RecordError: the directory cannot be written.
     """
     sheets = report.sheets(long=True)
+    figures = [
+        (f"figures/{each.name}.pdf", each.width_in > 1.2 * COLUMN_IN, f"{each.title}. {each.caption}")
+        for each in drawings
+    ]
     files: dict[str, bytes] = {
         "report.html": html_page(report, sheets, drawings).encode(),
         "report.md": markdown(sheets).encode(),
         "report.csv": to_csv(report.results).encode(),
         "report.json": to_json(report.results).encode(),
         "tables.tex": latex(sheets).encode(),
-        "report.tex": document(sheets).encode(),
+        "report.tex": document(sheets, figures).encode(),
     }
     for drawing in drawings:
         files[f"figures/{drawing.name}.svg"] = drawing.svg()

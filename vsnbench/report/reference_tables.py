@@ -86,7 +86,8 @@ def beside_sheet(results: Results) -> Sheet:
                 Column("95 % interval", note="Newcombe's interval of that difference, points"),
             ),
             rows=tuple(rows),
-            notes=(f"Published: {published().source}.", *footnotes([one.condition for one in results.conditions])),
+            notes=(f"Published: {published().source}.",),
+            footnotes=footnotes([one.condition for one in results.conditions]),
         )
     )
 

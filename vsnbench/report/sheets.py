@@ -1,7 +1,7 @@
 """A sheet: a table of finished words that every form (terminal, Markdown, LaTeX, HTML) only has to set."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 UNKNOWN = "–"
@@ -51,6 +51,10 @@ class Sheet:
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = field(default=())
+    footnotes: tuple[str, ...] = field(default=())
+    """What the names in it stand for; a form says each once, however many sheets have it."""
+    condition: int | None = None
+    """Number of the one condition that it is about."""
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -102,13 +106,37 @@ def listed(words: Iterable[object]) -> str:
     return ", ".join(str(each) for each in words) or "none"
 
 
+def footnotes_of(sheets: Iterable[Sheet]) -> tuple[str, ...]:
+    """Return the footnotes of several sheets, each once."""
+    return tuple(dict.fromkeys(words for sheet in sheets for words in sheet.footnotes))
+
+
+def fitted(sheet: Sheet, fits: Callable[[Sheet], bool]) -> Sheet:
+    """Return the sheet without the columns for which there is no room, the least telling first.
+
+    Args:
+        sheet: to be shown; its columns of rank 0 stay.
+        fits: whether what is left has room.
+    """
+    while not fits(sheet):
+        highest = max(range(len(sheet.columns)), key=lambda place: (sheet.columns[place].rank, place))
+        if sheet.columns[highest].rank == 0:
+            break
+        sheet = _with_columns(sheet, [place for place in range(len(sheet.columns)) if place != highest])
+    return sheet
+
+
 def kept(sheet: Sheet) -> Sheet:
     """Return the sheet without the columns in which nothing is known."""
-    places = [
+    known = [
         place
         for place in range(len(sheet.columns))
         if not sheet.rows or any(row.cells[place].text != UNKNOWN for row in sheet.rows)
     ]
+    return _with_columns(sheet, known)
+
+
+def _with_columns(sheet: Sheet, places: Sequence[int]) -> Sheet:
     return replace(
         sheet,
         columns=tuple(sheet.columns[place] for place in places),

@@ -1,11 +1,14 @@
 """The tables of a report as sheets: by goal, by starting position, by end reason."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.activity import ActionCount, RobotActivity
 from vsnbench.report.conditions import footnotes
+from vsnbench.report.record import goal_order
 from vsnbench.report.sheets import (
+    UNKNOWN,
     Cell,
     Column,
     Row,
@@ -42,6 +45,38 @@ _COVERAGE = (
 )
 
 
+def overview_sheet(results: Results) -> Sheet:
+    """Success rates of every condition by goal, a line each: the table for a paper's column."""
+    goals = sorted({goal.goal for one in results.conditions for goal in one.goals}, key=goal_order)
+    rows = []
+    for one in results.conditions:
+        known = {goal.goal: goal.summary for goal in one.goals}
+        cells = [percent(known[goal].success_rate, 0) if goal in known else Cell(UNKNOWN, -math.inf) for goal in goals]
+        total, interval = one.total, one.total.interval
+        rows.append(
+            row(
+                word(one.condition.name),
+                *cells,
+                percent(total.success_rate, 1),
+                interval_percent(interval.low, interval.high, 1),
+                count(total.episodes),
+            )
+        )
+    return Sheet(
+        name="overview",
+        title="Success rate by goal, percent",
+        columns=(
+            Column("model", number=False),
+            *(Column(goal, rank=1) for goal in goals),
+            Column("all"),
+            Column("95 % interval", note="of all, percent"),
+            Column("n", note="episodes that count, all goals"),
+        ),
+        rows=tuple(rows),
+        footnotes=footnotes([one.condition for one in results.conditions]),
+    )
+
+
 def goal_sheet(one: ConditionSummary, shared_goals: Iterable[str] = ()) -> Sheet:
     """Success by goal category under one condition (paper, Tables 4 and 5, with what they leave out)."""
     rows = [_summary_row(goal.goal, goal.summary) for goal in one.goals]
@@ -54,6 +89,7 @@ def goal_sheet(one: ConditionSummary, shared_goals: Iterable[str] = ()) -> Sheet
         columns=(Column("goal", number=False), *_RATES, *_MEASURES, *_COVERAGE),
         rows=tuple(rows),
         notes=(one.condition.description, *_caveats(one.total)),
+        condition=one.condition.number,
     )
 
 
@@ -70,6 +106,7 @@ def start_sheet(one: ConditionSummary) -> Sheet:
             if start.start > 0  # 0 is what an import knows no number for
         ),
         notes=(f"Positions that never succeed: {listed(never)}.",) if one.total.episodes else (),
+        condition=one.condition.number,
     )
 
 
@@ -99,7 +136,7 @@ def end_sheet(results: Results) -> Sheet:
             Column("kind", number=False),
         ),
         rows=tuple(rows),
-        notes=footnotes([one.condition for one in results.conditions]),
+        footnotes=footnotes([one.condition for one in results.conditions]),
     )
 
 
@@ -227,7 +264,8 @@ def action_sheet(results: Results, actions: Sequence[ActionCount]) -> Sheet:
             Column("%"),
         ),
         rows=tuple(rows),
-        notes=("Over the episodes that count.", *footnotes([one.condition for one in results.conditions])),
+        notes=("Over the episodes that count.",),
+        footnotes=footnotes([one.condition for one in results.conditions]),
     )
 
 

@@ -85,7 +85,8 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
         page_name("actions", number),
         f"Actions chosen and executed{f' ({number} of {pages})' if pages > 1 else ''}",
         _alt(panels),
-        " ".join([caption, *footnotes([one.condition for one, _ in panels])]),
+        caption,
+        footnotes([one.condition for one, _ in panels]),
         figure,
     )
 

@@ -78,7 +78,8 @@ def _outcomes(record: Record, drawn: Sequence[ConditionSummary], number: int, pa
         page_name("outcomes-over-actions", number),
         f"When episodes succeed, and when they fail{f' ({number} of {pages})' if pages > 1 else ''}",
         f"Shares of episodes that succeeded and failed by action count. {words}.",
-        " ".join([caption, *footnotes([one.condition for one in drawn])]),
+        caption,
+        footnotes([one.condition for one in drawn]),
         figure,
     )
 
@@ -139,4 +140,4 @@ def mileage(record: Record) -> Drawing | None:
     caption = (
         "Distance over driving time on the robot's clock, over all attempts: the robot drove in the void ones too."
     )
-    return Drawing("mileage", "Mileage", f"Distance over driving time. {words}.", caption, figure)
+    return Drawing("mileage", "Mileage", f"Distance over driving time. {words}.", caption, (), figure)

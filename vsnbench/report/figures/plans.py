@@ -81,8 +81,9 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track], 
         f"trajectories-{one.condition.number}",
         f"Trajectories of {name}",
         f"Floor plans with the trajectories of {name}, one plan a goal, by outcome.",
-        "Where the robot went, one plan a goal, its instances in colour; the numbers are successes of episodes. "
-        f"{left_out}{footnotes([one.condition])[0]}",
+        "Where the robot went, one plan a goal, its instances in colour; the numbers are successes of episodes."
+        f"{left_out}",
+        footnotes([one.condition]),
         figure,
     )
 
@@ -127,9 +128,8 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         page_name("success-map", number),
         f"Success by starting position{f' ({number} of {pages})' if pages > 1 else ''}",
         f"Floor plans with the success rate at each starting position. Never a success from: {said}.",
-        " ".join(
-            ["The filled part of a disk is the success rate from that starting position.", *footnotes(conditions)]
-        ),
+        "The filled part of a disk is the success rate from that starting position.",
+        footnotes(conditions),
         figure,
     )
 

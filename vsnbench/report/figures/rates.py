@@ -97,7 +97,8 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
         page_name("success-by-goal", number),
         f"Success by goal{f' ({number} of {pages})' if pages > 1 else ''}",
         _alt(ours),
-        " ".join([caption, *footnotes([one.condition for one in series])]),
+        caption,
+        footnotes([one.condition for one in series]),
         figure,
     )
 

@@ -52,15 +52,20 @@ class Drawing:
     alt: str
     """What it shows, for who cannot see it; the numbers are in the tables."""
     caption: str
-    """How to read it, which conditions it draws, and what their names stand for."""
+    """How to read it, and what is left out."""
+    footnotes: tuple[str, ...]
+    """What the names in it stand for."""
     figure: "Figure | None"
     """None once it is finished."""
     width_in: float = field(init=False)
+    height_in: float = field(init=False)
     _files: dict[str, bytes] = field(default_factory=dict, init=False, repr=False)
     """What has been saved already: the page and the directory want the same."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "width_in", self.figure.get_figwidth() if self.figure is not None else 0.0)
+        width_in, height_in = (0.0, 0.0) if self.figure is None else self.figure.get_size_inches()
+        object.__setattr__(self, "width_in", float(width_in))
+        object.__setattr__(self, "height_in", float(height_in))
 
     def finish(self) -> Self:
         """Save it in every form and let go of the figure: what is left can go from one process to another."""

@@ -14,8 +14,9 @@ from vsnbench.database.read_model import COUNTED
 from vsnbench.harmless_text import harmless
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import COLUMN_IN, Drawing
+from vsnbench.report.question import is_competitor
 from vsnbench.report.record import Record
-from vsnbench.report.sheets import Cell, Sheet, count, decimal, word
+from vsnbench.report.sheets import Cell, Sheet, count, decimal, footnotes_of, word
 from vsnbench.report.strips import strip_of
 from vsnbench.report.summary import ConditionSummary
 
@@ -23,12 +24,13 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MOST_EPISODES = 1000
-MOST_STRIPS = 400
+MOST_STRIPS = 250
 """The page stays a file that a browser opens at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Card:
+    number: int
     title: str
     rate: str
     interval: str
@@ -40,14 +42,37 @@ class _Card:
 
 
 @dataclass(frozen=True, slots=True)
+class _Shelf:
+    """Cards of one kind, apart from the others."""
+
+    kind: str
+    heading: str
+    cards: tuple[_Card, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """Tables that open together."""
+
+    name: str
+    title: str
+    words: str
+    sheets: tuple[Sheet, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class _Figure:
     name: str
     title: str
     alt: str
+    caption: str
+    footnotes: tuple[str, ...]
     data: str
     wide: bool
     """It takes a line of its own."""
     width_rem: str
+    shape: str
+    """Its width over its height, so that the page does not move when it is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +127,9 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
     episodes = list(_episodes(report.record))
     whole = len(report.record.episodes)
     lead = f"All {whole} episodes." if whole <= len(episodes) else f"The first {len(episodes)} of {whole} episodes."
-    if any(episode.strip for episode in episodes):
-        lead += " Pictures: five frames from the first to the last."
+    if strips := sum(bool(episode.strip) for episode in episodes):
+        few = f" of the first {strips} that have any" if strips == MOST_STRIPS else ""
+        lead += f" Pictures: five frames from the first to the last{few}."
     from markupsafe import Markup
 
     return template.render(
@@ -115,15 +141,42 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
         script=Markup(script),  # noqa: S704 - our own files, not text from the record
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         style=Markup(style),  # noqa: S704
-        cards=[_card(one) for one in results.conditions],
-        sheets=sheets,
+        questions=report.questions,
+        shelves=_shelves(results.conditions),
+        folds=_folds(results.conditions, sheets),
         figures=[_figure(drawing) for drawing in drawings],
         episodes=episodes,
         episodes_lead=lead,
         episode_columns=_EPISODE_COLUMNS,
         glossary=GLOSSARY,
+        names=footnotes_of(sheets),
         footer=f"Made by vsnbench {__version__} from the record alone.",
     )
+
+
+def _shelves(conditions: Sequence[ConditionSummary]) -> list[_Shelf]:
+    """Set apart who can be compared, what is an upper bound, and what is too little to compare."""
+    peers = [one for one in conditions if is_competitor(one)]
+    bounds = [one for one in conditions if one.condition.surveyed]
+    few = [one for one in conditions if one not in peers and one not in bounds]
+    shelves = (
+        ("peers", "Success rate over all goals, 95 % interval", peers),
+        ("few", "Too little to compare", few),
+        ("bounds", "Upper bounds: handed the site, no competitors", bounds),
+    )
+    return [_Shelf(kind, heading, tuple(map(_card, members))) for kind, heading, members in shelves if members]
+
+
+def _folds(conditions: Sequence[ConditionSummary], sheets: Sequence[Sheet]) -> list[_Fold]:
+    """Fold the tables of a condition together; what is about several stands by itself, and first."""
+    folds = [_Fold(f"fold-{sheet.name}", sheet.title, "", (sheet,)) for sheet in sheets if sheet.condition is None]
+    for one in conditions:
+        own = tuple(sheet for sheet in sheets if sheet.condition == one.condition.number)
+        if own:
+            card = _card(one)
+            words = f"{card.rate} {card.interval}, {one.total.successes}/{one.total.episodes}"
+            folds.append(_Fold(f"condition-{one.condition.number}", card.title, words, own))
+    return folds
 
 
 @cache
@@ -150,7 +203,10 @@ def _card(one: ConditionSummary) -> _Card:
     words = f"{total.successes}/{total.episodes} episodes, {total.episodes}/{total.planned} trials done"
     if total.void:
         words += f", {total.void} void beside"
+    if total.repeats:
+        words += f"; {total.repeats}"
     return _Card(
+        number=one.condition.number,
         title=harmless(one.condition.name),
         rate=rate,
         interval=span,
@@ -167,9 +223,12 @@ def _figure(drawing: Drawing) -> _Figure:
         name=f"figure-{drawing.name}",
         title=drawing.title,
         alt=drawing.alt,
+        caption=drawing.caption,
+        footnotes=drawing.footnotes,
         data=base64.b64encode(drawing.svg()).decode(),
         wide=drawing.width_in > COLUMN_IN * 1.2,
         width_rem=f"{drawing.width_in * 9:.1f}",
+        shape=f"{drawing.width_in:.3f}/{drawing.height_in:.3f}",
     )
 
 

@@ -1,14 +1,47 @@
-"""Sheets as LaTeX tables for a paper: booktabs, numbers aligned, the caption says what n and the interval are."""
+"""Sheets as LaTeX tables for a two-column paper: booktabs, type that fits, captions that say n and interval."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from vsnbench.harmless_text import harmless
-from vsnbench.report.sheets import Column, Sheet
+from vsnbench.report.sheets import Column, Sheet, fitted, footnotes_of
 
 PREAMBLE = r"""% \usepackage[T1]{fontenc}
-% \usepackage{booktabs}
-% \usepackage{graphicx}"""
+% \usepackage{array}
+% \usepackage{booktabs}"""
 """What a paper needs to load, as comments: the tables are meant to be pasted."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Size:
+    """A size of type and the width of a letter in it, as digits and bold headings come out on average."""
+
+    command: str
+    letter_pt: float
+
+
+_SIZES = (_Size(r"\small", 4.7), _Size(r"\footnotesize", 4.2), _Size(r"\scriptsize", 3.7))
+_COLUMN_PT, _PAGE_PT = 243.0, 498.0
+"""Of a two-column paper on A4 or letter, with margins of 2 cm and more."""
+_GAP_PT = 6.0
+_WRAPPED_LETTERS = 22
+"""A name that is longer is set in lines."""
+_FLOATS_AT_ONCE = 12
+"""LaTeX keeps so many waiting without complaint."""
+
+_OPENING = r"""\documentclass[a4paper,twocolumn]{article}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\IfFileExists{lmodern.sty}{\usepackage{lmodern}}{}
+\usepackage{textcomp}
+\usepackage{array}
+\usepackage{booktabs}
+\usepackage{graphicx}
+\usepackage[margin=1.8cm]{geometry}
+\setcounter{totalnumber}{20}\setcounter{topnumber}{20}\setcounter{dbltopnumber}{20}
+\renewcommand{\topfraction}{.98}\renewcommand{\dbltopfraction}{.98}\renewcommand{\textfraction}{.02}
+\renewcommand{\floatpagefraction}{.6}\renewcommand{\dblfloatpagefraction}{.6}
+\begin{document}"""
 
 _ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -28,32 +61,34 @@ _ESCAPES = {
     "`": r"\textasciigrave{}",
     "²": r"\textsuperscript{2}",
     "–": r"\textendash{}",
+    "−": r"\textminus{}",
+    "…": r"\ldots{}",
     "°": r"\textdegree{}",
 }
 
 
 def latex(sheets: Iterable[Sheet]) -> str:
-    """Return one `table` environment a sheet."""
-    return PREAMBLE + "\n\n" + "\n\n".join(_table(sheet) for sheet in sheets) + "\n"
+    """Return one float a sheet, `table` where it fits a column of a two-column paper, else `table*`."""
+    sheets = list(sheets)
+    names = "".join(f"% {harmless(words)}\n" for words in footnotes_of(sheets))
+    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_float(sheet) for sheet in sheets) + "\n"
 
 
-def document(sheets: Iterable[Sheet]) -> str:
-    """Return a document of its own that compiles with pdflatex."""
-    return "\n".join(
-        [
-            r"\documentclass[a4paper]{article}",
-            r"\usepackage[T1]{fontenc}",
-            r"\usepackage[utf8]{inputenc}",
-            r"\usepackage{textcomp}",
-            r"\usepackage{booktabs}",
-            r"\usepackage{graphicx}",
-            r"\usepackage[margin=2cm]{geometry}",
-            r"\begin{document}",
-            *(_table(sheet) + "\n" + r"\clearpage" for sheet in sheets),
-            r"\end{document}",
-            "",
-        ]
-    )
+def document(sheets: Iterable[Sheet], figures: Iterable[tuple[str, bool, str]] = ()) -> str:
+    """Return a two-column document of its own that compiles with pdflatex.
+
+    Args:
+        sheets: the tables.
+        figures: file, whether it is wider than a column, and caption of each.
+    """
+    sheets = list(sheets)
+    names = [rf"\item {escaped(words)}" for words in footnotes_of(sheets)]
+    said = [r"\section*{What the names stand for}", r"\begin{itemize}", *names, r"\end{itemize}"] if names else []
+    floats = [*(_figure(*figure) for figure in figures), *(_float(sheet) for sheet in sheets)]
+    parts = [
+        "\n".join([*floats[at : at + _FLOATS_AT_ONCE], r"\clearpage"]) for at in range(0, len(floats), _FLOATS_AT_ONCE)
+    ]
+    return "\n".join([_OPENING, *said, *parts, r"\end{document}", ""])
 
 
 def escaped(text: str) -> str:
@@ -72,16 +107,20 @@ def _mark(mark: str) -> str:
     return f"U+{ord(mark):04X}"
 
 
-def _table(sheet: Sheet) -> str:
-    columns = "".join("r" if column.number else "l" for column in sheet.columns)
-    # Wide tables shrink to the line; narrow ones keep the size of their text.
+def _float(sheet: Sheet) -> str:
+    size = next((size for size in _SIZES if _width_pt(sheet, size) <= _COLUMN_PT), None)
+    wide = size is None
+    if size is None:
+        size = next((size for size in _SIZES if _width_pt(sheet, size) <= _PAGE_PT), _SIZES[-1])
+        sheet = fitted(sheet, lambda part: _width_pt(part, size) <= _PAGE_PT)
+    environment = "table*" if wide else "table"
+    columns = "".join(_alignment(sheet, place) for place in range(len(sheet.columns)))
     lines = [
-        r"\begin{table}[htbp]",
+        rf"\begin{{{environment}}}[tbp]",
         r"\centering",
         rf"\caption{{{_caption(sheet)}}}",
         rf"\label{{tab:{_label(sheet.name)}}}",
-        r"\medskip",
-        r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%",
+        rf"{size.command}\setlength{{\tabcolsep}}{{{_GAP_PT / 2:g}pt}}",
         rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"\toprule",
         " & ".join(_heading(column) for column in sheet.columns) + r" \\",
@@ -91,7 +130,41 @@ def _table(sheet: Sheet) -> str:
         if row.total and index and not sheet.rows[index - 1].total:
             lines.append(r"\midrule")
         lines.append(" & ".join(escaped(cell.text) for cell in row.cells) + r" \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}}", r"\end{table}"])
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", rf"\end{{{environment}}}"])
+
+
+def _figure(file: str, wide: bool, caption: str) -> str:
+    environment = "figure*" if wide else "figure"
+    return "\n".join(
+        [
+            rf"\begin{{{environment}}}[tbp]",
+            r"\centering",
+            rf"\includegraphics[width=\linewidth,height=.8\textheight,keepaspectratio]{{{file}}}",
+            rf"\caption{{{escaped(caption)}}}",
+            rf"\end{{{environment}}}",
+        ]
+    )
+
+
+def _alignment(sheet: Sheet, place: int) -> str:
+    if sheet.columns[place].number:
+        return "r"
+    if _letters(sheet, place) > _WRAPPED_LETTERS:
+        return rf">{{\raggedright\arraybackslash}}p{{{_WRAPPED_LETTERS / 2:g}em}}"
+    return "l"
+
+
+def _letters(sheet: Sheet, place: int) -> int:
+    return max(len(sheet.columns[place].heading), *(len(row.cells[place].text) for row in sheet.rows), 0)
+
+
+def _width_pt(sheet: Sheet, size: _Size) -> float:
+    """Estimate the width of a table: names wrap, numbers do not."""
+    letters = [
+        _letters(sheet, place) if column.number else min(_letters(sheet, place), _WRAPPED_LETTERS)
+        for place, column in enumerate(sheet.columns)
+    ]
+    return size.letter_pt * sum(letters) + _GAP_PT * (len(letters) - 1)
 
 
 def _heading(column: Column) -> str:

@@ -4,12 +4,14 @@ import re
 from collections.abc import Iterable
 
 from vsnbench.harmless_text import harmless
-from vsnbench.report.sheets import Cell, Row, Sheet
+from vsnbench.report.sheets import Cell, Row, Sheet, footnotes_of
 
 
 def markdown(sheets: Iterable[Sheet]) -> str:
     """Return the sheets as Markdown; columns line up in a fixed-width editor too."""
-    return "\n\n".join(_sheet(sheet) for sheet in sheets) + "\n"
+    sheets = list(sheets)
+    footnotes = [f"- {escaped(words)}" for words in footnotes_of(sheets)]
+    return "\n\n".join([*map(_sheet, sheets), *(["\n".join(footnotes)] if footnotes else [])]) + "\n"
 
 
 def escaped(text: str) -> str:

@@ -1,11 +1,10 @@
 """Sheets as tables on a terminal."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from vsnbench.harmless_text import harmless
-from vsnbench.report.sheets import Sheet
+from vsnbench.report.sheets import Sheet, fitted, footnotes_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,8 +16,9 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
     from rich.table import Table
     from rich.text import Text
 
+    sheets = list(sheets)
     for whole in sheets:
-        sheet = fitted(whole, console.width)
+        sheet = fitted(whole, lambda part: _width(part) <= console.width)
         table = Table(
             title=Text(harmless(sheet.title), style="bold"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
         )
@@ -40,33 +40,21 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
         if left_out := [column.heading for column in whole.columns if column not in sheet.columns]:
             console.print(Text(f"No room here for {', '.join(left_out)}: a wider terminal shows them.", style="dim"))
         console.print()
+    for words in footnotes_of(sheets):
+        console.print(Text(harmless(words), style="dim"))
 
 
-def fitted(sheet: Sheet, width: int) -> Sheet:
-    """Return the sheet without the columns for which a terminal of this width has no room, the least telling first."""
-    places = list(range(len(sheet.columns)))
-    while _width(sheet, places) > width:
-        highest = max(places, key=lambda place: (sheet.columns[place].rank, place))
-        if sheet.columns[highest].rank == 0:
-            break
-        places.remove(highest)
-    return replace(
-        sheet,
-        columns=tuple(sheet.columns[place] for place in places),
-        rows=tuple(replace(row, cells=tuple(row.cells[place] for place in places)) for row in sheet.rows),
-    )
-
-
-def _width(sheet: Sheet, places: list[int]) -> int:
+def _width(sheet: Sheet) -> int:
     texts = [
-        [sheet.columns[place].heading, *(harmless(row.cells[place].text) for row in sheet.rows)] for place in places
+        [column.heading, *(harmless(row.cells[place].text) for row in sheet.rows)]
+        for place, column in enumerate(sheet.columns)
     ]
     # A word column may wrap to some extent, a number must not.
     widest = [
-        max(map(len, column)) if sheet.columns[place].number else min(_WRAP, max(map(len, column)))
-        for place, column in zip(places, texts, strict=True)
+        max(map(len, words)) if column.number else min(_WRAP, max(map(len, words)))
+        for column, words in zip(sheet.columns, texts, strict=True)
     ]
-    return sum(widest) + 3 * len(places) + 1
+    return sum(widest) + 3 * len(widest) + 1
 
 
 _WRAP = 16

@@ -1,0 +1,83 @@
+"""Who is better, and how sure: the difference of every pair of models with its interval."""
+
+from collections.abc import Iterator, Sequence
+
+from vsnbench.report.compare import Comparison, RateComparison
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import shown, wrapped
+from vsnbench.report.figures.style import (
+    FAINT,
+    INK,
+    PAGE_IN,
+    SUCCESS,
+    Drawing,
+    light_grid,
+    new_figure,
+    page_name,
+    styled,
+)
+from vsnbench.report.question import Question
+
+_LABEL_PT = 6.5
+
+
+def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
+    """Draw, a figure a question, the difference in success rate of every pair, the better one named first."""
+    asked = [(question, list(question.pairs)) for question in questions]
+    asked = [(question, pairs) for question, pairs in asked if pairs]
+    for number, (question, pairs) in enumerate(asked, start=1):
+        yield _drawing(question, pairs, number, len(asked))
+
+
+def _drawing(
+    question: Question, pairs: Sequence[tuple[Comparison, RateComparison]], number: int, figures: int
+) -> Drawing:
+    width, said = PAGE_IN * 0.75, []
+    with styled():
+        rows = []
+        for comparison, rate in pairs:
+            names, sign = [comparison.first.name, comparison.second.name], 1.0
+            if rate.difference < 0:
+                names, sign = names[::-1], -1.0
+            ends = sorted((sign * rate.interval.low, sign * rate.interval.high))
+            rows.append((names, sign * rate.difference, ends, rate.covered and rate.significant))
+        rows.sort(key=lambda row: -row[1])
+        labels = [wrapped(f"{names[0]} − {names[1]}", width * 0.42, _LABEL_PT) for names, *_ in rows]
+        lines = [label.count("\n") + 1 for label in labels]
+        figure = new_figure(width, 0.5 + sum(0.1 + 0.11 * line for line in lines))
+        axes = figure.subplots()
+        place, places = 0.0, []
+        for (names, difference, (low, high), sure), line in zip(rows, lines, strict=True):
+            places.append(place + (0.9 + line) / 2)
+            place += 0.9 + line
+            color = SUCCESS if sure else FAINT
+            axes.plot([100 * low, 100 * high], [places[-1]] * 2, color=color, linewidth=1.2, solid_capstyle="butt")
+            axes.plot(
+                [100 * difference],
+                [places[-1]],
+                marker="o" if sure else "D",
+                markersize=4,
+                color=color,
+                markerfacecolor=color if sure else "white",
+            )
+            told = "told apart" if sure else "not told apart"
+            interval = f"[{100 * low:.1f}, {100 * high:.1f}]"
+            said.append(f"{shown(names[0])} less {shown(names[1])}: {100 * difference:+.1f} {interval}, {told}")
+        axes.axvline(0, color=INK, linewidth=0.7)
+        axes.set_yticks(places, labels, fontsize=_LABEL_PT)
+        axes.tick_params(axis="y", length=0)
+        axes.set_ylim(place, 0)
+        axes.set_xlabel("difference in success rate (points), 95 % interval")
+        light_grid(axes, "x")
+    caption = (
+        f"{question.where}: the difference in success rate of every pair, on the goals that both were asked for and "
+        "the cells that both were tried in. A filled blue mark: told apart, after Holm's correction for all pairs."
+    )
+    return Drawing(
+        page_name("differences", number),
+        f"Who succeeds more often, and how sure that is{f' ({number} of {figures})' if figures > 1 else ''}",
+        f"Differences in success rate, points. {'; '.join(said)}.",
+        caption,
+        footnotes([one.condition for one in question.members]),
+        figure,
+    )
