@@ -4,19 +4,24 @@ import csv
 import io
 import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from tests.report.records import Attempt, Lab, void
+from tests.report.records import Attempt, Lab, step, void
 from vsnbench.database.campaign_plan import PlannedTrial
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.build import Report, build
 from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.latex import escaped as latex_escaped
 from vsnbench.report.forms.markdown import markdown
-from vsnbench.report.forms.plain import to_csv, to_json
+from vsnbench.report.forms.plain import to_csv
 from vsnbench.report.forms.terminal import print_sheets
+from vsnbench.report.forms.whole_json import to_json
 from vsnbench.report.record import Selection
 from vsnbench.report.reference_tables import reference_sheets
 from vsnbench.report.sheets import fitted
@@ -51,6 +56,41 @@ def test_json_has_the_fields_scripts_rely_on(tmp_path: Path) -> None:
     }
     assert model["total"]["ci_low"] == pytest.approx(0.0945, abs=1e-4)
     assert [goal["goal"] for goal in model["goals"]] == ["chair"]
+
+
+def test_json_holds_all_that_a_report_knows(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    steps = [step(1, Action.MOVE_FORWARD), step(2, Action.STOP)]
+    for model, seed, limit in (("vlv", 3, 12), ("random", 4, 2)):
+        attempts = [Attempt(start=start, success=start <= limit, steps=steps) for start in range(1, 16)]
+        lab.write(attempts, model=model, seed=seed)
+    report = build(lab.url, Selection())
+    content = json.loads(to_json(report.results, report.questions, report.activity))
+    first = content["models"][0]
+    assert (first["name"], first["campaigns"], first["seeds"]) == ("vlv", [1], [3])
+    assert first["protocol"]["max_actions"] == 150
+    assert {each["action"]: each["steps"] for each in first["actions"]} == {"MOVE_FORWARD": 15, "STOP": 15}
+    assert [(end["end_reason"], end["counted"]) for end in first["end_reasons"]] == [("stop", 15)]
+    (question,) = content["questions"]
+    assert question["members"] == ["vlv", "random"]
+    (pair,) = question["comparisons"]
+    assert (pair["first"]["name"], pair["second"]["name"]) == ("vlv", "random")
+    assert pair["rates"][0]["significant"] is True
+    assert content["stability"][0]["path_m"] == 60
+    assert json.loads(to_json(report.results))["stability"] is None
+
+
+def test_csv_rows_of_two_settings_can_be_told_apart(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    for cap in (100, 200):
+        lab.write([Attempt()], protocol=ProtocolParameters(max_actions=cap), seed=cap)
+    lines = list(csv.DictReader(io.StringIO(to_csv(build(lab.url, Selection()).results))))
+    assert [(line["name"], line["goal"], line["campaigns"], line["seeds"]) for line in lines] == [
+        ("vlv within 100 actions", "chair", "1", "100"),
+        ("vlv within 100 actions", "total", "1", "100"),
+        ("vlv within 200 actions", "chair", "2", "200"),
+        ("vlv within 200 actions", "total", "2", "200"),
+    ]
 
 
 def test_json_and_csv_say_null_and_nothing_for_what_is_unknown(tmp_path: Path) -> None:
@@ -92,8 +132,9 @@ def test_latex_runs_no_command_from_the_record(hostile: Report) -> None:
     assert r"\input" not in text
     assert r"\textbackslash{}input\{/etc/passwd\}" in text
     assert "\x1b" not in text
-    for table in text.split(r"\begin{table}")[1:]:
-        columns = table.split(r"\begin{tabular}{@{}")[1].split("@{}")[0]
+    for table in re.split(r"\\begin\{table\*?\}", text)[1:]:
+        columns = table.split(r"\begin{tabular}{@{}")[1].split("@{}}")[0]
+        columns = re.sub(r">\{\\raggedright\\arraybackslash\}p\{\d+em\}", "l", columns)
         body = table.split(r"\midrule", 1)[1]
         for line in body.splitlines():
             if line.endswith(r"\\"):
@@ -130,6 +171,32 @@ def test_the_document_loads_what_its_tables_need() -> None:
     text = document(reference_sheets())
     assert text.index(r"\usepackage{booktabs}") < text.index(r"\begin{document}") < text.index(r"\toprule")
     assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == len(reference_sheets())
+
+
+def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    name = "mylab.policies.semantic:FrontierPolicyWithALongName"
+    for model in (name, "vlv"):
+        lab.write([Attempt(goal, start) for goal in ("chair", "bed") for start in (1, 2)], model=model)
+    tables = latex(build(lab.url, Selection()).sheets(long=True))
+    assert "resizebox" not in tables
+    overview = tables.split(r"\label{tab:overview}")[1].split(r"\end{tabular}")[0]
+    assert r"\raggedright\arraybackslash}p{11em}" in overview
+    assert r"mylab.\allowbreak{}policies.\allowbreak{}semantic:\allowbreak{}Frontier" in overview
+    assert tables.split(r"\label{tab:overview}")[0].rsplit(r"\begin{", 1)[1].startswith("table}"), "it fits a column"
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
+def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> None:
+    (tmp_path / "report.tex").write_text(document(reference_sheets()), encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "report.tex"]
+    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert outcome.returncode == 0, outcome.stdout[-2000:]
+    pages = re.search(r"Output written on report.pdf \((\d+) page", outcome.stdout)
+    assert pages
+    assert int(pages[1]) < len(reference_sheets())
+    assert "too wide" not in outcome.stdout
+    assert "too large" not in outcome.stdout
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 140])

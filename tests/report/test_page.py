@@ -105,8 +105,44 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
         # Every table can be scrolled with the keyboard and has a name for a screen reader.
         regions = "[...document.querySelectorAll('table')].every(t => t.caption && t.parentElement.tabIndex === 0)"
         assert ask(browser, regions) is True
+        ask(browser, "document.querySelectorAll('details').forEach(each => { each.open = true })")
+        assert ask(browser, wide) == []
         broken = "[...document.querySelectorAll('#goals-1 tbody th')].filter(c => c.offsetWidth < 40).length"
         assert ask(browser, broken) == 0  # no name is set one letter a line
+
+
+@pytest.fixture(scope="module")
+def large_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    lab = Lab(tmp_path_factory.mktemp("large"))
+    goals = ("chair", "sofa", "bed", "toilet", "plant")
+    for number, model in enumerate(("oracle", "vlv", "pirlnav", "random", LOUD)):
+        attempts = [Attempt(goal, start, success=start > 3 * number) for goal in goals for start in range(1, 16)]
+        lab.write(attempts, model=model, surveyed=number == 0)
+    lab.write([Attempt()], model="once")
+    report = build(lab.url, Selection(), lab.directory)
+    write_report(report, drawings(report, lab.url), lab.directory / "report")
+    return lab.directory / "report" / "report.html"
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_page_is_led_by_its_question_and_folds_what_is_long(large_page: Path, width: int) -> None:
+    with chromium_page(width, 900) as browser:
+        browser.goto(large_page.as_uri())
+        assert ask(browser, "document.documentElement.scrollHeight") < 9000  # type: ignore[operator]
+        answer = str(ask(browser, "document.querySelector('main .answer').textContent"))
+        assert "vlv has the highest success rate" in answer
+        order = "['.answer', '.cards', '#figures img', 'table'].map(e => document.querySelector(e))"
+        follows = f"{order}.every((e, i, all) => !i || all[i - 1].compareDocumentPosition(e) & 4)"
+        assert ask(browser, follows) is True
+        titles = "[...document.querySelectorAll('.cards.{} h4')].map(e => e.textContent)"
+        assert ask(browser, titles.format("peers")) == ["vlv", "pirlnav", "random", LOUD]
+        assert ask(browser, titles.format("few")) == ["once"]
+        assert ask(browser, titles.format("bounds")) == ["oracle"]
+        # A card leads to its tables, which open.
+        assert ask(browser, "document.querySelector('#goals-2').checkVisibility()") is False
+        browser.click("a[href='#condition-2']")
+        browser.wait_for_function("document.querySelector('#goals-2').checkVisibility()")
 
 
 def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) -> None:

@@ -103,4 +103,5 @@ def command(
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
         write_or_serve(report, drawn, output, port if serve else None)
     else:
-        print_report(form.value, build(place.database_url, selection, place.path, reference=with_paper, activity=False))
+        whole = form is Format.JSON  # for programs, which have no other way to ask; a person's table is to come at once
+        print_report(form.value, build(place.database_url, selection, place.path, reference=with_paper, activity=whole))

@@ -25,6 +25,11 @@ def print_report(form: str, report: "Report") -> None:
     results = report.results
     if report.reference:
         results = replace(results, conditions=(*results.conditions, *published_results().conditions))
+    if form == "json":
+        from vsnbench.report.forms.whole_json import to_json
+
+        typer.echo(to_json(results, report.questions, report.activity), nl=False)
+        return
     print_sheets_as(form, report.sheets(), results)
 
 
@@ -83,7 +88,8 @@ def write_or_serve(report: "Report", drawn: "Sequence[Drawing]", output: Path | 
 def _text(form: str, sheets: "list[Sheet]", results: "Results") -> str:
     from vsnbench.report.forms.latex import latex
     from vsnbench.report.forms.markdown import markdown
-    from vsnbench.report.forms.plain import to_csv, to_json
+    from vsnbench.report.forms.plain import to_csv
+    from vsnbench.report.forms.whole_json import to_json
 
     if form == "json":
         return to_json(results)

@@ -10,7 +10,8 @@ from vsnbench.report.figures.style import COLUMN_IN, Drawing
 from vsnbench.report.forms.html import html_page
 from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.markdown import markdown
-from vsnbench.report.forms.plain import to_csv, to_json
+from vsnbench.report.forms.plain import to_csv
+from vsnbench.report.forms.whole_json import to_json
 from vsnbench.whole_files import write_whole
 
 
@@ -32,7 +33,7 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         "report.html": html_page(report, sheets, drawings).encode(),
         "report.md": markdown(sheets).encode(),
         "report.csv": to_csv(report.results).encode(),
-        "report.json": to_json(report.results).encode(),
+        "report.json": to_json(report.results, report.questions, report.activity).encode(),
         "tables.tex": latex(sheets).encode(),
         "report.tex": document(sheets, figures).encode(),
     }

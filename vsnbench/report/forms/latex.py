@@ -1,5 +1,6 @@
 """Sheets as LaTeX tables for a two-column paper: booktabs, type that fits, captions that say n and interval."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -70,7 +71,7 @@ _ESCAPES = {
 def latex(sheets: Iterable[Sheet]) -> str:
     """Return one float a sheet, `table` where it fits a column of a two-column paper, else `table*`."""
     sheets = list(sheets)
-    names = "".join(f"% {harmless(words)}\n" for words in footnotes_of(sheets))
+    names = "".join(f"% {escaped(words)}\n" for words in footnotes_of(sheets))
     return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_float(sheet) for sheet in sheets) + "\n"
 
 
@@ -97,6 +98,11 @@ def escaped(text: str) -> str:
     words = words.replace("--", "-{}-").replace("''", "'{}'").replace("?`", "?{}`").replace("!`", "!{}`")
     # At the start of a line these would be taken for arguments of the line break before.
     return f"{{{words[0]}}}{words[1:]}" if words[:1] in ("[", "*") else words
+
+
+def breakable(text: str) -> str:
+    """Return text that LaTeX may break after the marks within a name, where it would see one long word."""
+    return r"\allowbreak{}".join(escaped(part) for part in re.findall(r"[^.:/=_]+[.:/=_]*|[.:/=_]+", text))
 
 
 def _mark(mark: str) -> str:
@@ -129,7 +135,11 @@ def _float(sheet: Sheet) -> str:
     for index, row in enumerate(sheet.rows):
         if row.total and index and not sheet.rows[index - 1].total:
             lines.append(r"\midrule")
-        lines.append(" & ".join(escaped(cell.text) for cell in row.cells) + r" \\")
+        cells = [
+            breakable(cell.text) if _is_wrapped(sheet, place) else escaped(cell.text)
+            for place, cell in enumerate(row.cells)
+        ]
+        lines.append(" & ".join(cells) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", rf"\end{{{environment}}}"])
 
 
@@ -149,13 +159,18 @@ def _figure(file: str, wide: bool, caption: str) -> str:
 def _alignment(sheet: Sheet, place: int) -> str:
     if sheet.columns[place].number:
         return "r"
-    if _letters(sheet, place) > _WRAPPED_LETTERS:
+    if _is_wrapped(sheet, place):
         return rf">{{\raggedright\arraybackslash}}p{{{_WRAPPED_LETTERS / 2:g}em}}"
     return "l"
 
 
+def _is_wrapped(sheet: Sheet, place: int) -> bool:
+    return not sheet.columns[place].number and _letters(sheet, place) > _WRAPPED_LETTERS
+
+
 def _letters(sheet: Sheet, place: int) -> int:
-    return max(len(sheet.columns[place].heading), *(len(row.cells[place].text) for row in sheet.rows), 0)
+    heading = round(1.15 * len(sheet.columns[place].heading))  # it is bold
+    return max(heading, *(len(row.cells[place].text) for row in sheet.rows), 0)
 
 
 def _width_pt(sheet: Sheet, size: _Size) -> float:

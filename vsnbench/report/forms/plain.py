@@ -1,30 +1,21 @@
-"""Results as JSON and CSV: raw numbers for programs, rates as shares of 0 to 1, unknown ones null or empty."""
+"""Results as CSV, and the fields that JSON has in common with it: raw numbers, rates as shares of 0 to 1."""
 
 import csv
 import io
-import json
 import math
 from collections.abc import Iterator
 from typing import Any
 
 from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
-from vsnbench.report.summary import ConditionSummary, Results, Summary
-
-
-def to_json(results: Results) -> str:
-    """Return the results as one JSON object: `shared_goals`, and `models` with `goals`, `total` and `starts` each."""
-    content = {
-        "confidence": 0.95,
-        "interval": "wilson, at the effective sample size of the starting positions",
-        "shared_goals": list(results.shared_goals),
-        "models": [_model(one) for one in results.conditions],
-    }
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+from vsnbench.report.summary import Results, Summary
 
 
 def to_csv(results: Results) -> str:
-    """Return one line a goal and one for each total; the column `goal` says `total` or `total of shared goals`."""
+    """Return one line a goal and one for each total; the column `goal` says `total` or `total of shared goals`.
+
+    `name` is unique to a condition; `differing` holds every setting in which it differs from others of its model.
+    """
     file = io.StringIO()
     writer: csv.DictWriter[str] | None = None
     for line in _lines(results):
@@ -32,8 +23,6 @@ def to_csv(results: Results) -> str:
             writer = csv.DictWriter(file, list(line), lineterminator="\n")
             writer.writeheader()
         writer.writerow({name: _guarded(value) for name, value in line.items()})
-    if writer is None:
-        file.write("model,goal,successes,episodes\n")
     return file.getvalue()
 
 
@@ -87,23 +76,14 @@ def condition_fields(condition: Condition) -> dict[str, Any]:
     }
 
 
-def _model(one: ConditionSummary) -> dict[str, Any]:
-    return {
-        **condition_fields(one.condition),
-        "campaigns": list(one.condition.campaigns),
-        "goals": [{"goal": goal.goal, **summary_fields(goal.summary)} for goal in one.goals],
-        "total": summary_fields(one.total),
-        "total_shared_goals": summary_fields(one.shared) if one.shared else None,
-        "starts": [{"start": start.start, **summary_fields(start.summary)} for start in one.starts],
-        "end_reasons": [
-            {"end_reason": end.end_reason, "attempts": end.attempts, "counted": end.counted} for end in one.ends
-        ],
-    }
-
-
 def _lines(results: Results) -> Iterator[dict[str, Any]]:
     for one in results.conditions:
-        condition = condition_fields(one.condition)
+        condition = {
+            **condition_fields(one.condition),
+            "campaigns": " ".join(map(str, one.condition.campaigns)),
+            "seeds": " ".join(map(str, one.condition.seeds)),
+            "differing": ", ".join(one.condition.differing),
+        }
         for goal in one.goals:
             yield {**condition, "goal": goal.goal, **summary_fields(goal.summary)}
         yield {**condition, "goal": "total", **summary_fields(one.total)}

@@ -1,0 +1,84 @@
+"""Everything that a report knows as one JSON object: rates are shares of 0 to 1, what is unknown is null."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from vsnbench.report.activity import ActionCount, Activity, RobotActivity
+from vsnbench.report.comparison_tables import comparison_fields, contest_fields
+from vsnbench.report.forms.plain import condition_fields, summary_fields
+from vsnbench.report.question import Question
+from vsnbench.report.summary import ConditionSummary, Results
+
+
+def to_json(results: Results, questions: Sequence[Question] = (), activity: Activity | None = None) -> str:
+    """Return the results as one JSON object.
+
+    `models`: each condition with its settings, protocol, campaigns and seeds, its `goals`, `total`, `starts`,
+    `end_reasons` and `actions`; `questions`: which model succeeds more often, with every comparison; `stability`: how
+    far each robot drove. `actions` and `stability` are null where they were not counted.
+    """
+    counted = activity.actions if activity else None
+    content = {
+        "confidence": 0.95,
+        "interval": "wilson, at the effective sample size of the starting positions",
+        "shared_goals": list(results.shared_goals),
+        "models": [_model(one, counted) for one in results.conditions],
+        "questions": [_question(one) for one in questions],
+        "stability": [_robot(one) for one in activity.robots] if activity else None,
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _model(one: ConditionSummary, actions: Sequence[ActionCount] | None) -> dict[str, Any]:
+    condition = one.condition
+    return {
+        **condition_fields(condition),
+        "campaigns": list(condition.campaigns),
+        "seeds": list(condition.seeds),
+        "differing": list(condition.differing),
+        "settings": _known(dict(condition.settings)),
+        "protocol": _known(dict(condition.protocol)),
+        "conditions": _known(dict(condition.conditions)),
+        "goals": [{"goal": goal.goal, **summary_fields(goal.summary)} for goal in one.goals],
+        "total": summary_fields(one.total),
+        "total_shared_goals": summary_fields(one.shared) if one.shared else None,
+        "starts": [{"start": start.start, **summary_fields(start.summary)} for start in one.starts],
+        "end_reasons": [
+            {"end_reason": end.end_reason, "attempts": end.attempts, "counted": end.counted} for end in one.ends
+        ],
+        "actions": None
+        if actions is None
+        else [
+            {"raw_action": each.raw_action, "action": each.action, "blocked": each.blocked, "steps": each.steps}
+            for each in actions
+            if each.condition == condition.number
+        ],
+    }
+
+
+def _question(question: Question) -> dict[str, Any]:
+    return {
+        "where": question.where,
+        "members": [one.condition.name for one in question.members],
+        "answers": list(question.answers),
+        "not_asked": list(question.not_asked),
+        "contest": contest_fields(question.contest) if question.contest else None,
+        "comparisons": [comparison_fields(one) for one in question.comparisons],
+    }
+
+
+def _robot(one: RobotActivity) -> dict[str, Any]:
+    fields: dict[str, Any] = _known({**asdict(one), "failures_per_km": one.failures_per_km})
+    return fields
+
+
+def _known(value: Any) -> Any:
+    """Return a value from the record with null for numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {name: _known(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_known(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
