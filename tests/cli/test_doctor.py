@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network
+from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 
@@ -120,6 +120,25 @@ def test_a_profile_that_names_another_topic_or_type_is_noticed(patient, tmp_path
     code, found = patient.findings(profile=other)
     assert code == 1
     assert found["/other/cmd_vel"][:2] == ("failed", "no base listens")
+
+
+@pytest.mark.ros
+def test_a_server_that_steers_another_topic_is_not_ready(tmp_path) -> None:
+    with live_network(tmp_path) as network:
+        network.start(HERE / "nodes" / "kinematic_base.py")
+        network.start(HERE / "nodes" / "camera.py")
+        network.wait_for_publisher("/odom")
+        server = network.start(HERE / "nodes" / "upstream_like_server.py", "/cmd_vel:=/elsewhere")
+        network.wait_for_service("/discrete_move")
+        second = network.start(HERE / "nodes" / "camera.py", "__name:=second_camera")
+        wait_until(lambda: len(network.master.state().publishers["/camera/color/image_raw"]) == 2, "two cameras")
+        done = doctor("--robot", str(PROFILE), "--results", str(tmp_path), environment=network.environment)
+        assert done.returncode == 1
+        seen = " ".join(done.stdout.split())
+        assert "its server /discrete_move steers /elsewhere, but the base listens on /cmd_vel" in seen
+        assert "/camera and /second_camera both publish it" in seen
+        server.end()
+        second.end()
 
 
 @pytest.mark.ros

@@ -68,7 +68,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
         state, types = master.state(), master.topic_types()
         yield from _topic_results(profile, state, types, heard)
         yield from image_results(profile, heard)
-        yield from _clock_results(profile, heard, _remote_nodes(master, state))
+        yield from clock_results(profile, heard, _remote_nodes(master, state))
         yield from _service_results(profile, master)
         if move:
             yield from _motion_results(profile, master, listener)
@@ -181,7 +181,7 @@ def _remote_nodes(master: Master, state: SystemState) -> frozenset[str]:
     return frozenset(remote)
 
 
-def _clock_results(profile: RobotProfile, heard: dict[str, Heard], remote: frozenset[str]) -> Iterator[CheckResult]:
+def clock_results(profile: RobotProfile, heard: dict[str, Heard], remote: frozenset[str]) -> Iterator[CheckResult]:
     """The fastest message of each sender says how far its clock is from ours; on one machine there is one clock."""
     names = ros1_interface(profile)
     offsets = {t: heard[t].offset_s for t in (names.odometry, names.color, names.depth) if t and heard[t].arrivals}
