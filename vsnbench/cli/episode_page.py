@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from vsnbench.database.read_shapes import EpisodeDetails, StepRow
+    from vsnbench.database.read_shapes import EpisodeDetails, RecordedStep
 
 COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
 """The colour of each outcome."""
@@ -25,7 +25,7 @@ def page() -> "Console":
 def print_page(
     console: "Console",
     details: "EpisodeDetails",
-    steps: "tuple[StepRow, ...]",
+    steps: "tuple[RecordedStep, ...]",
     directory: Path | None,
     *,
     every_step: bool,
@@ -89,7 +89,7 @@ def _seconds(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.1f} s"
 
 
-def _print_actions(console: "Console", steps: "tuple[StepRow, ...]") -> None:
+def _print_actions(console: "Console", steps: "tuple[RecordedStep, ...]") -> None:
     from collections import Counter
 
     if not steps:
@@ -112,7 +112,7 @@ def _print_actions(console: "Console", steps: "tuple[StepRow, ...]") -> None:
             console.print(f"  {'collision':<17} at action {step.number}{touched}, said {step.collision_source}")
 
 
-def _print_steps(console: "Console", steps: "tuple[StepRow, ...]") -> None:
+def _print_steps(console: "Console", steps: "tuple[RecordedStep, ...]") -> None:
     from math import degrees
 
     from rich.table import Table

@@ -8,7 +8,7 @@ import typer
 from vsnbench.cli.options import Database, Results
 
 if TYPE_CHECKING:
-    from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary, StepRow
+    from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary, RecordedStep
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -154,7 +154,7 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 
 
 def _details_object(
-    details: "EpisodeDetails", steps: "tuple[StepRow, ...]", directory: Path | None
+    details: "EpisodeDetails", steps: "tuple[RecordedStep, ...]", directory: Path | None
 ) -> dict[str, object]:
     from dataclasses import asdict
 

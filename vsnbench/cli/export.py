@@ -26,14 +26,15 @@ def tum(
     Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
     """
     from vsnbench.database.migrate import open_record
-    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.database.queries import episode_steps
+    from vsnbench.exchange.episodes import read_episodes
     from vsnbench.exchange.tum import write_tum
     from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     for episode in read_episodes(engine, numbers or (), model or ()):
         path = directory / f"{episode.id:06d}.tum"
-        write_tum(episode, read_steps(engine, episode), path)
+        write_tum(episode, episode_steps(engine, episode.id), path)
         typer.echo(str(path))
     engine.dispose()
 
@@ -74,12 +75,15 @@ def csv_(
     Example: [bold]vsnbench export csv steps.csv 17 18[/bold]
     """
     from vsnbench.database.migrate import open_record
-    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.database.queries import episode_steps
+    from vsnbench.exchange.episodes import read_episodes
     from vsnbench.exchange.step_csv import write_steps
     from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
-    written = write_steps(read_episodes(engine, numbers or (), model or ()), lambda one: read_steps(engine, one), file)
+    written = write_steps(
+        read_episodes(engine, numbers or (), model or ()), lambda one: episode_steps(engine, one.id), file
+    )
     engine.dispose()
     typer.echo(f"{written} steps in {file}")
 
@@ -96,13 +100,14 @@ def bag(
     Example: [bold]vsnbench export bag 17 episode.bag && rosbag info episode.bag[/bold]
     """
     from vsnbench.database.migrate import open_record
-    from vsnbench.exchange.episodes import read_episodes, read_steps
+    from vsnbench.database.queries import episode_steps
+    from vsnbench.exchange.episodes import read_episodes
     from vsnbench.exchange.rosbag import write_bag
     from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
     engine = open_record(place.database_url)
     (episode,) = read_episodes(engine, [number])
-    messages = write_bag(episode, read_steps(engine, episode), place.path, file)
+    messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
     engine.dispose()
     typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))

@@ -26,10 +26,10 @@ from vsnbench.database.read_shapes import (
     EpisodeFilter,
     EpisodeProvenance,
     EpisodeSummary,
-    EventRow,
     PendingEpisode,
-    StepRow,
-    VerdictRow,
+    RecordedEvent,
+    RecordedStep,
+    RecordedVerdict,
 )
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.errors import UsageError
@@ -105,11 +105,13 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             goal_instance=goal_instance,
             wall_duration_s=episode.wall_duration_s,
             geodesic_end_m=episode.geodesic_end_m,
-            start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
+            placement=_fix(
+                episode.start_x_m, episode.start_y_m, episode.start_heading_rad, episode.start_source or _GUESSED
+            ),
             final=_fix(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
             counts=bool(counts),
-            verdicts=tuple(VerdictRow(*row) for row in verdicts),
-            events=tuple(EventRow(*row) for row in events),
+            verdicts=tuple(RecordedVerdict(*row) for row in verdicts),
+            events=tuple(RecordedEvent(*row) for row in events),
             provenance=_provenance(connection, episode_id),
         )
 
@@ -135,7 +137,7 @@ def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
         return tuple(PendingEpisode(*row) for row in connection.execute(query))
 
 
-def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRow, ...]:
+def episode_steps(engine: Engine, episode_id: int) -> tuple[RecordedStep, ...]:
     """Return the committed steps of an episode in order; none when it does not exist.
 
     Raises:
@@ -144,13 +146,14 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRow, ...]:
     query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
     with _reader(engine) as connection:
         return tuple(
-            StepRow(
+            RecordedStep(
                 number=row.number,
                 raw_action=row.raw_action,
                 action=row.action,
                 blocked=row.blocked,
                 completed=row.completed,
                 failure=row.failure,
+                recorded_at=row.recorded_at,
                 stamp_s=row.stamp_s,
                 observed=_pose(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
                 after=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
@@ -321,6 +324,10 @@ def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
         .where(Episode.id == episode_id)
     ).one()
     return EpisodeProvenance(*row)
+
+
+_GUESSED = PoseSource.ESTIMATED.value
+"""How a pose is known of which the record does not say it."""
 
 
 def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:

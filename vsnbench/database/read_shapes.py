@@ -73,7 +73,7 @@ class EpisodeSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class StepRow:
+class RecordedStep:
     """One recorded step."""
 
     number: int
@@ -82,7 +82,9 @@ class StepRow:
     blocked: bool
     completed: bool
     failure: str
+    recorded_at: datetime
     stamp_s: float | None
+    """When its images were taken, on the robot's clock."""
     observed: Pose | None
     """Odometry with the observation, relative to the start."""
     after: Pose | None
@@ -105,7 +107,7 @@ class StepRow:
 
 
 @dataclass(frozen=True, slots=True)
-class VerdictRow:
+class RecordedVerdict:
     """One judgement, or the protocol's proposal for one; the last judgement of an episode stands."""
 
     created_at: datetime
@@ -122,7 +124,7 @@ class VerdictRow:
 
 
 @dataclass(frozen=True, slots=True)
-class EventRow:
+class RecordedEvent:
     """Something that happened beside the steps."""
 
     created_at: datetime
@@ -172,13 +174,19 @@ class EpisodeDetails:
     goal_instance: str | None
     wall_duration_s: float | None
     geodesic_end_m: float | None
-    start_pose: Pose | None
+    placement: Fix | None
+    """Where the robot stood when it began, and how that is known."""
     final: Fix | None
     counts: bool
     """It is the one that stands for its trial."""
-    verdicts: tuple[VerdictRow, ...]
-    events: tuple[EventRow, ...]
+    verdicts: tuple[RecordedVerdict, ...]
+    events: tuple[RecordedEvent, ...]
     provenance: EpisodeProvenance
+
+    @property
+    def standing(self) -> RecordedVerdict | None:
+        """The verdict that stands: the latest judgement; None while there is none."""
+        return next((verdict for verdict in reversed(self.verdicts) if not verdict.proposed), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,50 +1,25 @@
-"""Reads episodes of the record step by step, for what is written in other formats."""
+"""Reads episodes of the record for what is written in other formats; their steps are the read model's own."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from pydantic import ValidationError
-from sqlalchemy import Engine, select
+from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 
 from vsnbench.database.engine import record_errors
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
-from vsnbench.database.tables import Episode, Model, Robot, Site, Step, Trial
+from vsnbench.database.read_shapes import RecordedStep
+from vsnbench.database.tables import Episode, Model, Robot, Site, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
 
 _NO_EPISODE_LASTS_S = 1e8
 """Larger stamps count from 1970."""
-
-
-@dataclass(frozen=True, slots=True)
-class ExportedStep:
-    """One action with where the robot was after it."""
-
-    number: int
-    raw_action: str
-    action: str
-    blocked: bool
-    recorded_at: datetime
-    stamp_s: float | None
-    """When the images were taken, on the robot's clock."""
-    duration_s: float
-    """How long the motion took."""
-    observed: Pose | None
-    """Odometry before the motion, relative to the start of the episode."""
-    odometry: Pose | None
-    """After the motion, likewise."""
-    world: Pose | None
-    """After the motion, in the site's frame."""
-
-    @property
-    def time_s(self) -> float:
-        """When it was recorded, seconds since 1970."""
-        return self.recorded_at.timestamp()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +50,18 @@ class ExportedEpisode:
     camera: Camera | None = None
     """None where the robot's profile is not known."""
 
-    def taken_s(self, step: ExportedStep) -> float:
+    def taken_s(self, step: RecordedStep) -> float:
         """Return when a step's images were taken, seconds since 1970, by the robot's clock.
 
         A simulated robot's clock starts with its episode; a step of unknown time counts as taken when it was recorded.
         """
         if step.stamp_s is None:
-            return step.time_s
+            return step.recorded_at.timestamp()
         return step.stamp_s if step.stamp_s > _NO_EPISODE_LASTS_S else self.started_at.timestamp() + step.stamp_s
+
+    def moved_s(self, step: RecordedStep) -> float:
+        """Return when a step's motion had ended, on the same clock."""
+        return self.taken_s(step) + (step.duration_s or 0.0)
 
 
 def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[str] = ()) -> list[ExportedEpisode]:
@@ -149,38 +128,6 @@ def _exported(
         images_directory=episode.images_directory,
         camera=_camera(profile),
     )
-
-
-def read_steps(engine: Engine, episode: ExportedEpisode) -> Iterator[ExportedStep]:
-    """Read the steps of an episode in order.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
-    with record_errors(engine), engine.connect() as connection:
-        rows = connection.execute(
-            select(
-                *(Step.number, Step.raw_action, Step.action, Step.blocked, Step.recorded_at, Step.stamp_s),
-                *(Step.duration_s, Step.observed_x_m, Step.observed_y_m, Step.observed_heading_rad),
-                *(Step.after_x_m, Step.after_y_m, Step.after_heading_rad),
-                *(Step.world_x_m, Step.world_y_m, Step.world_heading_rad),
-            )
-            .where(Step.episode_id == episode.id)
-            .order_by(Step.number)
-        )
-        for row in rows:
-            yield ExportedStep(
-                number=row.number,
-                raw_action=row.raw_action,
-                action=row.action,
-                blocked=row.blocked,
-                recorded_at=row.recorded_at,
-                stamp_s=row.stamp_s,
-                duration_s=row.duration_s or 0.0,
-                observed=_pose(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
-                odometry=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
-                world=_pose(row.world_x_m, row.world_y_m, row.world_heading_rad),
-            )
 
 
 def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from vsnbench.database.read_shapes import RecordedStep
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.bag_messages import TF, Messages, type_store
-from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
+from vsnbench.exchange.episodes import ExportedEpisode
 from vsnbench.protocol.pictures import decode_picture
 from vsnbench.record.confined import confined, read_confined
 from vsnbench.record.images import depth_path, rgb_path
@@ -33,7 +34,7 @@ KINDS = {
 
 
 def write_bag(
-    episode: ExportedEpisode, steps: Iterable[ExportedStep], results_directory: Path, path: Path
+    episode: ExportedEpisode, steps: Iterable[RecordedStep], results_directory: Path, path: Path
 ) -> dict[str, int]:
     """Write the bag and return how many messages each topic has.
 
@@ -76,8 +77,8 @@ def write_bag(
                 if camera is not None:
                     put(DEPTH_INFO, taken_ns, make.camera_info(number, taken_ns, camera))
             put(ACTION, taken_ns, make.text("BLOCKED" if step.blocked else step.action))
-            moved_ns = taken_ns + _nanoseconds(step.duration_s)
-            for time_ns, pose in ((taken_ns, step.observed), (moved_ns, step.odometry)):
+            moved_ns = _nanoseconds(episode.moved_s(step))
+            for time_ns, pose in ((taken_ns, step.observed), (moved_ns, step.after)):
                 if pose is not None:
                     put(ODOMETRY, time_ns, make.odometry(number, time_ns, pose))
                     put(FRAMES, time_ns, make.base_in_odometry(number, time_ns, pose))

@@ -4,7 +4,8 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
+from vsnbench.database.read_shapes import RecordedStep
+from vsnbench.exchange.episodes import ExportedEpisode
 from vsnbench.whole_files import whole_file
 
 COLUMNS = (
@@ -16,7 +17,7 @@ COLUMNS = (
 
 def write_steps(
     episodes: Sequence[ExportedEpisode],
-    steps_of: Callable[[ExportedEpisode], Iterable[ExportedStep]],
+    steps_of: Callable[[ExportedEpisode], Iterable[RecordedStep]],
     path: Path,
 ) -> int:
     """Write the steps of the episodes and return how many they are; unknown numbers are empty.
@@ -37,7 +38,7 @@ def write_steps(
             for step in steps_of(episode):
                 poses = [
                     value
-                    for pose in (step.odometry, step.world)
+                    for pose in (step.after, step.world.pose if step.world else None)
                     for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
                 ]
                 when = (step.recorded_at.isoformat(), "" if step.stamp_s is None else step.stamp_s)

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from vsnbench.exchange.episodes import ExportedEpisode, ExportedStep
+from vsnbench.database.read_shapes import RecordedStep
+from vsnbench.exchange.episodes import ExportedEpisode
 from vsnbench.whole_files import whole_file
 
 
-def write_tum(episode: ExportedEpisode, steps: Iterable[ExportedStep], path: Path) -> int:
+def write_tum(episode: ExportedEpisode, steps: Iterable[RecordedStep], path: Path) -> int:
     """Write where the robot was after each action and return how many poses that is.
 
     A pose is as old as the end of its motion, by the robot's clock. Poses are in the site's frame where they are known,
@@ -19,7 +20,9 @@ def write_tum(episode: ExportedEpisode, steps: Iterable[ExportedStep], path: Pat
     """
     taken = list(steps)
     surveyed = any(step.world for step in taken)
-    poses = [(episode.taken_s(step) + step.duration_s, step.world if surveyed else step.odometry) for step in taken]
+    poses = [
+        (episode.moved_s(step), (step.world.pose if step.world else None) if surveyed else step.after) for step in taken
+    ]
     frame = "site" if surveyed else "start of the episode"
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         file.write(f"# episode {episode.id}, frame: {frame}; timestamp tx ty tz qx qy qz qw\n")
