@@ -46,7 +46,7 @@ MALFORMED: dict[str, tuple[Callable[[], object], str]] = {
     "no decision": (lambda: "forward", "no Decision but a str"),
     "nothing": (lambda: None, "no Decision but a NoneType"),
     "an action's name": (lambda: Decision("STOP", "STOP"), "no Action but a str"),  # type: ignore[arg-type]
-    "a raw action that is a number": (lambda: Decision(Action.STOP, 17), "raw_action is no text but a int"),  # type: ignore[arg-type]
+    "a raw action that is a number": (lambda: Decision(Action.STOP, 17), "raw_action is no text but an int"),  # type: ignore[arg-type]
     "a lone surrogate": (lambda: Decision(Action.STOP, "\ud800"), "half of a surrogate pair"),
     "a NUL": (lambda: Decision(Action.STOP, "a\x00"), "a NUL character"),
     "diagnostics that are a mapping": (lambda: Decision(Action.STOP, "s", {"note": "x"}), "no Diagnostics but a dict"),  # type: ignore[arg-type]

@@ -1,5 +1,7 @@
 """Whatever a policy does, it is the policy's own failure, in one line; only a request to stop passes."""
 
+import os
+import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -105,14 +107,42 @@ def test_a_policy_that_exits_in_reset_fails_as_one_that_exits_in_act() -> None:
             raise SystemExit("bye")
 
     with pytest.raises(PolicyFailedError, match="reset: SystemExit: bye"):
-        PolicyCalls(Leaving([]), passes=Stopped).reset(
+        PolicyCalls(Leaving([]), Stopping()).reset(
             PLAN.site, PLAN.goal, PLAN.start.pose, PROFILE.base, 7, PLAN.parameters
         )
 
 
 def test_a_request_to_stop_that_interrupts_a_policy_is_not_the_policys_failure() -> None:
     with pytest.raises(Stopped):
-        PolicyCalls(Answering(fail_with(Stopped(of_signal(15)))), passes=Stopped).act(NEVER)
+        PolicyCalls(Answering(fail_with(Stopped(of_signal(15)))), Stopping()).act(NEVER)
+
+
+def swallow(then: Callable[[], Decision]) -> Callable[[Observation], Decision]:
+    def act(_observation: Observation) -> Decision:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            threading.Event().wait(10)
+        except BaseException:
+            return then()
+        raise AssertionError("no signal came")
+
+    return act
+
+
+def refuse() -> Decision:
+    raise ValueError("interrupted?")
+
+
+@pytest.mark.parametrize("then", [lambda: Decision(Action.MOVE_FORWARD), refuse])
+def test_a_request_to_stop_that_a_policy_swallows_still_stops_before_the_robot_moves(
+    then: Callable[[], Decision],
+) -> None:
+    robot, recorder = StandInRobot(), MemoryRecorder()
+    with pytest.raises(Stopped):
+        run(Answering(swallow(then)), robot, recorder)
+    assert robot.executed == []
+    assert recorder.outcome is not None
+    assert recorder.outcome.verdict.end_reason is EndReason.ABORTED
 
 
 def test_a_policy_that_spoils_its_depth_image_does_not_switch_the_depth_guard_off() -> None:
@@ -159,7 +189,7 @@ def test_a_thread_of_a_policy_does_not_change_the_record_later() -> None:
 
 def test_a_card_that_grows_during_the_episode_shows_no_more() -> None:
     policy = Answering(lambda _observation: Decision(Action.TURN_LEFT))
-    calls = PolicyCalls(policy, passes=Stopped)
+    calls = PolicyCalls(policy, Stopping())
     policy.card = ModelCard("answering", sensors=frozenset(Sensor))
     policy.answer = lambda observation: Decision(Action.STOP, str(observation.pose))
     with pytest.raises(PolicyFailedError, match=r"add Sensor\.ODOMETRY"):

@@ -77,7 +77,8 @@ def checked_diagnostics(given: Diagnostics) -> Diagnostics:
 
 
 def _kind(value: object) -> str:
-    return f"a {type(value).__name__}"
+    name = type(value).__name__
+    return f"{'an' if name[:1] in 'aeiouAEIOU' else 'a'} {name}"
 
 
 def _text(value: object, what: str, most: int) -> str:

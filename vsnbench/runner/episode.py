@@ -133,7 +133,7 @@ def run_episode(
         RecordError: the record cannot be written.
     """
     began = time.monotonic()
-    calls = PolicyCalls(policy, passes=Stopped)
+    calls = PolicyCalls(policy, stop)
     actions = 0
     recording = False
     stopped: Stopped | None = None

@@ -17,6 +17,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import Base
 from vsnbench.protocol.site import Site
+from vsnbench.runner.stopping import Stopped, Stopping
 
 logger = logging.getLogger(__name__)
 
@@ -30,15 +31,15 @@ class PolicyFailedError(Exception):
 class PolicyCalls:
     """Calls one policy through one episode."""
 
-    def __init__(self, policy: Policy, *, passes: type[BaseException]) -> None:
+    def __init__(self, policy: Policy, stop: Stopping) -> None:
         """Take the policy as its card describes it now.
 
         Args:
             policy: who is called.
-            passes: what interrupts a policy from outside, and is none of its own failures.
+            stop: its requests interrupt a policy and are none of its own failures, also where it swallows them.
         """
         self._policy = policy
-        self._passes = passes
+        self._stop = stop
         self._name = policy.card.name
         self._sensors = frozenset(policy.card.sensors)
 
@@ -53,10 +54,11 @@ class PolicyCalls:
             if isinstance(self._policy, SurveyedPolicy):
                 self._policy.survey(site, start, base, parameters)
             self._policy.reset(goal, seed)
-        except (self._passes, ModelLostError):
+        except (Stopped, ModelLostError):
             raise
         except BaseException as error:
             raise self._failed("reset", error) from None
+        self._stop.act_now()
 
     def act(self, observation: Observation) -> Decision:
         """Return the policy's decision on the robot's own observation, of which it sees private copies.
@@ -68,14 +70,21 @@ class PolicyCalls:
         """
         shown = shown_to_policy(observation, self._sensors)
         try:
-            return checked_decision(self._policy.act(shown))
-        except (self._passes, ModelLostError):
+            decision = checked_decision(self._policy.act(shown))
+        except (Stopped, ModelLostError):
             raise
         except BaseException as error:
             raise self._failed("act", error) from None
+        self._stop.act_now()
+        return decision
 
     def _failed(self, where: str, error: BaseException) -> PolicyFailedError:
-        """Log the traceback, which is for the policy's author, and return the line that goes into the record."""
+        """Log the traceback, which is for the policy's author, and return the line that goes into the record.
+
+        Raises:
+            Stopped: somebody asked for it meanwhile; what the policy made of that does not count.
+        """
+        self._stop.act_now()
         if isinstance(error, DecisionError):
             words = error_line(error).removeprefix(f"{DecisionError.__name__}: ")
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {words}")

@@ -135,6 +135,15 @@ class Stopping:
         finally:
             self._interruptible = False
 
+    def act_now(self) -> None:
+        """Raise `Stopped` where a request is waiting: code that is not ours may have swallowed it inside.
+
+        Raises:
+            Stopped: there is one.
+        """
+        if self._pending is not None:
+            raise Stopped(self._pending)
+
     def _received(self, number: int, _frame: FrameType | None) -> None:
         if not self.session_ends:
             self._pending = of_signal(number)
