@@ -1,4 +1,4 @@
-"""Remakes what in docs/ is made by the program itself: the commands, the schema and the figures.
+"""Remakes what in docs/ is made by the program itself: the commands, the interface, the schema and the figures.
 
 usage: python scripts/make_docs.py [OUTPUT]   (docs/ when absent)
 
@@ -11,6 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from scripts.api_page import api_page  # noqa: E402 - found from any directory only now
 from scripts.schema_page import schema_page  # noqa: E402 - found from any directory only now
 
 LOOK_WIDTH_PX = 1400
@@ -73,6 +74,7 @@ def draw_figures(folder: Path) -> None:
 def main(docs: Path) -> None:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
+    (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     draw_figures(docs / "figures")
 

@@ -83,7 +83,7 @@ def command(
             min=0.1,
             max=600,
             metavar="SECONDS",
-            help="a model elsewhere or isolated that answers later is lost; 10 when absent",
+            help="a model that answers later is lost; 10 when absent for one elsewhere",
             rich_help_panel=_MODEL,
         ),
     ] = None,
@@ -138,8 +138,14 @@ def command(
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.runner.launch import RunRequest
 
-    options = {"weights": weights, "model_config": model_config, "device": device, "act_timeout": act_timeout}
     apart = isolate or python is not None or isolate_memory is not None
+    elsewhere = apart or model.startswith(("ws://", "wss://"))
+    options = {
+        "weights": weights,
+        "model_config": model_config,
+        "device": device,
+        "act_timeout": act_timeout if elsewhere else None,
+    }
     memory_bytes = None if isolate_memory is None else round(isolate_memory * 2**30)
     request = RunRequest(
         model=model,
@@ -154,6 +160,7 @@ def command(
         shuffle=shuffle,
         noise=noise,
         model_options={name: value for name, value in options.items() if value is not None},
+        act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,
     )
     before = frozenset(threading.enumerate())

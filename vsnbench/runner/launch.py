@@ -15,6 +15,7 @@ from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import Isolation
+from vsnbench.models.timed import timed
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -52,6 +53,8 @@ class RunRequest:
     shuffle: bool = False
     noise: bool = False
     model_options: Mapping[str, Any] = field(default_factory=dict)
+    act_timeout_s: float | None = None
+    """How long a model in this process may take for an action; without end when None."""
     isolation: Isolation | None = None
     """Run the model in a process of its own."""
 
@@ -139,7 +142,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
             site,
             parameters,
             robot,
-            policy,
+            policy if request.act_timeout_s is None else timed(policy, request.act_timeout_s),
             partial(EpisodeRecorderFanOut, target),
             attendant,
             stop,
