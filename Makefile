@@ -4,7 +4,10 @@ SHELL := /bin/bash
 BIN := .venv/bin
 DEMO_RESULTS ?= demo-results
 
-.PHONY: help demo test check fmt bench docs weights setup setup-test clean
+FUZZ_SEED ?= 2
+FUZZ_COUNT ?= 600
+
+.PHONY: help demo test check check-fast fmt fuzz bench docs weights setup setup-test clean
 
 help: ## Show this help.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -21,7 +24,7 @@ demo: setup ## Set up and run the main job in the embedded apartment, then repor
 	@echo
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
 
-test: setup-test check ## Set up and pass every check and test.
+test: setup-test check ## Set up and pass every check and test: under 20 minutes on two cores.
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros"
 	$(BIN)/python -m pytest -m ros
 
@@ -29,6 +32,12 @@ check: setup-test ## Lint, format check and types.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+check-fast: check ## Lint, types, and the tests that take no robot, browser, server or patience: under 3 minutes on two cores.
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not ros and not browser and not postgresql"
+
+fuzz: setup-test ## Feed every loader FUZZ_COUNT bad inputs drawn from FUZZ_SEED; prints what passed a boundary.
+	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)
 
 fmt: setup-test ## Format and mend what can be mended by itself.
 	$(BIN)/ruff check --fix .
