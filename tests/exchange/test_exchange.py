@@ -23,10 +23,11 @@ from vsnbench.exchange.step_csv import write_steps
 from vsnbench.exchange.tum import write_tum
 from vsnbench.exchange.upstream_log import read_upstream_log
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.build import read
 from vsnbench.report.record import Selection
 from vsnbench.report.summary import summarise
-from vsnbench.report.tables import real_sheet
+from vsnbench.report.twins import real_sheet
 from vsnbench.robots.profiles import load_profile
 
 STEPS = [
@@ -65,9 +66,21 @@ def test_habitat_results_leave_void_episodes_out_and_come_back_in(lab: Lab, tmp_
     assert [(row["success"], row["spl"]) for row in results] == [(1.0, 1.0), (0.0, 0.0)]
     assert results[1]["soft_spl"] == pytest.approx(0.25)
     (means,) = json.loads((tmp_path / "out" / "aggregated_results.json").read_text()).values()
+    assert means["condition"]["protocol"]["max_actions"] == 150
     assert (means["num_episodes"], means["success"]) == (2, 0.5)
     back = read_habitat(tmp_path / "out" / "episode_results.json")
     assert [(one.goal, one.success, one.steps) for one in back] == [("chair", True, 10), ("chair", False, 10)]
+
+
+def test_habitat_means_pool_only_like_with_like(lab: Lab, tmp_path: Path) -> None:
+    lab.write([Attempt(start=s) for s in (1, 2)])
+    lab.write([Attempt(start=s, success=False) for s in (1, 2)], protocol=ProtocolParameters(max_actions=50))
+    write_habitat(episodes_of(lab), tmp_path / "out")
+    means = json.loads((tmp_path / "out" / "aggregated_results.json").read_text())
+    assert {name: (one["success"], one["condition"]["protocol"]["max_actions"]) for name, one in means.items()} == {
+        "vlv, simulated, apartment #1": (1.0, 150),
+        "vlv, simulated, apartment #2": (0.0, 50),
+    }
 
 
 def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path) -> None:
@@ -75,11 +88,19 @@ def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path)
     rows = [{"object_category": "chair", "success": float(i < 13), "num_steps": 50} for i in range(20)]
     file.write_text(json.dumps(rows))
     lab.write([Attempt(start=s, success=s <= 3) for s in range(1, 11)], model="pirlnav", simulated=False)
+    episodes = read_habitat(file)
+    protocol = ProtocolParameters(max_actions=500, success_distance_m=0.5)
+    options = {"model": "pirlnav", "site": unsurveyed_site("hm3d"), "source": file, "protocol": protocol}
     with lab.journal() as journal:
-        import_habitat(journal, read_habitat(file), model="pirlnav", site=unsurveyed_site("hm3d"), source=file)
+        with pytest.raises(UsageError, match="episode of 50 steps: it was run under another cap than --max-steps 40"):
+            import_habitat(journal, episodes, **options | {"protocol": ProtocolParameters(max_actions=40)})
+        import_habitat(journal, episodes, **options)
         with pytest.raises(UsageError, match="in the record already"):
-            import_habitat(journal, read_habitat(file), model="pirlnav", site=unsurveyed_site("hm3d"), source=file)
-    sheet = real_sheet(summarise(read(lab.url, Selection())))
+            import_habitat(journal, episodes, **options)
+    record = read(lab.url, Selection())
+    imported = next(one for one in record.conditions if one.simulated)
+    assert (imported.max_actions, imported.success_distance_m) == (500, 0.5)
+    sheet = real_sheet(record, summarise(record))
     assert sheet is not None
     (row,) = [[cell.text for cell in row.cells] for row in sheet.rows]
     assert "3/10" in row
@@ -271,7 +292,8 @@ def test_an_import_is_withdrawn_whole_and_may_come_again(lab: Lab, tmp_path: Pat
     def bring_in() -> int:
         with lab.journal() as journal:
             episodes = read_habitat(file)
-            campaign, _ = import_habitat(journal, episodes, model="vlv", site=unsurveyed_site("hm3d"), source=file)
+            site, protocol = unsurveyed_site("hm3d"), ProtocolParameters(max_actions=500)
+            campaign, _ = import_habitat(journal, episodes, model="vlv", site=site, source=file, protocol=protocol)
         return campaign
 
     def counted() -> int:

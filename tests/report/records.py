@@ -40,6 +40,7 @@ class Attempt:
     steps: Sequence[StepRecord] = ()
     judged: bool = True
     final: Pose | None = None
+    begins: Pose = field(default_factory=lambda: Pose(1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Lab:
 def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetime) -> int:
     handle = journal.claim_next(trial.campaign_id, [trial.id])
     assert handle is not None, "an episode of this trial counts already"
-    journal.place(handle.id, Fix(Pose(1.0, 1.0), PoseSource.SIMULATED))
+    journal.place(handle.id, Fix(attempt.begins, PoseSource.SIMULATED))
     journal.begin(handle.id, EpisodeBegin(attempt.shortest_m, started_at=at))
     for step in attempt.steps:
         journal.append_step(handle.id, step)

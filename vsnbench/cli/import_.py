@@ -61,6 +61,12 @@ def ros4vsn(
 def habitat(
     file: Annotated[Path, typer.Argument(help="JSON with a list of episodes: goal, success, number of steps.")],
     model: Annotated[str, typer.Option("--model", "-m", help="Which model it was; as in the real results.")],
+    max_steps: Annotated[
+        int, typer.Option("--max-steps", min=1, max=100_000, help="The cap on actions that it was run under.")
+    ],
+    success_distance: Annotated[
+        float, typer.Option("--success-distance", min=0.01, max=10, help="STOP nearer than this succeeded, metres.")
+    ],
     site: Annotated[str, typer.Option("--site", help="A name for the scenes.")] = "habitat",
     results: Results = None,
     db: Database = None,
@@ -68,21 +74,23 @@ def habitat(
     """A simulator's results, for the table of real against virtual (paper, Table 3).
 
     Each episode needs object_category (or goal), success (0 or 1) and num_steps; distance_to_goal, path_length and
-    geodesic_distance are taken where they are given.
+    geodesic_distance are taken where they are given. The file does not say the protocol: you do.
 
-    Example: [bold]vsnbench import habitat episode_results.json --model pirlnav --site hm3d[/bold]
+    Example: [bold]vsnbench import habitat results.json --model pirlnav --max-steps 500 --success-distance 1[/bold]
     """
     from vsnbench.database.journal import Journal
     from vsnbench.exchange.habitat import read_habitat
     from vsnbench.exchange.importing import import_habitat, unsurveyed_site
+    from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.record.results import ResultsDirectory
 
     episodes = read_habitat(file)
+    protocol = ProtocolParameters(max_actions=max_steps, success_distance_m=success_distance)
     place = unsurveyed_site(site)
     target = ResultsDirectory.locate(results, db)
     target.prepare()
     with Journal.open(target.database_url) as journal:
-        campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file)
+        campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file, protocol=protocol)
     typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
 
 

@@ -56,6 +56,12 @@ def command(
     reference: Annotated[
         Reference | None, typer.Option("--reference", help="lay published numbers beside", rich_help_panel=_WHAT)
     ] = None,
+    all_tables: Annotated[
+        bool,
+        typer.Option(
+            "--all-tables", help="every table that the record supports, as --output has", rich_help_panel=_FORM
+        ),
+    ] = False,
     only_reference: Annotated[
         bool, typer.Option("--only-reference", help="only the paper's Tables 3 to 6", rich_help_panel=_WHAT)
     ] = False,
@@ -71,6 +77,7 @@ def command(
         vsnbench report --format markdown > table.md     to paste into a page
         vsnbench report --format json                    for a script; rates are shares of 0 to 1
         vsnbench report --reference paper                beside the numbers of the ROS4VSN paper
+        vsnbench report --all-tables                     sensitivity, seeds, failures, starts, actions, ...
         vsnbench report --output report/                 page, tables in every form, figures
         vsnbench report --serve                          the page in your browser
         vsnbench report --only-reference                 the paper's Tables 3 to 6, with the intervals it leaves out
@@ -103,5 +110,7 @@ def command(
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
         write_or_serve(report, drawn, output, port if serve else None)
     else:
-        whole = form is Format.JSON  # for programs, which have no other way to ask; a person's table is to come at once
-        print_report(form.value, build(place.database_url, selection, place.path, reference=with_paper, activity=whole))
+        # JSON is for programs, which have no other way to ask; a person's table is to come at once.
+        whole = all_tables or form is Format.JSON
+        report = build(place.database_url, selection, place.path, reference=with_paper, activity=whole)
+        print_report(form.value, report, long=all_tables)

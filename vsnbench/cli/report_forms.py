@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from vsnbench.report.summary import Results
 
 
-def print_report(form: str, report: "Report") -> None:
+def print_report(form: str, report: "Report", *, long: bool = False) -> None:
     """Print a report; as JSON and CSV the paper's models follow the measured ones when they were asked for."""
     from dataclasses import replace
 
@@ -30,7 +30,7 @@ def print_report(form: str, report: "Report") -> None:
 
         typer.echo(to_json(results, report.questions, report.activity), nl=False)
         return
-    print_sheets_as(form, report.sheets(), results)
+    print_sheets_as(form, report.sheets(long=long), results)
 
 
 def print_sheets_as(form: str, sheets: "list[Sheet]", results: "Results") -> None:

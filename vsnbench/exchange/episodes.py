@@ -13,7 +13,7 @@ from vsnbench.database.engine import record_errors
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
 from vsnbench.database.read_shapes import RecordedStep
-from vsnbench.database.tables import Episode, Model, Robot, Site, Trial
+from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
@@ -47,6 +47,8 @@ class ExportedEpisode:
     geodesic_end_m: float | None
     start_pose: Pose | None
     images_directory: str
+    condition: Mapping[str, Any]
+    """What was tested: model with weights and settings, robot, site, protocol, conditions; only like is pooled."""
     camera: Camera | None = None
     """None where the robot's profile is not known."""
 
@@ -73,7 +75,7 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
     """
     query = (
         episodes_of_campaigns(
-            *(Episode, Trial, Model.name, Robot.name, Robot.simulated, Robot.profile, Site.name),
+            *(Episode, Trial, Campaign, Model, Robot, Site),
             *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value)),
         )
         .where(Episode.end_reason.is_not(None))
@@ -96,11 +98,10 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
 def _exported(
     episode: Episode,
     trial: Trial,
-    model: str,
-    robot: str,
-    simulated: bool,
-    profile: Mapping[str, Any],
-    site: str,
+    campaign: Campaign,
+    model: Model,
+    robot: Robot,
+    site: Site,
     end_reason: str,
     success: bool | None,
     distance_m: float | None,
@@ -108,10 +109,10 @@ def _exported(
 ) -> ExportedEpisode:
     return ExportedEpisode(
         id=episode.id,
-        model=model,
-        robot=robot,
-        simulated=simulated,
-        site=site,
+        model=model.name,
+        robot=robot.name,
+        simulated=robot.simulated,
+        site=site.name,
         goal=trial.goal,
         start=trial.start,
         repetition=trial.repetition,
@@ -126,7 +127,20 @@ def _exported(
         geodesic_end_m=episode.geodesic_end_m,
         start_pose=_pose(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
         images_directory=episode.images_directory,
-        camera=_camera(profile),
+        camera=_camera(robot.profile),
+        condition={
+            "model": model.name,
+            "weights": model.weights_label,
+            "weights_sha256": model.weights_sha256,
+            "settings": model.settings,
+            "robot": robot.name,
+            "robot_sha256": robot.sha256,
+            "environment": "simulated" if robot.simulated else "real",
+            "site": site.name,
+            "site_sha256": site.sha256,
+            "protocol": campaign.protocol,
+            "conditions": campaign.conditions,
+        },
     )
 
 

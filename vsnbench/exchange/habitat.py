@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,16 +36,20 @@ class HabitatEpisode:
 def write_habitat(episodes: Sequence[ExportedEpisode], directory: Path) -> int:
     """Write `episode_results.json` and `aggregated_results.json` of the episodes that count; return how many.
 
-    The means are by model and environment: other conditions are never pooled.
+    The means are by condition (model with weights and settings, robot, site, protocol, noise), which is written beside
+    them: other conditions are never pooled.
 
     Raises:
         RecordError: the files cannot be written.
     """
-    results = [_fields(episode) for episode in episodes if episode.counts]
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for result in results:
-        groups.setdefault(f"{result['model']}, {result['environment']}, {result['scene_id']}", []).append(result)
-    means = {name: _means(members) for name, members in groups.items()}
+    counted = [episode for episode in episodes if episode.counts]
+    names = _names(counted)
+    results = [_fields(episode, names[_key(episode)]) for episode in counted]
+    conditions = {names[_key(episode)]: dict(episode.condition) for episode in counted}
+    means = {
+        name: {**_means([result for result in results if result["condition"] == name]), "condition": condition}
+        for name, condition in conditions.items()
+    }
     for file, content in (("episode_results.json", results), ("aggregated_results.json", means)):
         with whole_file(directory / file) as part:
             part.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
@@ -72,19 +77,36 @@ def read_habitat(path: Path) -> tuple[HabitatEpisode, ...]:
     return tuple(_read(row, f"{path}: episode {number}") for number, row in enumerate(rows, start=1))
 
 
-def _fields(episode: ExportedEpisode) -> dict[str, Any]:
+def _key(episode: ExportedEpisode) -> str:
+    return json.dumps(episode.condition, sort_keys=True)
+
+
+def _names(episodes: Sequence[ExportedEpisode]) -> dict[str, str]:
+    """Return a name for each condition; numbered where model, environment and scene do not tell them apart."""
+    plain = {_key(one): f"{one.model}, {'simulated' if one.simulated else 'real'}, {one.site}" for one in episodes}
+    listed = list(plain.values())
+    seen: Counter[str] = Counter()
+    names = {}
+    for key, name in plain.items():
+        seen[name] += 1
+        names[key] = f"{name} #{seen[name]}" if listed.count(name) > 1 else name
+    return names
+
+
+def _fields(episode: ExportedEpisode, condition: str) -> dict[str, Any]:
     shortest, left, path = episode.geodesic_start_m, episode.geodesic_end_m, episode.path_length_m
     success = bool(episode.success)
     return {
         "episode_id": str(episode.id),
         "scene_id": episode.site,
+        "condition": condition,
         "model": episode.model,
         "environment": "simulated" if episode.simulated else "real",
         "object_category": episode.goal,
         "start_position": episode.start,
         "repetition": episode.repetition,
         "success": float(success),
-        "spl": None if shortest is None or path is None else spl(success, shortest, path),
+        "spl": 0.0 if not success else None if shortest is None or path is None else spl(True, shortest, path),
         "soft_spl": None if shortest is None or path is None or left is None else soft_spl(shortest, left, path),
         "distance_to_goal": episode.distance_to_goal_m,
         "path_length": path,

@@ -111,21 +111,35 @@ def _logged(episode: LoggedEpisode) -> ImportedEpisode:
 
 
 def import_habitat(
-    journal: Journal, episodes: Sequence[HabitatEpisode], *, model: str, site: Site, source: Path
+    journal: Journal,
+    episodes: Sequence[HabitatEpisode],
+    *,
+    model: str,
+    site: Site,
+    source: Path,
+    protocol: ProtocolParameters,
 ) -> tuple[int, tuple[int, ...]]:
     """Write a simulator's judged episodes, all or none; return the numbers of their campaign and of each.
 
+    The protocol is the one that they were run under, which the file does not say.
+
     Raises:
-        UsageError: they are in the record already.
+        UsageError: they are in the record already, or one is longer than the protocol allows.
         RecordError: the record cannot be used.
     """
     goals = [episode.goal for episode in episodes]
-    plan = _plan(goals, NO_NUMBER, model, site, habitat_agent(), True, source)
-    return journal.import_campaign(plan, [_simulated(episode) for episode in episodes])
+    longest = max(episode.steps for episode in episodes)
+    if longest > protocol.max_actions:
+        raise UsageError(
+            f"{source} has an episode of {longest} steps: it was run under another cap than --max-steps "
+            f"{protocol.max_actions}"
+        )
+    plan = _plan(goals, NO_NUMBER, model, site, habitat_agent(), True, source, protocol)
+    return journal.import_campaign(plan, [_simulated(episode, protocol) for episode in episodes])
 
 
-def _simulated(episode: HabitatEpisode) -> ImportedEpisode:
-    capped = not episode.success and episode.steps >= ProtocolParameters().max_actions
+def _simulated(episode: HabitatEpisode, protocol: ProtocolParameters) -> ImportedEpisode:
+    capped = not episode.success and episode.steps >= protocol.max_actions
     reason = EndReason.STEP_LIMIT if capped else EndReason.STOP
     distance = None
     if episode.distance_to_goal_m is not None:
@@ -139,7 +153,14 @@ def _simulated(episode: HabitatEpisode) -> ImportedEpisode:
 
 
 def _plan(
-    goals: Sequence[str], start: int, model: str, site: Site, robot: RobotProfile, simulated: bool, source: Path
+    goals: Sequence[str],
+    start: int,
+    model: str,
+    site: Site,
+    robot: RobotProfile,
+    simulated: bool,
+    source: Path,
+    protocol: ProtocolParameters | None = None,
 ) -> CampaignPlan:
     """Plan one trial an episode; the content of the source makes the campaign its own."""
     seen: Counter[str] = Counter()
@@ -152,7 +173,7 @@ def _plan(
         site=site,
         robot=RobotIdentity(robot, IMPORTED, simulated),
         model=ModelIdentity(model),
-        protocol=ProtocolParameters(),
+        protocol=protocol or ProtocolParameters(),
         seed=int.from_bytes(digest[:7], "big"),
         trials=planned,
         name=f"{model}, imported from {source.name}",

@@ -13,6 +13,8 @@ from vsnbench.database.read_model import COUNTS, RUNNING
 from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.conditions import read_conditions
+from vsnbench.report.failures import Failures
+from vsnbench.report.judgements import Judgements
 from vsnbench.report.record import Record, Selection, trial_filter
 
 if TYPE_CHECKING:
@@ -72,6 +74,8 @@ class Activity:
 
     actions: tuple[ActionCount, ...]
     robots: tuple[RobotActivity, ...]
+    failures: tuple[Failures, ...] = ()
+    judgements: tuple[Judgements, ...] = ()
 
 
 def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:

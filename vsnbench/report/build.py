@@ -11,10 +11,13 @@ from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
+from vsnbench.report.failures import Failures, read_failures
+from vsnbench.report.judgements import Judgements, read_judgements
 from vsnbench.report.question import Question, questions
 from vsnbench.report.question_tables import question_sheets
 from vsnbench.report.record import Record, Selection, goal_order, read_record
 from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
+from vsnbench.report.scrutiny_tables import failure_sheet, judgement_sheet, scrutiny_sheets
 from vsnbench.report.sheets import Sheet
 from vsnbench.report.summary import Results, summarise
 from vsnbench.report.tables import (
@@ -22,10 +25,10 @@ from vsnbench.report.tables import (
     end_sheet,
     goal_sheet,
     overview_sheet,
-    real_sheet,
     stability_sheet,
     start_sheet,
 )
+from vsnbench.report.twins import real_sheet, twin_sheet
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:
@@ -77,8 +80,10 @@ class Report:
         sheets += [goal_sheet(one, results.shared_goals) for one in results.conditions]
         if self.reference:
             sheets.append(beside_sheet(results))
-        if real := real_sheet(results):
+        if real := real_sheet(self.record, results):
             sheets.append(real)
+        if twin := twin_sheet(self.record, results):
+            sheets.append(twin)
         if any(one.ends for one in results.conditions):
             sheets.append(end_sheet(results))
         if self.activity:
@@ -87,7 +92,12 @@ class Report:
                 sheets.append(paper_stability_sheet())
             if self.activity.actions:
                 sheets.append(action_sheet(results, self.activity.actions))
+        if self.activity:
+            failures = failure_sheet(results, self.activity.failures)
+            judgements = judgement_sheet(results, self.activity.judgements)
+            sheets += [sheet for sheet in (failures, judgements) if sheet]
         if long:
+            sheets += scrutiny_sheets(self.record, results)
             sheets += [start_sheet(one) for one in results.conditions]
         return sheets
 
@@ -126,7 +136,8 @@ def build(
         robots = _robots(url, report.record)
         if meanwhile:
             meanwhile(report)
-        return replace(report, activity=Activity(counting.result(), robots))
+        failures, judgements = _judged(url, report.record)
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
 
 
 def _uncounted(url: str, selection: Selection, results_directory: Path | None, *, reference: bool) -> Report:
@@ -138,6 +149,14 @@ def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
     engine = open_record(url)
     try:
         return read_actions(engine, selection)
+    finally:
+        engine.dispose()
+
+
+def _judged(url: str, record: Record) -> tuple[tuple[Failures, ...], tuple[Judgements, ...]]:
+    engine = open_record(url)
+    try:
+        return read_failures(engine, record), read_judgements(engine, record)
     finally:
         engine.dispose()
 

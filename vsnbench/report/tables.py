@@ -23,7 +23,6 @@ from vsnbench.report.sheets import (
     word,
 )
 from vsnbench.report.summary import TRIVIAL_M, ConditionSummary, Results, Summary
-from vsnbench.statistics.clustered import independent_difference
 
 _RATES = (
     Column("k/n", note="successful episodes of episodes that count, one a trial"),
@@ -137,61 +136,6 @@ def end_sheet(results: Results) -> Sheet:
         ),
         rows=tuple(rows),
         footnotes=footnotes([one.condition for one in results.conditions]),
-    )
-
-
-def real_sheet(results: Results) -> Sheet | None:
-    """Real against simulated, for the models that were tested in both (paper, Table 3); None when there is none."""
-    rows = []
-    for real in results.conditions:
-        for virtual in results.conditions:
-            same = (real.condition.model, real.condition.weights_sha256) == (
-                virtual.condition.model,
-                virtual.condition.weights_sha256,
-            )
-            if real.condition.simulated or not virtual.condition.simulated or not same:
-                continue
-            a, b = real.total, virtual.total
-            gap = independent_difference(a.outcomes, b.outcomes)
-            rows.append(
-                row(
-                    word(real.condition.model),
-                    word(f"{real.condition.robot_title}, {real.condition.site}"),
-                    of(a.successes, a.episodes),
-                    percent(a.success_rate),
-                    interval_percent(a.interval.low, a.interval.high),
-                    of(a.episodes, a.planned),
-                    word(f"{virtual.condition.robot_title}, {virtual.condition.site}"),
-                    of(b.successes, b.episodes),
-                    percent(b.success_rate),
-                    interval_percent(b.interval.low, b.interval.high),
-                    of(b.episodes, b.planned),
-                    decimal(100 * (a.success_rate - b.success_rate), 2),
-                    interval_percent(gap.low, gap.high),
-                )
-            )
-    if not rows:
-        return None
-    return Sheet(
-        name="real-simulated",
-        title="Real world against simulation",
-        columns=(
-            Column("model", number=False),
-            Column("real", number=False, rank=3),
-            Column("k/n"),
-            Column("SR %"),
-            Column("95 % interval", rank=1),
-            Column("done", rank=2),
-            Column("simulated", number=False, rank=3),
-            Column("k/n"),
-            Column("SR %"),
-            Column("95 % interval", rank=1),
-            Column("done", rank=2),
-            Column("real - sim.", note="difference in success rate, points"),
-            Column("95 % interval", note="Newcombe's interval of the difference"),
-        ),
-        rows=tuple(rows),
-        notes=("Totals over all goals of each; the goals may differ.",),
     )
 
 

@@ -64,11 +64,11 @@ def _counted(steps: Sequence[int]) -> float:
     return float(min(1.0, chances[np.abs(np.arange(-reach, reach + 1)) >= abs(sum(steps))].sum()))
 
 
-def exchange_clusters(first: Outcomes, second: Outcomes, seed: int = 0) -> float:
+def exchange_clusters(first: Outcomes, second: Outcomes, seed: int = 0, draws: int = DRAWS) -> float:
     """Return the two-sided p-value of dealing the clusters of two separate samples anew between them.
 
     The statistic is the difference of the success rates. Fisher's exact test where every episode has a cluster to
-    itself; else 19,999 seeded deals. 1 where either has no trials.
+    itself; else so many seeded deals. 1 where either has no trials.
     """
     if not first.cells or not second.cells:
         return 1.0
@@ -77,11 +77,11 @@ def exchange_clusters(first: Outcomes, second: Outcomes, seed: int = 0) -> float
     sides = [_cluster_counts(each) for each in (first, second)]
     successes, trials = (np.concatenate([side[which] for side in sides]) for which in (0, 1))
     size = len(sides[0][0])
-    order = np.argsort(np.random.default_rng(seed).random((DRAWS, len(trials))), axis=1)[:, :size]
+    order = np.argsort(np.random.default_rng(seed).random((draws, len(trials))), axis=1)[:, :size]
     mine, tried = successes[order].sum(1), trials[order].sum(1)
     apart = np.abs(mine / tried - (successes.sum() - mine) / (trials.sum() - tried))
     observed = abs(first.proportion.rate - second.proportion.rate)
-    return float((1 + np.sum(apart >= observed - _TIE)) / (DRAWS + 1))
+    return float((1 + np.sum(apart >= observed - _TIE)) / (draws + 1))
 
 
 def fisher_effective(first: Outcomes, second: Outcomes) -> float:

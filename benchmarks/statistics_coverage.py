@@ -1,0 +1,213 @@
+"""Simulates false positives and coverage of every interval and test, and prints the tables of docs/statistics.md.
+
+    python benchmarks/statistics_coverage.py                     15 starting positions, 2,000 samples a line: minutes
+    python benchmarks/statistics_coverage.py --samples 200       rougher, for a look
+    python benchmarks/statistics_coverage.py --write             puts the tables into docs/statistics.md
+    python benchmarks/statistics_coverage.py --twin DIR          prediction-powered, on a record: one model with and
+                                                                 without noise, the noisy campaigns playing "real"
+
+Success chances of starting positions are 0 or 1, Beta(1/2, 1/2), Beta(2, 2) (both moved to the rate) or all the same;
+two models have chances of their own. What took every episode for a place of its own is beside.
+"""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from vsnbench.statistics.clustered import Cell, Outcomes, independent_difference, rate_interval
+from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
+from vsnbench.statistics.permutation import exchange_clusters
+from vsnbench.statistics.prediction_powered import OnlyPredicted, PredictedCell, powered
+from vsnbench.statistics.rates import mcnemar_exact, newcombe, wilson
+
+STARTS = 15
+SEEDS = (1, 2, 5)
+RATES = (0.1, 0.3, 0.5, 0.8)
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "statistics.md"
+Floats = np.ndarray
+
+CHANCES: dict[str, Callable[[np.random.Generator, float], Floats]] = {
+    "0 or 1": lambda random, rate: (random.random(STARTS) < rate).astype(float),
+    "Beta(½,½)": lambda random, rate: random.beta(rate, 1 - rate, STARTS),
+    "Beta(2,2)": lambda random, rate: random.beta(4 * rate, 4 * (1 - rate), STARTS),
+    "the same": lambda _random, rate: np.full(STARTS, rate),
+}
+
+
+def outcomes(wins: Floats, seeds: int) -> Outcomes:
+    """Return the outcomes of one model, a cell a starting position."""
+    return Outcomes(tuple(Cell(start, int(won), seeds) for start, won in enumerate(wins)))
+
+
+def paired(first: Outcomes, second: Outcomes) -> PairedOutcomes:
+    """Return the outcomes of two models in the same cells."""
+    return PairedOutcomes(tuple(PairedCell(a, b) for a, b in zip(first.cells, second.cells, strict=True)))
+
+
+def line(kind: str, rate: float, seeds: int, samples: int) -> list[float]:
+    """Return the shares, in percent, of one setting: coverage of rates, of differences, false positives."""
+    random = np.random.default_rng([seeds, int(100 * rate), list(CHANCES).index(kind)])
+    other = rate + 0.25 if rate <= 0.5 else rate - 0.25
+    counts = np.zeros(9)
+    for _ in range(samples):
+        chances = [CHANCES[kind](random, each) for each in (rate, rate, other)]
+        draws = [random.binomial(1, chance[:, None], (STARTS, seeds)) for chance in chances]
+        a, b, c = (outcomes(each.sum(1), seeds) for each in draws)
+        apart = paired(a, c)
+        discordant = [int(((draws[i] == 1) & (draws[j] == 0)).sum()) for i, j in ((0, 1), (1, 0))]
+        counts += (
+            rate in wilson(a.proportion),
+            rate in rate_interval(a),
+            rate - other in newcombe(a.proportion, c.proportion),
+            rate - other in paired_interval(apart),
+            rate - other in independent_difference(a, c),
+            0.0 in paired_interval(paired(a, b)),
+            mcnemar_exact(*discordant) < 0.05,
+            paired_test(paired(a, b)) < 0.05,
+            exchange_clusters(a, b, draws=999) < 0.05,
+        )
+    return (100 * counts / samples).tolist()
+
+
+HEADINGS = (
+    *("Wilson", "**by position**", "Newcombe", "**paired**", "**independent**", "**paired, no difference**"),
+    *("McNemar", "**signs flipped**", "**exchanged**"),
+)
+
+
+def table(samples: int) -> list[str]:
+    """Return the table as lines of Markdown."""
+    lines = [
+        "| seeds | chances | rate | " + " | ".join(HEADINGS) + " |",
+        "| ---: | --- | ---: |" + " ---: |" * len(HEADINGS),
+    ]
+    for seeds in SEEDS:
+        for kind in CHANCES:
+            for rate in RATES:
+                shares = " | ".join(f"{share:.1f}" for share in line(kind, rate, seeds, samples))
+                lines.append(f"| {seeds} | {kind} | {rate} | {shares} |")
+                print(lines[-1], flush=True)
+    return lines
+
+
+def powered_line(rate: float, alike: float, trust: float, samples: int) -> str:
+    """Return a line of the table of prediction-powered estimates: 75 cells, 25 of them driven for real."""
+    random = np.random.default_rng([int(100 * rate), int(alike), int(100 * trust)])
+    starts = np.repeat(np.arange(STARTS), 5)
+    held = plain = 0
+    widths = np.zeros(3)
+    for _ in range(samples):
+        real = random.random(75) < random.beta(alike * rate, alike * (1 - rate), STARTS)[starts]
+        twin = np.where(random.random(75) < trust, real, random.random(75) < 0.5)
+        driven = np.zeros(75, bool)
+        driven[random.permutation(75)[:25]] = True
+        found = powered(
+            [PredictedCell(Cell(int(starts[n]), int(real[n]), 1), float(twin[n])) for n in np.flatnonzero(driven)],
+            [OnlyPredicted(int(starts[n]), float(twin[n])) for n in np.flatnonzero(~driven)],
+        )
+        if found is None:
+            raise SystemExit("25 cells of 15 positions are enough")
+        held += rate in found.interval
+        plain += rate in found.plain_interval
+        widths += (
+            found.interval.high - found.interval.low,
+            found.plain_interval.high - found.plain_interval.low,
+            found.saved,
+        )
+    width, plain_width, saved = widths / samples
+    return (
+        f"| {rate} | {1 / (1 + alike):.2f} | {trust} | {100 * plain / samples:.1f} | {100 * held / samples:.1f} "
+        f"| {100 * plain_width:.0f} | {100 * width:.0f} | {saved:.0f} |"
+    )
+
+
+def powered_table(samples: int) -> list[str]:
+    """Return the table of prediction-powered estimates as lines of Markdown."""
+    lines = [
+        "| rate | resemblance | twin right by itself | plain | **powered** | width | **width** | cells saved |",
+        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for rate in RATES:
+        for alike in (4.0, 50.0):
+            for trust in (0.0, 0.6, 0.95):
+                lines.append(powered_line(rate, alike, trust, samples))
+                print(lines[-1], flush=True)
+    return lines
+
+
+def twin(directory: Path, samples: int) -> None:
+    """Draw few positions of the noisy campaigns as real trials, and all of the noiseless one as the twin's."""
+    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.report.build import read
+    from vsnbench.report.record import Selection
+
+    record = read(ResultsDirectory.locate(directory, None).database_url, Selection())
+    noisy, clean = (next(one for one in record.conditions if one.noisy is noise) for noise in (True, False))
+    rates = {
+        one.number: record.counted(one).astype({"goal": str}).groupby(["goal", "start"])["success"].mean()
+        for one in (noisy, clean)
+    }
+    cells = [cell for cell in rates[clean.number].index if cell in rates[noisy.number].index]
+    truth = float(np.mean([rates[noisy.number][cell] for cell in cells]))
+    campaigns = dict(list(record.counted(noisy).astype({"goal": str}).groupby("campaign")))
+    real = {number: rows.set_index(["goal", "start"])["success"] for number, rows in campaigns.items()}
+    random = np.random.default_rng(0)
+    print(f"{len(cells)} cells, real rate {truth:.3f}, twin's {np.mean([rates[clean.number][c] for c in cells]):.3f}")
+    for driven in (5, 8, 10):
+        held = plain = 0
+        sums = np.zeros(3)
+        for _ in range(samples):
+            chosen = set(random.permutation(sorted({start for _, start in cells}))[:driven].tolist())
+            outcome = real[int(random.choice(list(real)))]
+            found = powered(
+                [
+                    PredictedCell(Cell(int(c[1]), int(outcome[c]), 1), float(rates[clean.number][c]))
+                    for c in cells
+                    if c[1] in chosen
+                ],
+                [OnlyPredicted(int(c[1]), float(rates[clean.number][c])) for c in cells if c[1] not in chosen],
+            )
+            if found is None:
+                raise SystemExit("too few cells to predict from")
+            held += truth in found.interval
+            plain += truth in found.plain_interval
+            sums += (
+                found.interval.high - found.interval.low,
+                found.plain_interval.high - found.plain_interval.low,
+                found.saved,
+            )
+        width, plain_width, saved = sums / samples
+        print(
+            f"{driven} of 15 positions: plain covers {100 * plain / samples:.1f} % at {100 * plain_width:.0f} points, "
+            f"powered {100 * held / samples:.1f} % at {100 * width:.0f}; {saved:.1f} cells saved"
+        )
+
+
+def write(name: str, lines: list[str]) -> None:
+    """Put a table between its marks in the page."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    page = PAGE.read_text(encoding="utf-8")
+    before, after = page.split(begin)[0], page.split(end)[1]
+    PAGE.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
+
+
+def main() -> None:
+    """Simulate and print; write where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--samples", type=int, default=2000)
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/statistics.md")
+    parser.add_argument("--twin", type=Path, metavar="DIR", help="a results directory")
+    options = parser.parse_args()
+    if options.twin:
+        twin(options.twin, options.samples)
+        return
+    for name, make in (("coverage", table), ("powered", powered_table)):
+        lines = make(options.samples)
+        if options.write:
+            write(name, lines)
+
+
+if __name__ == "__main__":
+    main()

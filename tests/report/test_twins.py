@@ -1,0 +1,68 @@
+"""Real against simulated: on shared goals and cells alone, with what the twin is worth."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.report.records import Attempt, Lab
+from vsnbench.report.build import read
+from vsnbench.report.record import Selection
+from vsnbench.report.summary import summarise
+from vsnbench.report.twins import real_sheet, twin_sheet, twins
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    """A twin that was driven everywhere, and is right in nearly every cell; nine positions were driven for real."""
+    lab = Lab(tmp_path)
+    hard = {2, 3, 8, 11, 14}
+    lab.write([Attempt(g, s, success=s not in hard) for g in ("chair", "bed") for s in range(1, 16)])
+    real = [Attempt(g, s, success=s not in hard) for g in ("chair", "plant") for s in range(1, 10)]
+    lab.write([*real[:4], Attempt("chair", 5, success=False), *real[5:]], simulated=False)
+    return lab
+
+
+def test_totals_over_other_goals_are_not_compared(lab: Lab) -> None:
+    record = read(lab.url, Selection())
+    (twin,) = twins(record, summarise(record))
+    assert twin.goals == ("chair",)
+    assert (twin.first.episodes, twin.second.episodes) == (9, 15)
+    assert twin.pairing is not None
+    assert len(twin.pairing.outcomes.cells) == 9
+    assert twin.difference == pytest.approx(-1 / 9)
+    assert twin.interval.low < -1 / 9 < twin.interval.high
+    sheet = real_sheet(record, summarise(record))
+    assert sheet is not None
+    assert "-11.11" in [cell.text for cell in sheet.rows[0].cells]
+
+
+def test_the_twin_says_how_true_it_is_and_what_it_saves(lab: Lab) -> None:
+    record = read(lab.url, Selection())
+    (twin,) = twins(record, summarise(record))
+    like, ranks, gain = twin.agreement, twin.ranks, twin.powered
+    assert like is not None
+    assert ranks is not None
+    assert gain is not None
+    assert (like.same, like.bias) == pytest.approx((8 / 9, 1 / 9))
+    assert ranks.rho > 0.5
+    assert gain.plain_rate == pytest.approx(5 / 9)
+    assert gain.cells == 9
+    assert gain.tuning > 0
+    assert gain.saved > 0
+    assert gain.rate in gain.interval
+    sheet = twin_sheet(record, summarise(record))
+    assert sheet is not None
+    assert "no headline" in sheet.notes[0]
+
+
+def test_other_places_share_no_cells(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    other = Lab(tmp_path / "elsewhere", lab.site.model_copy(update={"name": "twin"}))
+    other.write([Attempt("chair", s) for s in range(1, 16)])
+    Lab(other.directory).write([Attempt("chair", s) for s in range(1, 10)], simulated=False)
+    record = read(other.url, Selection())
+    (twin,) = twins(record, summarise(record))
+    assert twin.pairing is None
+    assert twin.powered is None
+    assert twin_sheet(record, summarise(record)) is None
+    assert real_sheet(record, summarise(record)) is not None
