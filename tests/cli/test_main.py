@@ -46,6 +46,31 @@ def test_what_is_not_known_is_a_usage_error(
     assert "nosuch" in answer.err
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("report", "--results", "a", "--results", "b"), "--results"),
+        (("report", "--results=a", "--results", "b"), "--results"),
+        (("episodes", "list", "--results", "a", "--results", "b"), "--results"),
+        (("run", "-m", "random", "--model", "oracle", "--goal", "chair"), "--model"),
+    ],
+)
+def test_an_option_given_twice_is_refused_and_not_read_as_its_last_value(
+    words: tuple[str, ...], option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, *words)
+    assert answer.code == 2
+    assert answer.err.startswith(f"vsnbench: error: {option} was given 2 times, and takes one value: give it once")
+    assert answer.err.count("\n") == 1
+
+
+def test_an_option_that_takes_several_values_may_be_repeated(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "report", "--only-reference", "--model", "vlv", "--model", "pirlnav")
+    assert answer.code == 0, answer.err
+
+
 @pytest.mark.parametrize(("error", "code"), [(UsageError("no such thing"), 2), (RobotError("wedged"), 1)])
 def test_a_known_error_is_one_line_and_its_exit_code(
     error: Exception, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -9,8 +9,10 @@ import sys
 from typing import Annotated
 
 import typer
+from typer.main import get_command
 
 from vsnbench import __version__
+from vsnbench.cli.options import refuse_repeated
 from vsnbench.errors import VsnbenchError
 
 VERBS: dict[str, tuple[str, str]] = {
@@ -89,7 +91,9 @@ def main() -> None:
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
     verb = next((word for word in sys.argv[1:] if word in VERBS), None)
     try:
-        build_app(verb)(prog_name="vsnbench")
+        app = build_app(verb)
+        refuse_repeated(get_command(app), sys.argv[1:])
+        app(prog_name="vsnbench")
     except VsnbenchError as error:
         sys.stderr.write(f"vsnbench: error: {error}\n")
         sys.exit(error.exit_code)

@@ -1,9 +1,14 @@
 """Options that several verbs share, so that one word means the same everywhere."""
 
+from collections import Counter
+from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from vsnbench.errors import UsageError
 
 RECORD_PANEL = "Record"
 """Heading under which `--help` lists them."""
@@ -24,3 +29,26 @@ Database = Annotated[
         rich_help_panel=RECORD_PANEL,
     ),
 ]
+
+
+def refuse_repeated(root: Any, words: Sequence[str]) -> None:
+    """Refuse an option that takes one value and was given twice: the parser would take the last without a word.
+
+    Args:
+        root: the command line, as Typer builds it.
+        words: as typed, without the program's name.
+
+    Raises:
+        UsageError: one was; the message names it.
+    """
+    command: Any = root
+    typed = list(takewhile(lambda word: word != "--", words))
+    for word in typed:
+        command = getattr(command, "commands", {}).get(word, command)
+    given = Counter(word.split("=", 1)[0] for word in typed if word.startswith("-"))
+    for parameter in command.params:
+        once = not (parameter.multiple or getattr(parameter, "is_flag", False) or getattr(parameter, "count", False))
+        if once and sum(given[name] for name in parameter.opts) > 1:
+            times = sum(given[name] for name in parameter.opts)
+            alone = "; every record has a report of its own" if "--results" in parameter.opts else ""
+            raise UsageError(f"{parameter.opts[0]} was given {times} times, and takes one value: give it once{alone}")
