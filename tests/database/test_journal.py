@@ -152,6 +152,17 @@ def test_verdicts_are_only_added_and_the_latest_stands(url: str) -> None:
     assert (details.summary.distance_to_goal_m, details.summary.distance_source) == (1.2, "tape")
 
 
+def test_whether_the_goal_was_in_sight_is_kept_with_the_distance(url: str) -> None:
+    with Journal.open(url) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        hidden = GoalDistance(0.6, PoseSource.SIMULATED, "chair_1", in_sight=False)
+        end = stopped(success=False)
+        verdict = Verdict(EndReason.STOP, False, "failed: behind a wall", hidden)
+        episode = run(journal, trial, replace(end, verdict=verdict))
+        details = episode_details(journal.engine, episode.id)
+    assert [given.goal_in_sight for given in details.verdicts] == [False]
+
+
 def test_a_verdict_needs_an_episode_that_has_ended(url: str) -> None:
     with Journal.open(url) as journal:
         trial = journal.find_or_create_campaign(plan()).trials[0]

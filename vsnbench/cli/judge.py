@@ -171,7 +171,8 @@ def _proposal(details: "EpisodeDetails") -> "Verdict":
     given = details.verdicts[-1]
     distance = None
     if given.distance_m is not None and given.distance_source is not None:
-        distance = GoalDistance(given.distance_m, PoseSource(given.distance_source), given.goal_instance or "")
+        source, instance = PoseSource(given.distance_source), given.goal_instance or ""
+        distance = GoalDistance(given.distance_m, source, instance, given.goal_in_sight is not False)
     return Verdict(EndReason(given.end_reason), given.success, given.reason, distance)
 
 

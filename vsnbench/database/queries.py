@@ -81,6 +81,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
                 Verdict.distance_m,
                 Verdict.distance_source,
                 Verdict.goal_instance,
+                Verdict.goal_in_sight,
                 Verdict.author,
                 Verdict.source,
                 Verdict.reason,
@@ -110,7 +111,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             ),
             final=_fix(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
             counts=bool(counts),
-            verdicts=tuple(RecordedVerdict(*row) for row in verdicts),
+            verdicts=tuple(RecordedVerdict(*tuple(row)) for row in verdicts),
             events=tuple(RecordedEvent(*row) for row in events),
             provenance=_provenance(connection, episode_id),
         )

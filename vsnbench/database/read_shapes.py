@@ -117,6 +117,7 @@ class RecordedVerdict:
     distance_m: float | None
     distance_source: str | None
     goal_instance: str | None
+    goal_in_sight: bool | None
     author: str
     source: str
     reason: str

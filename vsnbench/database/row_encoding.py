@@ -164,6 +164,7 @@ def episode_end_row(end: EpisodeEnd) -> Row:
         "distance_to_goal_m": number(distance.distance_m) if distance else None,
         "distance_source": distance.source.value if distance else None,
         "goal_instance": distance.instance if distance else None,
+        "goal_in_sight": distance.in_sight if distance else None,
         **pose_columns("final", end.final.pose if end.final else None),
         "final_source": end.final.source.value if end.final else None,
     }
@@ -183,6 +184,7 @@ def verdict_row(
         "distance_m": number(distance.distance_m) if distance else None,
         "distance_source": distance.source.value if distance else None,
         "goal_instance": distance.instance if distance else None,
+        "goal_in_sight": distance.in_sight if distance else None,
         "author": text(author),
         "source": source,
         "reason": text(verdict.text),

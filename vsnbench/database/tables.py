@@ -213,6 +213,8 @@ class Episode(Base):
     """A value of `vsnbench.protocol.fix.PoseSource`."""
     goal_instance: Mapped[str | None]
     """The site's id of the nearest instance."""
+    goal_in_sight: Mapped[bool | None]
+    """False where walls hid every instance: the distance is then the straight one. NULL: not known."""
     start_x_m: Mapped[float | None]
     start_y_m: Mapped[float | None]
     start_heading_rad: Mapped[float | None]
@@ -310,6 +312,8 @@ class Verdict(Base):
     distance_m: Mapped[float | None]
     distance_source: Mapped[str | None]
     goal_instance: Mapped[str | None]
+    goal_in_sight: Mapped[bool | None]
+    """As in `episode`."""
     author: Mapped[str]
     """Who judged: an operator's name, or `vsnbench`."""
     source: Mapped[str]

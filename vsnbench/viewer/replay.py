@@ -107,7 +107,8 @@ def _end(details: EpisodeDetails) -> Iterator[EndEntry]:
     distance = None
     if episode.distance_to_goal_m is not None and episode.distance_source is not None:
         source = PoseSource(episode.distance_source)
-        distance = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "")
+        hidden = details.standing is not None and details.standing.goal_in_sight is False
+        distance = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "", not hidden)
     words = details.standing.reason if details.standing else "not judged yet"
     verdict = Verdict(EndReason(episode.end_reason), episode.success, words, distance)
     yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, details.error)

@@ -124,6 +124,8 @@ def _states() -> None:
     op.add_column("episode", sa.Column("model_runtime", JSON_VALUE, nullable=True))
     op.add_column("verdict", sa.Column("proposed", sa.Boolean(), nullable=True))
     op.add_column("verdict", sa.Column("note", sa.Text(), nullable=True))
+    for table_name in ("episode", "verdict"):
+        op.add_column(table_name, sa.Column("goal_in_sight", sa.Boolean(), nullable=True))
     op.execute(sa.text("UPDATE verdict SET proposed = :no, note = ''").bindparams(sa.bindparam("no", False, sa.Boolean())))
     # A verdict stood as soon as it was given, a real robot's too: what was counted then stays counted.
     op.execute(
