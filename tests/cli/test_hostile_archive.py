@@ -71,3 +71,14 @@ def test_a_picture_that_is_a_link_is_not_shown(archive: Path) -> None:
     done = vsnbench("view", "1", "--path", "--results", str(archive), cwd=archive.parent)
     assert done.returncode == 1
     assert "leads out of it" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [["report"], ["episodes", "list"], ["view", "1", "--path"], ["export", "csv", "s.csv"]]
+)
+def test_nothing_is_imported_from_the_archive_in_which_one_stands(archive: Path, words: list[str]) -> None:
+    for name in ("cloudpickle", "numpy", "yaml", "sitecustomize", "psycopg2", "fsspec", "pyarrow", "IPython"):
+        (archive / f"{name}.py").write_text(f"open({str(archive.parent / 'ran')!r}, 'w').write({name!r})\n")
+    done = vsnbench(*words, "--results", ".", cwd=archive)
+    assert done.returncode == 0, done.stderr
+    assert not (archive.parent / "ran").exists()
