@@ -9,7 +9,10 @@ import yaml
 from vsnbench.errors import SiteError
 from vsnbench.protocol.site import load_site
 from vsnbench.record.results import ResultsDirectory
+from vsnbench.runner.attendance import TerminalAttendance
 from vsnbench.runner.launch import RunRequest, launch
+
+UNATTENDED = TerminalAttendance(unattended=True)
 
 
 def request(tmp_path: Path, **changes: object) -> RunRequest:
@@ -24,7 +27,7 @@ def test_a_missing_wall_is_refused_and_nothing_is_written(tmp_path: Path) -> Non
     walls = load_site("apartment").content()["walls"]
     asked = request(tmp_path, walls=walls[:4] + walls[5:])
     with pytest.raises(SiteError, match=r"room 'living space' has no wall along its edge .* vsnbench sites check"):
-        launch(asked)
+        launch(asked, UNATTENDED)
     assert not (tmp_path / "results").exists()
 
 
@@ -32,12 +35,12 @@ def test_an_object_outside_the_site_is_refused(tmp_path: Path) -> None:
     things = load_site("apartment").content()["objects"]
     moved = [thing | {"position": [40.0, 40.0]} if thing["id"] == "sofa-1" else thing for thing in things]
     with pytest.raises(SiteError, match=r"sofa-1 at \(40, 40\) stands outside every room"):
-        launch(request(tmp_path, objects=moved))
+        launch(request(tmp_path, objects=moved), UNATTENDED)
 
 
 def test_warnings_are_passed_on(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     starts = load_site("apartment").content()["starts"]
     with caplog.at_level(logging.WARNING):
-        launched = launch(request(tmp_path, starts=starts[:3]))
+        launched = launch(request(tmp_path, starts=starts[:3]), UNATTENDED)
     assert "has 3 starting positions" in caplog.text
     assert launched.campaign.id
