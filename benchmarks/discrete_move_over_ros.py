@@ -7,6 +7,7 @@ through the service; what the odometry and the simulator's truth say afterwards 
 """
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -131,6 +132,8 @@ def drive(path: Path, rate_hz: float, lag_s: float, noise: str, actions: int) ->
         return now.latest.pose, now.truth.payload
 
     errors_m, errors_deg, relative_deg, true_m, ratios, refused, dishonest = [], [], [], [], [], 0, 0
+    if not link.wait_for(lambda now: steady(now.readings, rate_hz), 120.0):
+        raise SystemExit("the odometry does not come at its rate")
     reasons: list[str] = []
     before, true_before = here()
     held_rad = before.heading_rad
@@ -176,6 +179,13 @@ def drive(path: Path, rate_hz: float, lag_s: float, noise: str, actions: int) ->
         "median_ratio": statistics.median(ratios),
         "p90_ratio": statistics.quantiles(ratios, n=10)[-1] if len(ratios) > 1 else math.nan,
     }
+
+
+def steady(readings: tuple, rate_hz: float) -> bool:
+    """Return whether a second of odometry came without a gap: the simulator has compiled what it needs."""
+    arrivals = [reading.arrival_s for reading in readings[-int(rate_hz) - 1 :]]
+    gaps = [later - earlier for earlier, later in itertools.pairwise(arrivals)]
+    return len(gaps) >= rate_hz and max(gaps) < 3 / rate_hz
 
 
 COLUMNS = [

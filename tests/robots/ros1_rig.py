@@ -70,6 +70,10 @@ class Rig:
     def start_server(self) -> None:
         self.server = start_server(self.network)
 
+    def restart_client(self) -> None:
+        self.client.close()
+        self.client = Client(self.network)
+
     def fault(self, part: str, word: str) -> float:
         return self.probe.tell(f"/{part}/fault", word)
 

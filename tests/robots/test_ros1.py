@@ -200,7 +200,9 @@ def test_a_server_that_behaves_as_upstreams_is_checked_against_the_odometry(rig)
     rig.server.end()
     like_upstream = rig.network.start(HERE / "nodes" / "upstream_like_server.py")
     try:
-        wait_until(lambda: can(lambda: rig.client("begin")), "the other server serves")
+        rig.network.wait_for_service("/discrete_move")
+        rig.restart_client()
+        rig.client("begin")
         moved = rig.client("execute", "MOVE_FORWARD")
         assert moved["completed"], moved["failure"]
         assert 0.2 < moved["displacement_m"] < 0.35
@@ -217,6 +219,7 @@ def test_a_server_that_behaves_as_upstreams_is_checked_against_the_odometry(rig)
     finally:
         like_upstream.end()
         rig.start_server()
+        rig.restart_client()
         wait_until(lambda: can(lambda: rig.client("begin")), "our own server serves again")
 
 

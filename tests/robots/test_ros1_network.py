@@ -65,11 +65,27 @@ def test_a_server_that_drives_on_is_stopped_10_cm_past_what_was_asked(rig) -> No
     rig.server.end()
     other = rig.network.start(UPSTREAM_LIKE, FORWARD_M="1.5")
     try:
-        wait_until(lambda: can(lambda: rig.client("begin")), "the other server serves")
+        rig.network.wait_for_service("/discrete_move")
+        rig.restart_client()
+        rig.client("begin")
         result = rig.client("execute", "MOVE_FORWARD")
         assert result["completed"] is False
         assert "where 25 cm were asked" in result["failure"]
         assert 0.35 <= result["displacement_m"] < 0.6
+    finally:
+        other.end()
+        rig.start_server()
+        rig.restart_client()
+
+
+def test_a_server_of_the_same_name_that_takes_over_is_named_by_ours_and_is_another_campaign(rig) -> None:
+    rig.client("begin")
+    other = rig.network.start(UPSTREAM_LIKE)
+    try:
+        assert rig.server.wait() == 1
+        assert "another one called /discrete_move has taken its place" in rig.server.output
+        rig.network.wait_for_service("/discrete_move")
+        wait_until(lambda: "vsnbench's own server when this session began" in refusal(rig), "the change is named")
     finally:
         other.end()
         rig.start_server()

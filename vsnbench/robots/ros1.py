@@ -24,7 +24,7 @@ from vsnbench.protocol.robot_identity import ROS1, RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.ros1_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
-from vsnbench.robots.ros1_simulation import await_account, require_same_account
+from vsnbench.robots.ros1_conditions import await_account, conditions_of, require_same_conditions
 from vsnbench.robots.ros1_start import (
     Patience,
     await_fresh_odometry,
@@ -105,11 +105,8 @@ class RosRobot:
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
             self._camera = RosCamera(self._link, profile)
-            self.conditions: Mapping[str, Any] = {
-                "depth_frames": self._camera.depth_frames,
-                "discrete_move": "vsnbench" if self._link.server_reports_outcomes else "another",
-                **(self._simulation.conditions if self._simulation else {}),
-            }
+            frames = self._camera.depth_frames
+            self.conditions: Mapping[str, Any] = conditions_of(self._link, self._simulation, frames)
         except BaseException:
             self._link.close()
             raise
@@ -140,13 +137,14 @@ class RosRobot:
 
         Raises:
             NotPlacedError: a wheel hangs in the air, or something is pressed.
-            RobotError: a part does not answer within the patience, or the robot cannot stand there.
+            RobotError: a part does not answer within the patience, is another than when the session began, or the
+                robot cannot stand there.
         """
         self._start = None
         patience = Patience(self._patience_s)
         wait_until_ready(self._link, self.profile, patience)
+        patience.insist_on(lambda: require_same_conditions(self._link, self._simulation, self.conditions))
         if self._simulation is not None:
-            require_same_account(self._link, self._simulation)
             have_it_placed_by_the_simulator(self._link, start, seed, patience)
         else:
             require_it_stands(self._link)

@@ -151,15 +151,22 @@ def run_node(
         simulated_time: whether this node is the clock of the whole network, and nodes started after it follow it.
 
     Raises:
-        RobotError: no master answers, a node of this name runs already, or another one serves what this one would.
+        RobotError: no master answers, a node of this name runs already or takes our place, or another one serves what
+            this one would.
     """
-    ended = threading.Event()
+    ended, replaced = threading.Event(), threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
     master = start_node(name, ros_arguments)
     if simulated_time:
         rospy.set_param("/use_sim_time", True)
-    rospy.on_shutdown(ended.set)
+
+    def on_shutdown() -> None:
+        if not ended.is_set():
+            replaced.set()
+            ended.set()
+
+    rospy.on_shutdown(on_shutdown)
     for service in serves:
         require_unserved(service, master)
     node = make(master)
@@ -173,3 +180,7 @@ def run_node(
         # The last command leaves through rospy's own threads.
         time.sleep(0.1)
         rospy.signal_shutdown("ended")
+    if replaced.is_set():
+        raise RobotError(
+            f"ROS ended this node: another one called {master.caller} has taken its place; end one of the two"
+        )

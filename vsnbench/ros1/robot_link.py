@@ -105,11 +105,6 @@ class RobotLink:
         return bool(self._outcomes.get_num_connections())
 
     @property
-    def server_reports_outcomes(self) -> bool:
-        """Whether the server of discrete_move is ours, as the master knows; needs no connection yet."""
-        return f"{self.names.discrete_move}/outcome" in self.master.state().publishers
-
-    @property
     def holding(self) -> bool:
         """Whether the base is held still against others."""
         return self._holding.is_set()
