@@ -23,10 +23,10 @@ class ClientError(Exception):
 class Client:
     """A RosRobot in a process of its own."""
 
-    def __init__(self, network: RosNetwork, profile: Path = PROFILE) -> None:
+    def __init__(self, network: RosNetwork, profile: Path = PROFILE, patience_s: float = 6.0) -> None:
         self.errors = (network.directory / "client.log").open("ab")
         self.popen = subprocess.Popen(
-            [sys.executable, str(HERE / "nodes" / "client.py"), str(profile)],
+            [sys.executable, str(HERE / "nodes" / "client.py"), str(profile), str(patience_s)],
             env=network.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -70,9 +70,9 @@ class Rig:
     def start_server(self) -> None:
         self.server = start_server(self.network)
 
-    def restart_client(self) -> None:
+    def restart_client(self, patience_s: float = 6.0) -> None:
         self.client.close()
-        self.client = Client(self.network)
+        self.client = Client(self.network, patience_s=patience_s)
 
     def fault(self, part: str, word: str) -> float:
         return self.probe.tell(f"/{part}/fault", word)

@@ -189,7 +189,7 @@ def test_a_client_that_is_killed_leaves_a_base_that_stands(rig) -> None:
 
 
 def test_a_second_client_is_refused_and_told_who_is_there(rig) -> None:
-    second = rig.network.start(HERE / "nodes" / "client.py", str(PROFILE))
+    second = rig.network.start(HERE / "nodes" / "client.py", str(PROFILE), "6")
     assert second.wait() != 0
     assert f"/vsnbench is already running on this robot (process {rig.client.popen.pid}" in second.output
     assert rig.client("execute", "STOP")["completed"]

@@ -1,4 +1,4 @@
-"""A RosRobot in a process of its own, spoken to in lines of JSON: `client.py PROFILE`."""
+"""A RosRobot in a process of its own, spoken to in lines of JSON: `client.py PROFILE PATIENCE_S`."""
 
 import dataclasses
 import json
@@ -15,7 +15,7 @@ from vsnbench.robots.ros1 import RosRobot
 
 class Client:
     def __init__(self) -> None:
-        self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=6.0)
+        self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=float(sys.argv[2]))
 
     def begin(self) -> dict:
         """Begin as a run does: with a person who does what is asked at once, and is asked again."""
