@@ -82,13 +82,6 @@ class OccupancyMap:
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
-    def centre_of(self, cell: Cell) -> tuple[float, float]:
-        """Return (x, y) of a cell's centre, metres."""
-        return (
-            self.origin_x_m + (cell.column + 0.5) * self.resolution_m,
-            self.origin_y_m + (cell.row + 0.5) * self.resolution_m,
-        )
-
     def holds(self, cell: Cell) -> bool:
         """Whether the cell lies in the grid."""
         rows, columns = self._evidence.shape
