@@ -198,7 +198,7 @@ def test_a_server_restarted_with_other_weights_is_refused(tmp_path: Path) -> Non
     changed = REPEATS.replace("ab12", "cd34")
     with (
         stub_server(changed, tmp_path, port=port),
-        pytest.raises(ModelError, match=r"another one now.*ab12.*cd34"),
+        pytest.raises(ModelLostError, match=r"another one now.*ab12.*cd34"),
     ):
         policy.reset("chair", 0)
 

@@ -104,8 +104,8 @@ class RemotePolicy:
         """Start an episode; connects again where the connection was lost.
 
         Raises:
-            ModelLostError: the model cannot be reached, or does not answer in time.
-            ModelError: it is another model now, or the model failed.
+            ModelLostError: the model cannot be reached, does not answer in time, or is another one now.
+            ModelError: the model failed.
         """
         opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
         question = {"type": "reset", "episode": opaque, "goal": goal, "seed": seed}
@@ -148,7 +148,7 @@ class RemotePolicy:
             card = self._card_of(connection)
             if card != self.card:
                 connection.close()
-                raise ModelError(
+                raise ModelLostError(
                     f"the model at {self._address} is another one now ({_difference(self.card, card)}): this campaign "
                     "needs the one it began with; start the same command again to run the other"
                 )
