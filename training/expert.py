@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.compilation import compiled
-from vsnbench.models.goal_views import ViewWish, instance_view_points, wanted_poses
+from vsnbench.models.goal_views import ViewCriteria, instance_view_points, wanted_poses
 from vsnbench.models.lattice_planner import Clearance, LatticePlanner
 from vsnbench.models.oracle import OracleSettings
 from vsnbench.protocol.actions import Action
@@ -98,7 +98,7 @@ class Guide:
 def guide_to_instance(lattice: Lattice, instance: SiteObject, eye_height_m: float) -> Guide:
     """Return the way to where the oracle would stop for one instance of a goal."""
     settings = OracleSettings()
-    points = instance_view_points(lattice.space, instance, ViewWish(settings.stop_within_m, eye_height_m))
+    points = instance_view_points(lattice.space, instance, ViewCriteria(settings.stop_within_m, eye_height_m))
     return Guide(lattice, wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg)))
 
 
