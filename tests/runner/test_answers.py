@@ -32,12 +32,12 @@ def test_a_distance_is_read_in_metres_or_as_centimetres_that_say_so(answer: str,
 @pytest.mark.parametrize("answer", ["84", "15", "8400 cm"])
 def test_what_is_longer_than_the_site_is_no_distance_in_it(answer: str) -> None:
     assert diagonal_m(APARTMENT) < 15
-    with pytest.raises(MisreadError, match="longer than the site"):
+    with pytest.raises(MisreadError, match=r"more than the \d+ m that there are"):
         measured_m(answer, APARTMENT)
 
 
 def test_a_bare_84_is_told_what_it_would_be() -> None:
-    with pytest.raises(MisreadError, match=r"give metres: 84 cm is 0\.84"):
+    with pytest.raises(MisreadError, match=r"centimetres, write 0\.84"):
         measured_m("84", APARTMENT)
 
 

@@ -34,8 +34,6 @@ class EpisodeBegin:
     """Shortest way from the start to where the goal counts as reached."""
     started_at: datetime | None = None
     """Now, when not given."""
-    model_runtime: Mapping[str, Any] = field(default_factory=dict)
-    """On what the model runs (device, runtime, threads): provenance, no part of its identity."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -304,7 +304,6 @@ def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
             Model.files,
             Model.code,
             Model.settings,
-            Episode.model_runtime,
             Robot.kind,
             Robot.profile,
             Site.sha256,

@@ -151,7 +151,6 @@ class EpisodeProvenance:
     model_files: dict[str, str]
     model_code: dict[str, str]
     model_settings: dict[str, Any]
-    model_runtime: dict[str, Any] | None
     robot_kind: str
     robot_profile: dict[str, Any]
     site_sha256: str

@@ -106,7 +106,6 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
     return {
         "started_at": begin.started_at or datetime.now(UTC),
         "geodesic_start_m": number(begin.geodesic_m),
-        "model_runtime": dict(begin.model_runtime) or None,
     }
 
 

@@ -226,8 +226,6 @@ class Episode(Base):
     final_source: Mapped[str | None]
     images_directory: Mapped[str]
     """Relative to the results directory; empty when no images were kept."""
-    model_runtime: Mapped[dict[str, Any] | None]
-    """On what the model ran (device, runtime, threads): provenance, no part of its identity."""
 
 
 class Step(Base):

@@ -1,16 +1,16 @@
 """What a person's typed answers mean: pure, strict where a slip would become a verdict."""
 
 import math
-import re
 from enum import Enum
 
+from vsnbench.errors import UsageError
+from vsnbench.protocol.persons_word import metres
 from vsnbench.protocol.site import Site
 
 _NOTHING = frozenset({"no", "n", "nothing", "none", "nope", "nil", "-", "no collision", "not at all", "0"})
 _LATER = frozenset({"later", "l", "skip"})
 _YES = frozenset({"yes", "y"})
 _KEEP = frozenset({"keep", "k"})
-_METRES = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*(m|metres?|meters?|cm)?")
 
 
 class Said(Enum):
@@ -73,15 +73,10 @@ def measured_m(answer: str, site: Site) -> Said | float:
         return Said.KEEP
     if word in _LATER:
         return Said.LATER
-    found = _METRES.fullmatch(word)
-    if found is None:
-        raise MisreadError("a distance in metres, like 0.84")
-    metres = float(found[1].replace(",", ".")) * (0.01 if found[2] == "cm" else 1)
-    longest_m = diagonal_m(site)
-    if metres > longest_m:
-        centimetres = f": {metres:g} cm is {metres / 100:g}" if metres / 100 <= longest_m else ""
-        raise MisreadError(f"{metres:g} m is longer than the site ({longest_m:.0f} m); give metres{centimetres}")
-    return metres
+    try:
+        return metres(word, diagonal_m(site))
+    except UsageError as error:
+        raise MisreadError(str(error)) from error
 
 
 def diagonal_m(site: Site) -> float:

@@ -8,7 +8,6 @@ the terminal hangs up or Ctrl-C ends the session at a question.
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
@@ -16,8 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from vsnbench.errors import UsageError
-from vsnbench.protocol.fix import PoseSource
-from vsnbench.protocol.judge import EndReason, GoalDistance, judge
+from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.persons_word import collided, taped
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.answers import MisreadError, Said, confirmed, measured_m, what_was_touched
@@ -127,8 +126,7 @@ class Operator(Nobody):
         if touched is Said.LATER:
             return None
         if isinstance(touched, str):
-            verdict = judge(EndReason.COLLISION, outcome.actions, proposed.distance, plan.parameters)
-            seen = replace(verdict, text=f"{verdict.text}: {touched} (seen by a person)")
+            seen = collided(touched, outcome.actions, proposed.distance, plan.parameters)
             return Judgement(seen, note=touched, called_collision=True)
         return self._measured(ended) if proposed.end_reason is EndReason.STOP else Judgement(proposed)
 
@@ -150,8 +148,7 @@ class Operator(Nobody):
                 return None if told is Said.LATER else Judgement(proposed)
             far_off = abs(told - estimate.distance_m) > SURPRISE_M
             if not far_off or self._is_sure(f"{told:.2f} m, and odometry says {estimate.distance_m:.2f} m"):
-                taped = GoalDistance(told, PoseSource.TAPE, estimate.instance)
-                return Judgement(judge(EndReason.STOP, ended.outcome.actions, taped, plan.parameters))
+                return Judgement(taped(EndReason.STOP, ended.outcome.actions, told, estimate.instance, plan.parameters))
 
     def _is_sure(self, of: str) -> bool:
         return self._until(f"{of}. Is that right? (yes / no): ", confirmed)

@@ -121,7 +121,6 @@ def _states() -> None:
     op.add_column("episode", sa.Column("state", sa.Text(), nullable=True))
     op.add_column("episode", sa.Column("lease_until", MOMENT, nullable=True))
     op.add_column("episode", sa.Column("start_source", sa.Text(), nullable=True))
-    op.add_column("episode", sa.Column("model_runtime", JSON_VALUE, nullable=True))
     op.add_column("verdict", sa.Column("proposed", sa.Boolean(), nullable=True))
     op.add_column("verdict", sa.Column("note", sa.Text(), nullable=True))
     for table_name in ("episode", "verdict"):
