@@ -1,5 +1,6 @@
 """One episode as a page in the terminal: how it went, what was done, how it was judged, what it depends on."""
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,8 +41,10 @@ def print_page(
 
 
 def metres(value: float | None) -> str:
-    """Return a length in metres; nothing when it is not known."""
-    return "" if value is None else f"{value:.2f} m"
+    """Return a length in metres; nothing when it is not known, a word where there is no way."""
+    if value is None:
+        return ""
+    return f"{value:.2f} m" if math.isfinite(value) else "no way there"
 
 
 def safe(text: object) -> str:

@@ -28,7 +28,7 @@ def run_and_tell(request: RunRequest, *, live: bool, unattended: bool) -> int:
         live: show each episode in Rerun as it happens.
         unattended: nobody is beside a real robot.
     """
-    console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
+    console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
     try:
         with RerunEpisodes(live=live) as viewer:
             launched = launch(request, TerminalAttendance(unattended), viewer)
@@ -81,7 +81,7 @@ def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
             )
     if result.awaiting:
         console.print(
-            f"[cyan]{_trials(result.awaiting)} await judgement[/cyan] and count when a person has confirmed them: "
+            f"[cyan]{_trials(result.awaiting)} to be judged[/cyan] by a person before it counts: "
             f"vsnbench judge --pending{escape(request.results.options)}"
         )
     console.print(f"[dim]next:[/dim] vsnbench report{escape(request.results.options)}")

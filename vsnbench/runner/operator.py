@@ -105,16 +105,18 @@ class Operator(Nobody):
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
         """Ask what the robot touched and how far it is from the goal; None for later."""
-        with self._emergency.off(), self._paused():
-            judgement = self._asked(ended)
-        if judgement is None:
-            self._console.print(
-                f"[yellow]#{ended.number} awaits judgement[/yellow]: vsnbench judge {ended.number}", soft_wrap=True
-            )
-        else:
+        judgement: Judgement | None = None
+        try:
+            with self._emergency.off(), self._paused():
+                judgement = self._asked(ended)
+        finally:
+            if judgement is None:
+                self._console.print(
+                    f"\n[yellow]#{ended.number} awaits judgement[/yellow]: vsnbench judge {ended.number}"
+                )
+        if judgement is not None:
             self._display.judged(judgement.verdict.success)
-            words = escape(judgement.verdict.text)
-            self._console.print(f"[dim]#{ended.number} judged by you:[/dim] {words}", soft_wrap=True)
+            self._console.print(f"[dim]#{ended.number} judged by you:[/dim] {escape(judgement.verdict.text)}")
         return judgement
 
     def _asked(self, ended: EndedEpisode) -> Judgement | None:

@@ -82,7 +82,7 @@ class CampaignProgress:
         self.console.print(
             f"[dim]#{ended.number}[/dim] {plan.goal} from {plan.start.number}: {awaits}"
             f"[{_STYLE[success]}]{escape(outcome.verdict.text)}[/]{why}",
-            soft_wrap=True,
+            soft_wrap=not self.console.is_terminal,
         )
 
     def judged(self, success: bool | None) -> None:

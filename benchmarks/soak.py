@@ -1,0 +1,107 @@
+"""Three hundred episodes in one process: do threads, file handles and memory stay what they were?
+
+Short episodes of `random` in the apartment with a small camera, recorded in full: images, database, Rerun copy. What
+an episode leaves behind would show here, whatever its length.
+"""
+
+import argparse
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import psutil
+
+from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity
+from vsnbench.database.journal import Journal
+from vsnbench.models.random_walk import RandomWalk
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import load_site
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.attendant import EndedEpisode, Nobody
+from vsnbench.runner.campaign import plan_trials
+from vsnbench.runner.episode import EpisodePlan, Step
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.session import run_session
+from vsnbench.runner.stopping import Stopping
+from vsnbench.viewer.live import RerunEpisodes
+
+SETTLED = 20
+"""Episodes after which caches are full and everything has been imported."""
+PARAMETERS = ProtocolParameters(max_actions=5)
+
+
+class Watching(Nobody):
+    """Notes what the process holds after each episode."""
+
+    def __init__(self) -> None:
+        self._process = psutil.Process()
+        self.threads: list[int] = []
+        self.files: list[int] = []
+        self.memory_mib: list[float] = []
+
+    def trial_begins(self, plan: EpisodePlan) -> None:
+        """Say nothing."""
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Say nothing."""
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Measure."""
+        self.threads.append(self._process.num_threads())
+        self.files.append(self._process.num_fds())
+        self.memory_mib.append(self._process.memory_info().rss / 2**20)
+        if ended.number % SETTLED == 0:
+            print(
+                f"{ended.number:5d} episodes: {self.threads[-1]:3d} threads, {self.files[-1]:3d} files, "
+                f"{self.memory_mib[-1]:6.1f} MiB",
+                flush=True,
+            )
+
+
+def drive(episodes: int, directory: Path) -> Watching:
+    """Run the episodes as `vsnbench run` does."""
+    results, site, watching = ResultsDirectory.locate(directory), load_site("apartment"), Watching()
+    results.prepare()
+    profile = load_profile("turtlebot2")
+    small = profile.camera.model_copy(update={"width": 64, "height": 48})
+    robot = SimulatedRobot(site, profile.model_copy(update={"camera": small}), PARAMETERS)
+    plan = CampaignPlan(
+        site, robot.identity, ModelIdentity("random"), PARAMETERS, 0, plan_trials(["chair"], [1], episodes)
+    )
+    with Journal.open(results.database_url) as journal, Stopping() as stop:
+        target = RecordingTarget(journal, results, "random", robot.profile, RerunEpisodes(live=False))
+        run_session(
+            journal,
+            journal.find_or_create_campaign(plan),
+            site,
+            PARAMETERS,
+            robot,
+            RandomWalk(),
+            partial(EpisodeRecorderFanOut, target),
+            watching,
+            stop,
+        )
+    return watching
+
+
+def main() -> None:
+    """Measure, print, and fail where something grows."""
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("--episodes", type=int, default=300)
+    episodes = arguments.parse_args().episodes
+    with tempfile.TemporaryDirectory() as directory:
+        seen = drive(episodes, Path(directory))
+    settled, late = slice(SETTLED - 1, SETTLED + 20), slice(-20, None)
+    growth = max(seen.memory_mib[late]) / max(seen.memory_mib[settled])
+    print(f"after {SETTLED} and after {episodes} episodes:")
+    print(f"  threads {max(seen.threads[settled])} and {max(seen.threads[late])}")
+    print(f"  files   {max(seen.files[settled])} and {max(seen.files[late])}")
+    print(f"  memory  x {growth:.3f}")
+    kept = max(seen.threads[late]) <= max(seen.threads[settled]) and max(seen.files[late]) <= max(seen.files[settled])
+    raise SystemExit(0 if kept and growth < 1.1 else 1)
+
+
+if __name__ == "__main__":
+    main()
