@@ -1,4 +1,4 @@
-"""A robot that a person puts at its starts, as a plug-in of a real one would be; it drives in the embedded apartment."""
+"""A robot that a person puts at its starts, like a real one; it drives in the embedded apartment."""
 
 from pathlib import Path
 

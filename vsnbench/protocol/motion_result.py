@@ -12,7 +12,6 @@ class CollisionSource(StrEnum):
     CONTACT = "contact"
     """Contact in simulation."""
     BUMPER = "bumper"
-    PERSON = "person"
 
 
 @dataclass(frozen=True, slots=True)
