@@ -1,5 +1,6 @@
 """The emergency stop key: the space bar halts the robot at once and asks for the end of the episode."""
 
+import contextlib
 import os
 import select
 import sys
@@ -66,16 +67,18 @@ class EmergencyStop:
         import termios
         import tty
 
-        self._modes = termios.tcgetattr(descriptor)
-        tty.setcbreak(descriptor)
-        self._listening.set()
+        with contextlib.suppress(termios.error):  # a terminal that has hung up has no keys
+            self._modes = termios.tcgetattr(descriptor)
+            tty.setcbreak(descriptor)
+            self._listening.set()
 
     def _stop_listening(self) -> None:
         import termios
 
         self._listening.clear()
         if self._descriptor is not None and self._modes is not None:
-            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._modes)
+            with contextlib.suppress(termios.error):
+                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._modes)
             self._modes = None
 
     def _run(self) -> None:
@@ -85,7 +88,10 @@ class EmergencyStop:
             ready = select.select([self._descriptor], [], [], 0.05)[0]
             if not ready or not self._listening.is_set():
                 continue
-            key = os.read(self._descriptor, 1)
+            try:
+                key = os.read(self._descriptor, 1)
+            except OSError:
+                return
             if key and key in KEYS:
                 # The request first, or the movement that the halt cuts short would be taken for the base's failure; it
                 # only asks, though, and whatever the main thread is busy with, the robot is halted from here.

@@ -5,6 +5,7 @@ are asked back. Whoever is not sure says `later`, and the episode awaits judgeme
 the terminal hangs up or Ctrl-C ends the session at a question.
 """
 
+import contextlib
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -22,7 +23,7 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.answers import MisreadError, Said, confirmed, measured_m, what_was_touched
 from vsnbench.runner.attendant import Display, EndedEpisode, Judgement, Nobody
 from vsnbench.runner.emergency_stop import EmergencyStop
-from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest
+from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest, leave_dead_terminal
 
 Answer = TypeVar("Answer")
 
@@ -53,19 +54,24 @@ def require_operator(profile: RobotProfile) -> None:
         )
 
 
+def forget_typed() -> None:
+    """Drop what was typed before a question is put: keys pressed while the robot drove are no answer to it."""
+    import termios
+
+    with contextlib.suppress(OSError, ValueError, termios.error):
+        if sys.stdin.isatty():
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+
+
 def read_terminal() -> str:
-    """Return the next line typed from now on; what was typed while the robot drove is no answer.
+    """Return the next line that is typed.
 
     Raises:
         EOFError: nobody is at the terminal any more.
     """
-    import termios
-
     try:
-        if sys.stdin.isatty():
-            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
         line = sys.stdin.readline()
-    except (OSError, termios.error) as error:
+    except OSError as error:
         raise EOFError from error
     if not line:
         raise EOFError
@@ -169,9 +175,11 @@ class Operator(Nobody):
         Raises:
             Stopped: nobody answers any more.
         """
-        self._console.print(question, end="", markup=False, soft_wrap=True)
         with self._stop.interruptible():
             try:
+                forget_typed()
+                self._console.print(question, end="", markup=False, soft_wrap=True)
                 return self._read_line()
-            except EOFError:
+            except (EOFError, OSError):
+                leave_dead_terminal()
                 raise Stopped(StopRequest(StopAuthor.SYSTEM, "a terminal that was closed", exit_code=129)) from None

@@ -5,10 +5,12 @@ such place. A second signal ends the process for certain, the robot first, whate
 """
 
 import contextlib
+import errno
 import os
 import signal
 import socket
 import sys
+import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -145,6 +147,7 @@ class Stopping:
             raise Stopped(self._pending)
 
     def _received(self, number: int, _frame: FrameType | None) -> None:
+        leave_dead_terminal()
         if not self.session_ends:
             self._pending = of_signal(number)
         self._act()
@@ -184,6 +187,18 @@ class Stopping:
             thread.join(HALT_TIMEOUT_S)
         _say("ended at once: the robot was told to halt; the next start closes the episode as interrupted")
         os._exit(128 + number)
+
+
+def leave_dead_terminal() -> None:
+    """Where the terminal has hung up, let what is still said go nowhere: the record comes first."""
+    for descriptor in (0, 1, 2):
+        try:
+            termios.tcgetattr(descriptor)
+        except termios.error as error:
+            if error.args[0] == errno.EIO:
+                nowhere = os.open(os.devnull, os.O_RDWR)
+                os.dup2(nowhere, descriptor)
+                os.close(nowhere)
 
 
 def _quietly(act: Callable[[], object]) -> None:
