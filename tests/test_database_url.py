@@ -47,7 +47,8 @@ def test_a_command_line_is_kept_without_passwords(typed: str, kept: str) -> None
     assert without_passwords(typed) == kept
 
 
-def test_what_is_no_url_is_said_without_its_password() -> None:
+@pytest.mark.parametrize("url", ["postgresql://lab:secret@h:port/d", "postgresql+a+b://lab:secret@h/d"])
+def test_what_is_no_url_is_said_without_its_password(url: str) -> None:
     with pytest.raises(UsageError, match="not a database URL") as caught:
-        parse_url("postgresql://lab:secret@h:port/d")
+        parse_url(url)
     assert "secret" not in str(caught.value)

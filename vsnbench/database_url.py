@@ -10,6 +10,7 @@ from sqlalchemy.exc import ArgumentError
 from vsnbench.errors import UsageError
 
 HIDDEN = "***"
+_KIND = re.compile(r"\w+(\+\w+)?")
 _SECRET_PARAMETER = re.compile(r"pass(word|wd)?$|secret|token", re.IGNORECASE)
 _PASSWORD_IN_TEXT = re.compile(r"(?P<before>[a-z][\w+.-]*://[^/\s:@]*:)[^\s]*(?=@)", re.IGNORECASE)
 _PARAMETER_IN_TEXT = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=)[^&\s]*", re.IGNORECASE)
@@ -77,9 +78,12 @@ def parse_url(url: str) -> URL:
         UsageError: it is not one.
     """
     try:
-        return make_url(url)
-    except (ArgumentError, ValueError) as error:  # ValueError: a port that is no number
+        parsed = make_url(url)
+        if not _KIND.fullmatch(parsed.drivername):
+            raise ValueError("a kind of database, and at most one driver")
+    except (ArgumentError, ValueError) as error:  # ValueError: a port that is no number, too
         raise UsageError(
             f"{without_passwords(url)!r} is not a database URL: write sqlite:///path/vsnbench.db or "
             "postgresql+psycopg://user@host/name"
         ) from error
+    return parsed

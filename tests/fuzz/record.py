@@ -30,7 +30,7 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("export", "habitat", "{home}/habitat"),
     ("export", "bag", "1", "{home}/one.bag"),
     ("view", "1", "--path"),
-    ("import", "habitat", "{home}/good.json", "--model", "m"),
+    ("import", "habitat", "{home}/good.json", "--model", "m", "--max-steps", "150", "--success-distance", "1"),
 )
 
 

@@ -134,8 +134,7 @@ class PictureTarget:
         ]
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.record.picture_decoding import decode_picture
-
+        from vsnbench.protocol.pictures import decode_picture
         from vsnbench.record.confined import read_confined
         from vsnbench.report.strips import strip_of
 
@@ -230,8 +229,8 @@ class HabitatTarget:
             content = rng.choice((b"[" * 100_000, b'{"a":' * 100_000, b"1" * 100_000, b'["' + b"\\ud800" * 9 + b'"]'))
         file = self.home / "results.json"
         file.write_bytes(content)
-        words = ["import", "habitat", str(file), "--model", "m", "--results", str(self.home / "results")]
-        if call(*words):
+        words = ["import", "habitat", str(file), "--model", "m", "--max-steps", "150", "--success-distance", "1"]
+        if call(*words, "--results", str(self.home / f"results-{index}")):
             raise VsnbenchError
 
 
@@ -257,8 +256,8 @@ class UpstreamLogTarget:
             path = self.log / "rgb" / f"{number}.png"
             spoil = index is not None and rng.random() < 0.03
             path.write_bytes(mutations.bytes_of(rng, self.picture) if spoil else self.picture)
-        words = ["import", "ros4vsn", str(self.log), "--model", "m", "--results", str(self.home / "results")]
-        if call(*words):
+        words = ["import", "ros4vsn", str(self.log), "--model", "m"]
+        if call(*words, "--results", str(self.home / f"results-{index}")):
             raise VsnbenchError
 
     def spoilt(self, rng: random.Random) -> bytes:

@@ -144,3 +144,12 @@ def test_a_field_over_nothing_but_the_region_is_zero_and_without_a_region_infini
     free = np.ones((5, 5), np.bool_)
     assert (distance_field_m(free, np.full((5, 5), -1.0)) == 0).all()
     assert np.isinf(distance_field_m(free, np.full((5, 5), 1.0))).all()
+
+
+def test_a_region_that_fills_one_room_is_out_of_reach_from_another() -> None:
+    free = np.zeros((6, 9), np.bool_)
+    free[1:5, 1:4] = free[1:5, 5:8] = True
+    level = np.where(np.arange(9) < 4, -1.0, 1.0) * np.ones((6, 1))
+    field = distance_field_m(free, level)
+    assert (field[1:5, 1:4] == 0).all()
+    assert np.isinf(field[1:5, 5:8]).all()

@@ -161,10 +161,11 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     import skfmm
 
     inside = free & (level <= 0.0)
-    if not inside.any():
-        return np.full(free.shape, np.inf)
-    if (inside == free).all():
-        return np.where(free, 0.0, np.inf)
+    outside = free & ~inside
+    meets = (inside[1:] & outside[:-1]) | (outside[1:] & inside[:-1])
+    beside = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
+    if not meets.any() and not beside.any():  # the region is all of its rooms, or none: no front to march from
+        return np.where(inside, 0.0, np.inf)
     ways = skfmm.distance(np.ma.MaskedArray(level, mask=~free), dx=RESOLUTION_M, order=2)
     field = np.ma.filled(ways, np.inf).astype(np.float64)
     field[inside] = 0.0
