@@ -23,10 +23,10 @@ from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
 from vsnbench.workers import end_with_parent
 
-MOST_TRAJECTORIES = 6
+MOST_TRAJECTORIES = 3
 """Conditions whose trajectories are drawn; every other figure goes on over as many pages as it needs."""
 
-TRAJECTORIES_BESIDE = 3
+TRAJECTORIES_BESIDE = 2
 """Of these conditions a second process draws the trajectories: they take about as long as all that is left."""
 
 _ORDER = (
