@@ -82,7 +82,7 @@ class Report:
             sheets.append(beside_sheet(results))
         if real := real_sheet(self.record, results):
             sheets.append(real)
-        if twin := twin_sheet(self.record, results):
+        if long and (twin := twin_sheet(self.record, results)):
             sheets.append(twin)
         if any(one.ends for one in results.conditions):
             sheets.append(end_sheet(results))

@@ -76,17 +76,19 @@ def wilson_at(rate: float, trials: float, confidence: float = CONFIDENCE, freedo
         confidence: of the interval.
         freedom: degrees of freedom of Student's t that takes the place of the normal distribution.
     """
-    from scipy.stats import norm
-    from statsmodels.stats.proportion import proportion_confint
+    from statistics import NormalDist
 
-    alpha = 1 - confidence
+    quantile = NormalDist().inv_cdf(0.5 + confidence / 2)  # importing scipy.stats would take long
     if math.isfinite(freedom):
-        from scipy.stats import t
+        from scipy.special import stdtrit
 
-        alpha = 2 * float(norm.sf(t.ppf(0.5 + confidence / 2, freedom)))
-    low, high = proportion_confint(rate * trials, trials, alpha, method="wilson")
+        quantile = float(stdtrit(freedom, 0.5 + confidence / 2))
+    square = quantile * quantile / trials
+    centre = (rate + square / 2) / (1 + square)
+    reach = math.sqrt(rate * (1 - rate) * square + square * square / 4) / (1 + square)
+    low, high = max(0.0, centre - reach), min(1.0, centre + reach)
     # At 0 and at n successes the bound is exactly 0 and 1; rounding must not move it past the rate itself.
-    return Interval(0.0 if rate <= 0 else min(float(low), rate), 1.0 if rate >= 1 else max(float(high), rate))
+    return Interval(0.0 if rate <= 0 else min(low, rate), 1.0 if rate >= 1 else max(high, rate))
 
 
 def newcombe(first: Proportion, second: Proportion, confidence: float = CONFIDENCE) -> Interval:
