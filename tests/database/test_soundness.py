@@ -43,6 +43,7 @@ def test_a_record_of_ours_has_no_fault(url: str) -> None:
         ("UPDATE trial SET start = 'a' WHERE id = 1", "start is 'a', no number"),
         ("UPDATE site SET content = '{'", "content is '{', no JSON of ours"),
         ("UPDATE campaign SET protocol = '{\"max_actions\": -1}'", "protocol is none that can be used"),
+        ("CREATE TRIGGER t AFTER INSERT ON model BEGIN DELETE FROM site; END", "a trigger, 't'"),
         ("UPDATE trial SET campaign_id = 99", "points to a row of campaign that is not there"),
     ],
 )

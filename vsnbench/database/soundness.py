@@ -107,6 +107,8 @@ def _faults(connection: Connection) -> Iterator[str]:
             if column.name in known:
                 yield from _column_faults(connection, table, column)
     if connection.dialect.name == "sqlite":
+        for (trigger,) in connection.execute(text("SELECT name FROM sqlite_master WHERE type = 'trigger'")):
+            yield f"a trigger, {_shown(trigger)}, that changes rows behind our back"
         for child, row, parent, _ in connection.execute(text("PRAGMA foreign_key_check")):
             yield f"row {row} of {child} points to a row of {parent} that is not there"
 
