@@ -93,3 +93,43 @@ def test_the_protocol_names_no_topic_or_message_of_ros() -> None:
     spoken = re.compile(r"\b(geometry|nav|sensor|std|kobuki)_msgs\b|cmd_vel|\bRos[A-Z1]|rospy|\"/[a-z_]+/[a-z_]+\"")
     for file in (PACKAGE / "protocol").rglob("*.py"):
         assert not spoken.search(file.read_text(encoding="utf-8")), file
+
+
+ALONE = PACKAGE / "models" / "remote" / "vsnbench_policy.py"
+"""Is copied to other machines as one file, so it cannot be several."""
+
+
+def test_no_file_has_grown_into_two() -> None:
+    lengths = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in PACKAGE.rglob("*.py")}
+    assert {str(file): length for file, length in lengths.items() if length > 350 and file != ALONE} == {}
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    imports = {_dotted(file): _imported_when_loaded(file) for file in PACKAGE.rglob("*.py")}
+    left = {name: {other for other in others if other in imports} for name, others in imports.items()}
+    while free := {name for name, others in left.items() if not others}:
+        left = {name: others - free for name, others in left.items() if name not in free}
+    assert left == {}
+
+
+def _dotted(file: Path) -> str:
+    return ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imported_when_loaded(file: Path) -> set[str]:
+    """Return the modules of ours that are imported at the top of a file."""
+    found: set[str] = set()
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return {name for name in found if name.startswith("vsnbench.")} - {_dotted(file)}
+
+
+def test_the_drawing_of_the_house_names_every_room_and_only_files_that_there_are() -> None:
+    drawing = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert [room for room in MAY_IMPORT if not re.search(rf"\b{room}\b", drawing)] == []
+    named = set(re.findall(r"`([a-z0-9_]+/[a-z0-9_/]+\.py)`", drawing)) - {"tests/test_architecture.py"}
+    assert len(named) > 20
+    assert [name for name in named if not (PACKAGE / name).is_file()] == []

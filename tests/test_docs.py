@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from scripts.api_page import api_page
 from scripts.make_docs import command_reference
 from vsnbench.cli.sites import app
 from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, Window, parse_site
@@ -55,3 +56,7 @@ def test_the_command_reference_is_that_of_the_program() -> None:
 def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
     targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
     assert [target for target in targets if not (page.parent / target).exists()] == []
+
+
+def test_the_page_of_the_interface_is_that_of_the_docstrings() -> None:
+    assert (DOCS / "api.md").read_text(encoding="utf-8") == api_page(), "docs/api.md is old: make docs"
