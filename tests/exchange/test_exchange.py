@@ -27,7 +27,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.build import read
 from vsnbench.report.record import Selection
 from vsnbench.report.summary import summarise
-from vsnbench.report.twins import real_sheet
+from vsnbench.report.twins import real_sheet, twins
 from vsnbench.robots.profiles import load_profile
 
 STEPS = [
@@ -100,7 +100,7 @@ def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path)
     record = read(lab.url, Selection())
     imported = next(one for one in record.conditions if one.simulated)
     assert (imported.max_actions, imported.success_distance_m) == (500, 0.5)
-    sheet = real_sheet(record, summarise(record))
+    sheet = real_sheet(twins(summarise(record)))
     assert sheet is not None
     (row,) = [[cell.text for cell in row.cells] for row in sheet.rows]
     assert "3/10" in row

@@ -62,7 +62,7 @@ def test_trials_of_one_site_are_paired(lab: Lab) -> None:
     (comparison,) = comparisons(lab, "a", "b")
     (rate,) = comparison.rates
     assert rate.pairing is not None
-    assert (rate.pairing.matched, rate.pairing.only_first, rate.pairing.only_second) == (30, 8, 2)
+    assert (rate.matches.pairs, rate.matches.only_first, rate.matches.only_second) == (30, 8, 2)
     # By hand: 2 * (1 + 10 + 45) / 2**10.
     assert rate.p == pytest.approx(112 / 1024)
     assert rate.others.mcnemar_p == pytest.approx(rate.p)
@@ -115,7 +115,7 @@ def test_which_seed_ran_first_changes_nothing_and_no_seed_drops_out(tmp_path: Pa
     assert up.interval == down.interval
     for rate in found:
         assert rate.pairing is not None
-        assert rate.pairing.matched == 30  # seeds 0 and 1
+        assert rate.matches.pairs == 30  # seeds 0 and 1
         assert [each.trials for each in rate.compared] == [45, 45]
         assert rate.difference == pytest.approx((11 - 5) / 45)
 

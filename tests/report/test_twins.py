@@ -24,21 +24,21 @@ def lab(tmp_path: Path) -> Lab:
 
 def test_totals_over_other_goals_are_not_compared(lab: Lab) -> None:
     record = read(lab.url, Selection())
-    (twin,) = twins(record, summarise(record))
+    (twin,) = twins(summarise(record))
     assert twin.goals == ("chair",)
     assert (twin.first.episodes, twin.second.episodes) == (9, 15)
     assert twin.pairing is not None
     assert len(twin.pairing.outcomes.cells) == 9
     assert twin.difference == pytest.approx(-1 / 9)
     assert twin.interval.low < -1 / 9 < twin.interval.high
-    sheet = real_sheet(record, summarise(record))
+    sheet = real_sheet(twins(summarise(record)))
     assert sheet is not None
     assert "-11.11" in [cell.text for cell in sheet.rows[0].cells]
 
 
 def test_the_twin_says_how_true_it_is_and_what_it_saves(lab: Lab) -> None:
     record = read(lab.url, Selection())
-    (twin,) = twins(record, summarise(record))
+    (twin,) = twins(summarise(record))
     like, ranks, gain = twin.agreement, twin.ranks, twin.powered
     assert like is not None
     assert ranks is not None
@@ -50,7 +50,7 @@ def test_the_twin_says_how_true_it_is_and_what_it_saves(lab: Lab) -> None:
     assert gain.tuning > 0
     assert gain.saved > 0
     assert gain.rate in gain.interval
-    sheet = twin_sheet(record, summarise(record))
+    sheet = twin_sheet(twins(summarise(record)))
     assert sheet is not None
     assert "no headline" in sheet.notes[0]
 
@@ -61,8 +61,8 @@ def test_other_places_share_no_cells(lab: Lab, tmp_path: Path) -> None:
     other.write([Attempt("chair", s) for s in range(1, 16)])
     Lab(other.directory).write([Attempt("chair", s) for s in range(1, 10)], simulated=False)
     record = read(other.url, Selection())
-    (twin,) = twins(record, summarise(record))
+    (twin,) = twins(summarise(record))
     assert twin.pairing is None
     assert twin.powered is None
-    assert twin_sheet(record, summarise(record)) is None
-    assert real_sheet(record, summarise(record)) is not None
+    assert twin_sheet(twins(summarise(record))) is None
+    assert real_sheet(twins(summarise(record))) is not None

@@ -28,7 +28,7 @@ from vsnbench.report.tables import (
     stability_sheet,
     start_sheet,
 )
-from vsnbench.report.twins import real_sheet, twin_sheet
+from vsnbench.report.twins import real_sheet, twin_sheet, twins
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:
@@ -80,9 +80,10 @@ class Report:
         sheets += [goal_sheet(one, results.shared_goals) for one in results.conditions]
         if self.reference:
             sheets.append(beside_sheet(results))
-        if real := real_sheet(self.record, results):
+        found = twins(results)
+        if real := real_sheet(found):
             sheets.append(real)
-        if long and (twin := twin_sheet(self.record, results)):
+        if long and (twin := twin_sheet(found)):
             sheets.append(twin)
         if any(one.ends for one in results.conditions):
             sheets.append(end_sheet(results))

@@ -15,8 +15,8 @@ from vsnbench.errors import UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
 from vsnbench.report.outlook import Outlook, outlook_of
-from vsnbench.report.pairing import Pairing, counted_on, pair, same_places
-from vsnbench.report.record import Record, goal_order
+from vsnbench.report.pairing import Matches, Pairing, match, pair, same_places, seeded
+from vsnbench.report.record import Record, empty_record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 from vsnbench.statistics.clustered import ClusterSums, Outcomes, clustered_bootstrap, independent_difference
 from vsnbench.statistics.multiple import holm
@@ -65,6 +65,8 @@ class RateComparison:
     second: Summary
     pairing: Pairing | None
     """None where the samples are independent."""
+    matches: Matches | None
+    """Of the paired episodes; None where the samples are independent."""
     test: str
     """The one that is read, by name; chosen by the design, not by its answer."""
     p: float
@@ -165,7 +167,8 @@ def compare(
     found = [find_condition(name, results, published) for name in names]
     if len({one.condition.number for one in found}) < len(found):
         raise UsageError("a comparison needs different models: one is named twice")
-    raw = [_pair(record, a, b, by_goal=by_goal) for a, b in itertools.combinations(found, 2)]
+    sides = [_side(record, one) for one in found]
+    raw = [_pair(a, b, by_goal=by_goal) for a, b in itertools.combinations(sides, 2)]
     # The totals over all goals restate the shared ones: the family is what is asked, on the goals that can be compared.
     family = [rate.p for one in raw for rate in one.rates if rate.scope != ALL]
     adjusted = iter(holm(family))
@@ -206,26 +209,40 @@ def find_condition(name: str, results: Results, published: Results | None) -> Co
     )
 
 
-def _pair(record: Record, first: ConditionSummary, second: ConditionSummary, *, by_goal: bool) -> Comparison:
-    mine, theirs = (tuple(goal.goal for goal in one.goals) for one in (first, second))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    """One condition, and what its comparisons with all the others need of its episodes that count, taken out once."""
+
+    summary: ConditionSummary
+    rows: "pd.DataFrame"
+    seeded: "pd.DataFrame"
+
+
+def _side(record: Record, one: ConditionSummary) -> _Side:
+    if one.condition.published:
+        record = empty_record()  # whose numbers are no condition's of the record
+    rows = record.counted(one.condition)[["goal", "start", "campaign", "repetition", "success", *_COLUMNS]]
+    return _Side(one, rows, seeded(rows, one.condition))
+
+
+def _pair(one: _Side, other: _Side, *, by_goal: bool) -> Comparison:
+    first, second = one.summary, other.summary
+    mine, theirs = (tuple(goal.goal for goal in each.goals) for each in (first, second))
     shared = tuple(sorted(set(mine) & set(theirs), key=goal_order))
     scopes: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [(SHARED, shared, shared)] if shared else []
     if set(mine) != set(theirs):
         scopes.insert(0, (ALL, mine, theirs))
     if by_goal and len(shared) > 1:
         scopes += [(goal, (goal,), (goal,)) for goal in shared]
-    rates = tuple(_rate(record, scope, (first, own), (second, other)) for scope, own, other in scopes)
-    return Comparison(first.condition, second.condition, rates, _effects(record, first, second, shared), 0)
+    rates = tuple(_rate(scope, (one, own), (other, others)) for scope, own, others in scopes)
+    return Comparison(first.condition, second.condition, rates, _effects(one, other, shared), 0)
 
 
-def _rate(
-    record: Record,
-    scope: str,
-    first: tuple[ConditionSummary, tuple[str, ...]],
-    second: tuple[ConditionSummary, tuple[str, ...]],
-) -> RateComparison:
+def _rate(scope: str, one: tuple[_Side, tuple[str, ...]], other: tuple[_Side, tuple[str, ...]]) -> RateComparison:
+    first, second = (one[0].summary, one[1]), (other[0].summary, other[1])
     a, b = over_goals(*first), over_goals(*second)
-    pairing = None if scope == ALL else pair(record, first[0].condition, second[0].condition, first[1])
+    pairing = None if scope == ALL else pair(first[0], second[0], first[1])
+    matches = match(one[0].seeded, other[0].seeded, first[1]) if pairing else None
     if pairing:
         test, p = MCNEMAR if pairing.single else FLIPPED, paired_test(pairing.outcomes)
     elif a.outcomes.independent and b.outcomes.independent:
@@ -237,10 +254,10 @@ def _rate(
     others = OtherTests(
         fisher_p=fisher(a.proportion, b.proportion),
         barnard_p=barnard(a.proportion, b.proportion),
-        mcnemar_p=mcnemar_exact(pairing.only_first, pairing.only_second) if pairing and pairing.matched else math.nan,
+        mcnemar_p=mcnemar_exact(matches.only_first, matches.only_second) if matches and matches.pairs else math.nan,
         permutation_p=stratified_permutation(pairing.strata()) if pairing else math.nan,
     )
-    return RateComparison(scope, (first[1], second[1]), a, b, pairing, test, p, others)
+    return RateComparison(scope, (first[1], second[1]), a, b, pairing, matches, test, p, others)
 
 
 def _placed(outcomes: Outcomes, one: ConditionSummary) -> bool:
@@ -268,12 +285,14 @@ MEASURES = {
 }
 
 
-def _effects(
-    record: Record, first: ConditionSummary, second: ConditionSummary, goals: Sequence[str]
-) -> tuple[EffectComparison, ...]:
+_COLUMNS = list(dict.fromkeys(MEASURES.values()))
+
+
+def _effects(one: _Side, other: _Side, goals: Sequence[str]) -> tuple[EffectComparison, ...]:
+    first, second = one.summary, other.summary
     if first.condition.published or second.condition.published or not goals:
         return ()
-    sides = [counted_on(record, one.condition, goals) for one in (first, second)]
+    sides = [each.rows[each.rows["goal"].isin(list(goals))] for each in (one, other)]
     together = same_places(first.condition, second.condition)
     effects = []
     for measure, column in MEASURES.items():

@@ -187,7 +187,7 @@ def comparison_fields(comparison: Comparison) -> dict[str, Any]:
 
 def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
     scope = f"shared: {listed(rate.goals[0])}" if rate.scope == SHARED else rate.scope
-    pairing, (mine, theirs), cells = rate.pairing, rate.compared, rate.cells
+    matches, (mine, theirs), cells = rate.matches, rate.compared, rate.cells
     unknown = Cell(UNKNOWN, -math.inf)
     others = rate.others
     return row(
@@ -199,8 +199,8 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
         decimal(100 * rate.difference, 2),
         interval_percent(rate.interval.low, rate.interval.high),
         count(cells[0]) if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
-        Cell(f"{pairing.only_first} : {pairing.only_second}", pairing.only_first)
-        if pairing and pairing.matched
+        Cell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
+        if matches and matches.pairs
         else unknown,
         _p(rate.p),
         word(rate.test),
@@ -214,7 +214,7 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
 
 
 def _rate_fields(rate: RateComparison) -> dict[str, Any]:
-    pairing, (mine, theirs), outlook = rate.pairing, rate.compared, rate.outlook
+    pairing, matches, (mine, theirs), outlook = rate.pairing, rate.matches, rate.compared, rate.outlook
     return {
         "scope": rate.scope,
         "goals_first": list(rate.goals[0]),
@@ -241,9 +241,9 @@ def _rate_fields(rate: RateComparison) -> dict[str, Any]:
         "adjusted_p": finite(rate.adjusted_p),
         "covered": rate.covered,
         "significant": rate.covered and rate.significant,
-        "matched_pairs": pairing.matched if pairing else None,
-        "only_first": pairing.only_first if pairing else None,
-        "only_second": pairing.only_second if pairing else None,
+        "matched_pairs": matches.pairs if matches else None,
+        "only_first": matches.only_first if matches else None,
+        "only_second": matches.only_second if matches else None,
         "other_tests": {name: finite(getattr(rate.others, name)) for name in OtherTests.__dataclass_fields__},
         "outlook": {name: getattr(outlook, name) for name in Outlook.__dataclass_fields__} if outlook else None,
     }

@@ -1,22 +1,22 @@
 """Which episodes of two conditions can be laid beside each other: cell by cell, and nothing is dropped without a word.
 
 Cells that both were tried in are paired, with all their episodes; what lies in cells that only one was tried in is
-counted as left out. Within a cell, episodes of the same seed and repetition are matched one to one as well, for
-McNemar's table; the primary test needs no such match.
+counted as left out. All of it is known from the summaries. Within a cell, episodes of the same seed and repetition can
+be matched one to one as well, for McNemar's table; the primary test needs no such match.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.report.conditions import Condition
-from vsnbench.report.record import Record
+from vsnbench.report.summary import ConditionSummary
 from vsnbench.statistics.clustered import Cell
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes
 from vsnbench.statistics.permutation import Stratum
 from vsnbench.statistics.rates import Proportion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection
 
     import pandas as pd
 
@@ -28,11 +28,6 @@ class Pairing:
     outcomes: PairedOutcomes
     left_out: tuple[int, int]
     """Episodes of the first and of the second in cells that the other was not tried in."""
-    matched: int
-    """Pairs of episodes with the same seed and repetition."""
-    only_first: int
-    """Matched pairs in which only the first succeeded."""
-    only_second: int
 
     @property
     def proportions(self) -> tuple[Proportion, Proportion]:
@@ -65,44 +60,54 @@ def same_places(first: Condition, second: Condition) -> bool:
     return bool(first.site_sha256) and first.site_sha256 == second.site_sha256
 
 
-def pair(record: Record, first: Condition, second: Condition, goals: "Sequence[str]") -> Pairing | None:
+def pair(first: ConditionSummary, second: ConditionSummary, goals: "Collection[str]") -> Pairing | None:
     """Pair two conditions' episodes that count, on these goals; None where they share no cell."""
-    if not same_places(first, second):
+    if not same_places(first.condition, second.condition):
         return None
-    everything = [counted_on(record, one, goals) for one in (first, second)]
-    sides = [rows[rows["start"] > 0] for rows in everything]  # 0 is no place: an import did not say which
-    cells = [_cells(rows) for rows in sides]
-    shared = [place for place in cells[0] if place in cells[1]]
+    sides = [_cells(one, goals) for one in (first, second)]
+    shared = sorted(sides[0].keys() & sides[1].keys())
     if not shared:
         return None
-    paired = [PairedCell(cells[0][place], cells[1][place]) for place in shared]
-    inside = [sum(side[place].trials for place in shared) for side in cells]
-    seeds = {n: seed for one in (first, second) for n, seed in zip(one.campaigns, one.seeds, strict=True)}
-    matched, only_first, only_second = _matched(sides, seeds)
+    inside = [sum(side[place].trials for place in shared) for side in sides]
+    everything = [sum(each.summary.episodes for each in one.goals if each.goal in goals) for one in (first, second)]
     return Pairing(
-        outcomes=PairedOutcomes(tuple(paired)),
-        left_out=(len(everything[0]) - inside[0], len(everything[1]) - inside[1]),
-        matched=matched,
-        only_first=only_first,
-        only_second=only_second,
+        outcomes=PairedOutcomes(tuple(PairedCell(sides[0][place], sides[1][place]) for place in shared)),
+        left_out=(everything[0] - inside[0], everything[1] - inside[1]),
     )
 
 
-def counted_on(record: Record, condition: Condition, goals: "Iterable[str]") -> "pd.DataFrame":
-    """Return the episodes of a condition that count, on these goals; goals as plain text."""
-    rows = record.counted(condition)
-    return rows[rows["goal"].isin(list(goals))].astype({"goal": str})
+def _cells(one: ConditionSummary, goals: "Collection[str]") -> dict[tuple[str, int], Cell]:
+    """Return the cells by goal and starting position, but for positions that are not known."""
+    chosen = (each for each in one.goals if each.goal in goals)
+    return {
+        (each.goal, cell.cluster): cell for each in chosen for cell in each.summary.outcomes.cells if cell.cluster > 0
+    }
 
 
-def _cells(rows: "pd.DataFrame") -> dict[tuple[str, int], Cell]:
-    counts = rows.groupby(["goal", "start"])["success"].agg(["sum", "count"]).reset_index()
-    listed = counts[["goal", "start", "sum", "count"]].to_numpy(object).tolist()
-    return {(goal, start): Cell(start, int(successes), trials) for goal, start, successes, trials in listed}
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """Pairs of episodes of one cell with the same seed and repetition."""
+
+    pairs: int
+    only_first: int
+    """Pairs in which only the first succeeded."""
+    only_second: int
 
 
-def _matched(sides: "list[pd.DataFrame]", seeds: dict[int, int]) -> tuple[int, int, int]:
-    on = ["goal", "start", "seed", "repetition"]
-    keyed = [rows.assign(seed=rows["campaign"].map(seeds))[[*on, "success"]] for rows in sides]
-    pairs = keyed[0].drop_duplicates(on).merge(keyed[1].drop_duplicates(on), on=on, suffixes=("_first", "_second"))
+_MATCHED_BY = ["goal", "start", "seed", "repetition"]
+
+
+def seeded(rows: "pd.DataFrame", condition: Condition) -> "pd.DataFrame":
+    """Return what episodes of a condition can be matched by, and their success: one a seed and repetition of a cell."""
+    seeds = dict(zip(condition.campaigns, condition.seeds, strict=True))
+    placed = rows[rows["start"] > 0]  # 0 is no place: an import did not say which
+    keyed = placed.assign(seed=placed["campaign"].map(seeds))[[*_MATCHED_BY, "success"]]
+    return keyed.drop_duplicates(_MATCHED_BY)
+
+
+def match(first: "pd.DataFrame", second: "pd.DataFrame", goals: "Collection[str]") -> Matches:
+    """Match the `seeded` episodes of two conditions, on these goals."""
+    sides = [rows[rows["goal"].isin(list(goals))] for rows in (first, second)]
+    pairs = sides[0].merge(sides[1], on=_MATCHED_BY, suffixes=("_first", "_second"))
     a, b = pairs["success_first"].astype(bool), pairs["success_second"].astype(bool)
-    return len(pairs), int((a & ~b).sum()), int((~a & b).sum())
+    return Matches(len(pairs), int((a & ~b).sum()), int((~a & b).sum()))

@@ -4,15 +4,15 @@ Void episodes are counted beside, never inside; every summary carries how many o
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.database.read_model import COUNTED, RUNNING, UNJUDGED, VOID
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.cells import CellCounts, Codes, EpisodeColumns
 from vsnbench.report.conditions import Condition
 from vsnbench.report.record import Record, goal_order
-from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
+from vsnbench.statistics.clustered import Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
 
 if TYPE_CHECKING:
@@ -149,129 +149,97 @@ def summarise(record: Record) -> Results:
     """Condense a record into its tables."""
     asked = {one.number: set(_of(record.planned, one)["goal"].astype(str)) for one in record.conditions}
     shared = set.intersection(*asked.values()) if asked else set()
+    everything = EpisodeColumns.of(record.episodes)
+    episodes, none = dict(everything.by(everything.condition)), everything[:0]
     return Results(
-        conditions=tuple(_condition(record, one, shared) for one in record.conditions),
+        conditions=tuple(
+            _condition(one, episodes.get(one.number, none), _of(record.planned, one), shared)
+            for one in record.conditions
+        ),
         shared_goals=tuple(sorted(shared, key=goal_order)),
     )
 
 
-def summary_of(episodes: "pd.DataFrame", planned: int) -> Summary:
-    """Condense rows of `Record.episodes`, whatever their states."""
-    # In numpy: a large report makes hundreds of summaries, and pandas takes longer to begin than to count.
-    state, ended = _codes(episodes["state"]), _codes(episodes["end_reason"])
-    counted = state.of(COUNTED)
-    success = episodes["success"].to_numpy()[counted]
-    actions = episodes["actions"].to_numpy()[counted]
-    spl = _known(episodes["spl"], counted)
-    soft_spl = _known(episodes["soft_spl"], counted)
-    return Summary(
-        successes=int(success.sum()),
-        episodes=int(counted.sum()),
-        planned=planned,
-        void=int(state.of(VOID).sum()),
-        unjudged=int(state.of(UNJUDGED).sum()),
-        mean_actions=_mean(actions),
-        mean_actions_successful=_mean(actions[success]),
-        spl=_mean(spl),
-        soft_spl=_mean(soft_spl),
-        spl_episodes=len(spl),
-        soft_spl_episodes=len(soft_spl),
-        median_distance_m=_median(_known(episodes["distance_m"], counted)),
-        collisions=int(ended.of(EndReason.COLLISION.value)[counted].sum()),
-        step_limits=int(ended.of(EndReason.STEP_LIMIT.value)[counted].sum()),
-        trivial=int((_known(episodes["shortest_m"], counted) < TRIVIAL_M).sum()),
-        outcomes=outcomes_of(episodes[counted]),
-    )
-
-
-def outcomes_of(episodes: "pd.DataFrame", *, by_goal: bool = False) -> Outcomes:
-    """Return counted episodes cell by cell, in the order of goals and starting positions.
-
-    Args:
-        episodes: rows of `Record.episodes` that count.
-        by_goal: the clusters are goals, for what is about one starting position alone; else starting positions. An
-            episode whose starting position is not known (0) is a cell and a cluster by itself.
-    """
-    import numpy as np
-
-    if episodes.empty:
-        return Outcomes(())
-    goals, starts = episodes["goal"].cat.codes.to_numpy(np.int64), episodes["start"].to_numpy(np.int64)
-    # An unknown position is made a number of its own, below 0, from the episode's.
-    starts = np.where(starts > 0, starts, -episodes["episode"].to_numpy(np.int64))
-    keys, cells = np.unique(np.stack([goals, starts]), axis=1, return_inverse=True)
-    trials = np.bincount(cells)
-    successes = np.bincount(cells, weights=episodes["success"].to_numpy(np.float64)).astype(np.int64)
-    clusters = keys[0 if by_goal else 1]
-    return Outcomes(
-        tuple(Cell(*each) for each in zip(clusters.tolist(), successes.tolist(), trials.tolist(), strict=True))
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Codes:
-    """A categorical column as small numbers."""
-
-    numbers: "NDArray[np.integer[Any]]"
-    names: Sequence[str]
-
-    def of(self, name: str) -> "NDArray[np.bool_]":
-        """Return which rows have this value."""
-        import numpy as np
-
-        if name not in self.names:
-            return np.zeros(len(self.numbers), bool)
-        return np.asarray(self.numbers == self.names.index(name))
-
-
-def _codes(column: "pd.Series[str]") -> _Codes:
-    return _Codes(column.cat.codes.to_numpy(), list(column.cat.categories))
-
-
-def _known(column: "pd.Series[float]", rows: "NDArray[np.bool_]") -> "NDArray[np.float64]":
-    """Return what is not NaN in these rows."""
-    import numpy as np
-
-    numbers = column.to_numpy(np.float64)[rows]
-    return np.asarray(numbers[~np.isnan(numbers)], np.float64)
-
-
-def _condition(record: Record, condition: Condition, shared: set[str]) -> ConditionSummary:
-    episodes, planned = record.of(condition), _of(record.planned, condition)
-    by_goal = dict(iter(episodes.groupby("goal", observed=True)))
-    by_start = dict(iter(episodes.groupby("start")))
+def _condition(
+    condition: Condition, episodes: EpisodeColumns, planned: "pd.DataFrame", shared: set[str]
+) -> ConditionSummary:
+    names, none = episodes.goal.names, episodes[:0]
+    cells = _cells(episodes)
+    by_goal = {names[code]: mine for code, mine in episodes.by(episodes.goal.numbers)}
+    by_start = dict(episodes.by(episodes.start))
     trials_by_goal = planned.groupby("goal", observed=True)["trials"].sum()
     trials_by_start = planned.groupby("start")["trials"].sum()
-    nothing = episodes.iloc[:0]
+
+    def on(*goals: str) -> Outcomes:
+        return cells.outcomes(Codes(cells.goals, names).of(*goals))
+
     goals = tuple(
-        GoalSummary(goal, summary_of(by_goal.get(goal, nothing), int(trials_by_goal[goal])))
+        GoalSummary(goal, _summary(by_goal.get(goal, none), int(trials_by_goal[goal]), on(goal)))
         for goal in sorted(trials_by_goal.index, key=goal_order)
     )
     own = {one.goal for one in goals}
     common = None
     if shared and shared != own:
         trials = int(planned.loc[planned["goal"].isin(shared), "trials"].sum())
-        common = summary_of(episodes[episodes["goal"].isin(shared)], trials)
+        common = _summary(episodes[episodes.goal.of(*shared)], trials, on(*shared))
     return ConditionSummary(
         condition=condition,
         goals=goals,
-        total=summary_of(episodes, int(planned["trials"].sum())),
+        total=_summary(episodes, int(planned["trials"].sum()), cells.outcomes()),
         shared=common,
         starts=tuple(
-            StartSummary(int(start), _of_start(by_start.get(start, nothing), int(trials_by_start[start])))
-            for start in sorted(trials_by_start.index)
+            StartSummary(start, _of_start(start, by_start.get(start, none), int(trials_by_start[start]), cells))
+            for start in sorted(trials_by_start.index.tolist())
         ),
         ends=_ends(episodes),
     )
 
 
-def _of_start(episodes: "pd.DataFrame", planned: int) -> Summary:
-    counted = episodes[episodes["state"] == COUNTED]
-    return replace(summary_of(episodes, planned), outcomes=outcomes_of(counted, by_goal=True))
+def _cells(episodes: EpisodeColumns) -> CellCounts:
+    counted = episodes[episodes.state.of(COUNTED)]
+    return CellCounts.of(counted.goal.numbers, counted.start, counted.episode, counted.success)
 
 
-def _ends(episodes: "pd.DataFrame") -> tuple[EndCount, ...]:
-    state, ended = _codes(episodes["state"]), _codes(episodes["end_reason"])
+def _of_start(start: int, episodes: EpisodeColumns, planned: int, cells: CellCounts) -> Summary:
+    if start > 0:
+        return _summary(episodes, planned, cells.outcomes(cells.starts == start, by_goal=True))
+    return _summary(episodes, planned, _cells(episodes).outcomes(by_goal=True))  # a cell is an episode there
+
+
+def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summary:
+    """Condense episodes, whatever their states; the outcomes are of those that count."""
+    state = episodes.state
+    counted = episodes[state.of(COUNTED)]
+    spl, soft_spl = _known(counted.spl), _known(counted.soft_spl)
+    return Summary(
+        successes=int(counted.success.sum()),
+        episodes=len(counted.success),
+        planned=planned,
+        void=int(state.of(VOID).sum()),
+        unjudged=int(state.of(UNJUDGED).sum()),
+        mean_actions=_mean(counted.actions),
+        mean_actions_successful=_mean(counted.actions[counted.success]),
+        spl=_mean(spl),
+        soft_spl=_mean(soft_spl),
+        spl_episodes=len(spl),
+        soft_spl_episodes=len(soft_spl),
+        median_distance_m=_median(_known(counted.distance_m)),
+        collisions=int(counted.end_reason.of(EndReason.COLLISION.value).sum()),
+        step_limits=int(counted.end_reason.of(EndReason.STEP_LIMIT.value).sum()),
+        trivial=int((_known(counted.shortest_m) < TRIVIAL_M).sum()),
+        outcomes=outcomes,
+    )
+
+
+def _known(numbers: "NDArray[np.float64]") -> "NDArray[np.float64]":
+    """Return what is not NaN."""
+    import numpy as np
+
+    return np.asarray(numbers[~np.isnan(numbers)], np.float64)
+
+
+def _ends(episodes: EpisodeColumns) -> tuple[EndCount, ...]:
+    state, ended = episodes.state, episodes.end_reason
     over, counted = ~state.of(RUNNING), state.of(COUNTED)
     order = [reason.value for reason in EndReason]
     reasons = [*order, *sorted(set(ended.names) - set(order))]

@@ -1,11 +1,12 @@
 """Real against simulated: one model in both, on the goals and where possible the cells that both were tried in."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vsnbench.report.compare import over_goals
 from vsnbench.report.conditions import Condition, footnotes
 from vsnbench.report.pairing import Pairing, pair, same_places
-from vsnbench.report.record import Record, goal_order
+from vsnbench.report.record import goal_order
 from vsnbench.report.sheets import (
     UNKNOWN,
     Cell,
@@ -72,13 +73,13 @@ class Twin:
         return rank_correlation(*(arrays(side.cells)[1].tolist() for side in sides))
 
 
-def twins(record: Record, results: Results) -> tuple[Twin, ...]:
+def twins(results: Results) -> tuple[Twin, ...]:
     """Return every model that has results both for real and simulated, on goals that both share."""
     return tuple(
         twin
         for real in results.conditions
         for simulated in results.conditions
-        if _one_model(real.condition, simulated.condition) and (twin := _twin(record, real, simulated))
+        if _one_model(real.condition, simulated.condition) and (twin := _twin(real, simulated))
     )
 
 
@@ -90,7 +91,7 @@ def _one_model(real: Condition, simulated: Condition) -> bool:
     )
 
 
-def _twin(record: Record, real: ConditionSummary, simulated: ConditionSummary) -> Twin | None:
+def _twin(real: ConditionSummary, simulated: ConditionSummary) -> Twin | None:
     shared = {goal.goal for goal in real.goals} & {goal.goal for goal in simulated.goals}
     if not shared:
         return None
@@ -101,7 +102,7 @@ def _twin(record: Record, real: ConditionSummary, simulated: ConditionSummary) -
         goals=goals,
         first=over_goals(real, goals),
         second=over_goals(simulated, goals),
-        pairing=pair(record, real.condition, simulated.condition, goals),
+        pairing=pair(real, simulated, goals),
         powered=_powered(real, simulated, goals),
     )
 
@@ -119,9 +120,8 @@ def _powered(real: ConditionSummary, simulated: ConditionSummary, goals: tuple[s
     return powered(driven, others)
 
 
-def real_sheet(record: Record, results: Results) -> Sheet | None:
+def real_sheet(found: Sequence[Twin]) -> Sheet | None:
     """Real against simulated (paper, Table 3), on the goals that both share; None when there is none."""
-    found = twins(record, results)
     if not found:
         return None
     return kept(
@@ -182,10 +182,10 @@ _POWERED = (
 )
 
 
-def twin_sheet(record: Record, results: Results) -> Sheet | None:
+def twin_sheet(found: Sequence[Twin]) -> Sheet | None:
     """How true the simulated twin is cell by cell, and what it makes of few real trials; None without shared cells."""
-    found = [one for one in twins(record, results) if one.pairing]
-    if not found:
+    paired = [one for one in found if one.pairing]
+    if not paired:
         return None
     return kept(
         Sheet(
@@ -208,7 +208,7 @@ def twin_sheet(record: Record, results: Results) -> Sheet | None:
                 Column("tuning", rank=3, note="how far the twin is trusted, 0 to 1"),
                 Column("cells saved", rank=1, note="real cells that would buy the same precision, less those driven"),
             ),
-            rows=tuple(_twin_row(one) for one in found),
+            rows=tuple(_twin_row(one) for one in paired),
             notes=(_POWERED,),
         )
     )

@@ -12,6 +12,7 @@ Miller (2008) for resampling whole clusters.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -207,9 +208,7 @@ def clustered_bootstrap(
         raise ValueError("shared clusters must be listed alike for both models")
     if min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)) < 2:
         return UNKNOWN
-    random = np.random.default_rng(seed)
-    drawn = _draws(random, len(first.counts), resamples)
-    drawn_second = drawn if shared_clusters else _draws(random, len(second.counts), resamples)
+    drawn, drawn_second = _draws(len(first.counts), None if shared_clusters else len(second.counts), resamples, seed)
     with np.errstate(invalid="ignore", divide="ignore"):
         differences = (drawn @ first.totals) / (drawn @ first.counts) - (drawn_second @ second.totals) / (
             drawn_second @ second.counts
@@ -220,5 +219,18 @@ def clustered_bootstrap(
     return Interval(float(low), float(high))
 
 
-def _draws(random: np.random.Generator, clusters: int, resamples: int) -> Floats:
-    return random.multinomial(clusters, np.full(clusters, 1 / clusters), size=resamples).astype(np.float64)
+@lru_cache(maxsize=1)
+def _draws(first: int, second: int | None, resamples: int, seed: int) -> tuple[Floats, Floats]:
+    """Return how often each cluster was drawn, (resamples, clusters), of two samples; None: the first's for both.
+
+    Kept for the next measure of the same clusters: drawing takes longer than all the rest.
+    """
+    random = np.random.default_rng(seed)
+
+    def draw(clusters: int) -> Floats:
+        drawn = random.multinomial(clusters, np.full(clusters, 1 / clusters), size=resamples).astype(np.float64)
+        drawn.setflags(write=False)
+        return drawn
+
+    mine = draw(first)
+    return mine, mine if second is None else draw(second)

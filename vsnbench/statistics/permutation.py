@@ -161,7 +161,7 @@ def stratified_permutation(strata: Sequence[Stratum]) -> float:
         successes = stratum.first.successes + stratum.second.successes
         if not stratum.first.trials or not stratum.second.trials:
             continue  # nobody to exchange with
-        here = hypergeom(total, successes, stratum.first.trials).pmf(np.arange(stratum.first.trials + 1))
+        here = hypergeom.pmf(np.arange(stratum.first.trials + 1), total, successes, stratum.first.trials)
         convolve = fftconvolve if min(len(here), len(distribution)) > _FFT_FROM else np.convolve
         distribution = np.clip(convolve(distribution, here), 0.0, 1.0)
         observed += stratum.first.successes
