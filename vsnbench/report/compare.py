@@ -71,7 +71,6 @@ class RateComparison:
     """The one that is read, by name; chosen by the design, not by its answer."""
     p: float
     """Its two-sided p-value, before any correction."""
-    others: OtherTests
     adjusted_p: float = math.nan
     """`p` after Holm over everything asked together."""
     outlook: Outlook | None = None
@@ -81,6 +80,17 @@ class RateComparison:
     def compared(self) -> tuple[Proportion, Proportion]:
         """Successes of the episodes that test, interval and difference are about."""
         return self.pairing.proportions if self.pairing else (self.first.proportion, self.second.proportion)
+
+    @property
+    def others(self) -> OtherTests:
+        """The tests that are not read; worked out when asked for: tens of thousands of trials take them a second."""
+        a, b, matches = self.first.proportion, self.second.proportion, self.matches
+        return OtherTests(
+            fisher_p=fisher(a, b),
+            barnard_p=barnard(a, b),
+            mcnemar_p=mcnemar_exact(matches.only_first, matches.only_second) if matches and matches.pairs else math.nan,
+            permutation_p=stratified_permutation(self.pairing.strata()) if self.pairing else math.nan,
+        )
 
     @property
     def difference(self) -> float:
@@ -251,13 +261,7 @@ def _rate(scope: str, one: tuple[_Side, tuple[str, ...]], other: tuple[_Side, tu
         test, p = EXCHANGED, exchange_clusters(a.outcomes, b.outcomes)
     else:
         test, p = EFFECTIVE, fisher_effective(a.outcomes, b.outcomes)
-    others = OtherTests(
-        fisher_p=fisher(a.proportion, b.proportion),
-        barnard_p=barnard(a.proportion, b.proportion),
-        mcnemar_p=mcnemar_exact(matches.only_first, matches.only_second) if matches and matches.pairs else math.nan,
-        permutation_p=stratified_permutation(pairing.strata()) if pairing else math.nan,
-    )
-    return RateComparison(scope, (first[1], second[1]), a, b, pairing, matches, test, p, others)
+    return RateComparison(scope, (first[1], second[1]), a, b, pairing, matches, test, p)
 
 
 def _placed(outcomes: Outcomes, one: ConditionSummary) -> bool:

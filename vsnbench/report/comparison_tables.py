@@ -189,7 +189,7 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
     scope = f"shared: {listed(rate.goals[0])}" if rate.scope == SHARED else rate.scope
     matches, (mine, theirs), cells = rate.matches, rate.compared, rate.cells
     unknown = Cell(UNKNOWN, -math.inf)
-    others = rate.others
+    others = rate.others if all_tests else None
     return row(
         word(scope),
         of(mine.successes, mine.trials),
@@ -207,7 +207,7 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
         _p(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
         *(
             (_p(others.fisher_p), _p(others.barnard_p), _p(others.mcnemar_p), _p(others.permutation_p))
-            if all_tests
+            if others
             else ()
         ),
     )
@@ -215,6 +215,7 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
 
 def _rate_fields(rate: RateComparison) -> dict[str, Any]:
     pairing, matches, (mine, theirs), outlook = rate.pairing, rate.matches, rate.compared, rate.outlook
+    others = rate.others
     return {
         "scope": rate.scope,
         "goals_first": list(rate.goals[0]),
@@ -244,7 +245,7 @@ def _rate_fields(rate: RateComparison) -> dict[str, Any]:
         "matched_pairs": matches.pairs if matches else None,
         "only_first": matches.only_first if matches else None,
         "only_second": matches.only_second if matches else None,
-        "other_tests": {name: finite(getattr(rate.others, name)) for name in OtherTests.__dataclass_fields__},
+        "other_tests": {name: finite(getattr(others, name)) for name in OtherTests.__dataclass_fields__},
         "outlook": {name: getattr(outlook, name) for name in Outlook.__dataclass_fields__} if outlook else None,
     }
 
