@@ -14,6 +14,7 @@ import pytest
 import typer
 
 from tests.models.pirlnav.checkpoints import write_checkpoint
+from tests.models.remote.servers import stub_server
 from tests.ros1.network import RosNetwork, live_network
 from tests.test_docs import example
 from vsnbench.cli.main import VERBS, build_app
@@ -23,6 +24,17 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 DOCS = sorted((ROOT / "docs").glob("*.md"))
 FEW = " --starts 1 --max-steps 6"
 """Enough of a run to see that it is one."""
+SERVED = """
+class Spinner:
+    card = {"name": "served-spinner", "sensors": ["rgb"]}
+
+    def reset(self, goal, seed):
+        self.turns = 0
+
+    def act(self, observation):
+        self.turns += 1
+        return "STOP" if self.turns > 12 else "TURN_LEFT"
+"""
 
 
 def commands(text: str) -> list[str]:
@@ -35,7 +47,7 @@ def commands(text: str) -> list[str]:
 
 def cheaper(command: str) -> str:
     """Return what is run in place of a line: the same, on few trials, and of the episodes that there are."""
-    command = re.sub(r"\b17\b", "1", command)
+    command = re.sub(r"\b17\b", "1", command).replace("~/envs/old/bin/python", sys.executable)
     if command.startswith("vsnbench run"):
         command += FEW
     if command.startswith("vsnbench view") and "--web" not in command:
@@ -54,6 +66,7 @@ class Lab:
         (directory / "mylab").mkdir()
         (spinner,) = re.findall(r"\n(    from vsnbench\.models\.contract.*?)\n\n    vsnbench", README, re.DOTALL)
         (directory / "mylab" / "spinner.py").write_text(re.sub(r"^ {4}", "", spinner, flags=re.MULTILINE) + "\n")
+        (directory / "mymodel.py").write_text(SERVED)
         (directory / "lab.yaml").write_text(example(), encoding="utf-8")
         write_checkpoint(directory / "objectnav_rl_ft_hd.ckpt")
 
@@ -96,6 +109,12 @@ def test_readme_has_command_lines() -> None:
 def test_a_line_of_readme_does_what_it_says(lab: Lab, line: str) -> None:
     if "--web" in line:
         served_until_ctrl_c(lab, f"{cheaper(line)} --port 0")
+        return
+    if "ws://gpu-box:8765" in line:
+        (lab.directory / "gpu-box").mkdir()
+        with stub_server(SERVED, lab.directory / "gpu-box", name="Spinner") as (url, _):
+            done = lab.run(cheaper(line).replace("ws://gpu-box:8765", url))
+        assert done.returncode == 0, done.stdout + done.stderr
         return
     # The published models are not compared under the demonstration weights of the beginning.
     results = "published" if README.index(line) > README.index("## The paper's models") else "results"

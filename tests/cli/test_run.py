@@ -257,7 +257,7 @@ def test_what_is_wrong_with_a_site_of_ones_own_is_said_before_it_is_run(
     path.write_text(yaml.safe_dump(few.content()))
     words = ("--model", "random", "--goal", "bed", "--starts", "1", "--max-steps", "1", "--site", path)
     assert run(*words, "--results", tmp_path / "results").code == 0
-    assert "site few: warning: 3 starting positions" in caplog.text
+    assert "few.yaml: site few has 3 starting positions" in caplog.text
 
 
 def test_another_file_behind_the_same_name_is_another_model_and_says_so(

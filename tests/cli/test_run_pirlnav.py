@@ -4,6 +4,7 @@ import contextlib
 import json
 import sqlite3
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import torch
 
 from tests.cli.console import Answer, vsnbench
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
@@ -88,10 +90,12 @@ def test_what_it_cannot_do_is_said_before_anything_moves(
 class SimulatedAsReal(SimulatedRobot):
     """Stands for a real robot: nothing else about it is needed here."""
 
-    simulated = False
-
     def __init__(self, site: Site, parameters: ProtocolParameters) -> None:
         super().__init__(site, load_profile("turtlebot2"), parameters)
+
+    @property
+    def identity(self) -> RobotIdentity:
+        return replace(super().identity, simulated=False)
 
 
 def test_a_real_robot_is_not_driven_by_weights_that_nobody_named(

@@ -90,7 +90,7 @@ def test_what_a_person_types_is_the_verdict_and_enter_is_none(seat: Seat) -> Non
     seat.type("nothing\n")
     seat.wait_for("Metres by tape")
     seat.type("84\n")
-    seat.wait_for("84 m is longer than the site")
+    seat.wait_for("84 is more than the")
     seat.wait_for("Metres by tape")
     seat.type("keep\n")
     seat.wait_for("#1 judged by you")

@@ -25,7 +25,7 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
         for column in sheet.columns:
             # Numbers are never broken; on a narrow terminal it is the words that wrap.
             table.add_column(
-                Text(column.heading),
+                Text(harmless(column.heading)),
                 justify="right" if column.number else "left",
                 no_wrap=column.number,
                 overflow="fold",
@@ -38,7 +38,8 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
         for note in sheet.notes:
             console.print(Text(harmless(note), style="dim"))
         if left_out := [column.heading for column in whole.columns if column not in sheet.columns]:
-            console.print(Text(f"No room here for {', '.join(left_out)}: a wider terminal shows them.", style="dim"))
+            words = f"No room here for {', '.join(left_out)}: a wider terminal shows them."
+            console.print(Text(harmless(words), style="dim"))
         console.print()
     for words in footnotes_of(sheets):
         console.print(Text(harmless(words), style="dim"))
