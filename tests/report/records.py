@@ -33,6 +33,7 @@ class Attempt:
     end_reason: EndReason = EndReason.STOP
     actions: int = 10
     distance_m: float | None = 0.5
+    in_sight: bool = True
     path_m: float | None = 2.0
     shortest_m: float | None = 2.0
     remaining_m: float | None = 0.0
@@ -99,7 +100,7 @@ def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetim
         journal.append_step(handle.id, step)
     distance = None
     if attempt.distance_m is not None:
-        distance = GoalDistance(attempt.distance_m, PoseSource.SIMULATED, "chair-1")
+        distance = GoalDistance(attempt.distance_m, PoseSource.SIMULATED, "chair-1", attempt.in_sight)
     verdict = Verdict(attempt.end_reason, attempt.success, "as the test says", distance)
     journal.end_episode(
         handle.id,

@@ -63,6 +63,12 @@ def test_rates_are_counted_anew_under_other_rules(lab: Lab) -> None:
     }
 
 
+def test_no_threshold_reaches_through_a_wall(lab: Lab) -> None:
+    lab.write([Attempt(start=1), Attempt(start=2, distance_m=1.1, success=False, in_sight=False)])
+    counted = {each.what: each.proportion.successes for each in sensitivity(*only(lab))}
+    assert counted["success under 1.25 m"] == counted["as judged"] == 1
+
+
 def test_a_distance_that_nobody_measured_is_under_no_threshold(lab: Lab) -> None:
     lab.write([Attempt(start=1), Attempt(start=2, distance_m=None)])
     assert not any(each.what.startswith("success under") for each in sensitivity(*only(lab)))

@@ -29,6 +29,8 @@ END_REASON: ColumnElement[str | None] = func.coalesce(Verdict.end_reason, Episod
 SUCCESS: ColumnElement[bool | None] = Verdict.success.expression
 """None unless the episode is judged."""
 DISTANCE_M: ColumnElement[float | None] = func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m)
+GOAL_IN_SIGHT: ColumnElement[bool] = func.coalesce(Verdict.goal_in_sight, Episode.goal_in_sight, True)
+"""True where the rule did not ask: before version 2 of the protocol."""
 DISTANCE_SOURCE: ColumnElement[str | None] = func.coalesce(Verdict.distance_source, Episode.distance_source)
 GOAL_INSTANCE: ColumnElement[str | None] = func.coalesce(Verdict.goal_instance, Episode.goal_instance)
 COLLISION: ColumnElement[bool] = func.coalesce(EndReason.COLLISION.value == END_REASON, False)

@@ -16,6 +16,7 @@ from vsnbench.database.read_model import (
     COUNTED,
     DISTANCE_M,
     END_REASON,
+    GOAL_IN_SIGHT,
     PART,
     RUNNING,
     SUCCESS,
@@ -48,6 +49,7 @@ COLUMNS: dict[str, str] = {
     "shortest_m": "geodesic distance from the start to the goal; NaN when unknown",
     "remaining_m": "geodesic distance from the end to the goal; NaN when unknown",
     "distance_m": "distance to the goal of the standing verdict; NaN when unknown",
+    "goal_in_sight": "whether an instance was in sight where it ended; True where the rule did not ask",
     "duration_s": "on the robot's clock; NaN when unknown",
     "wall_duration_s": "wall time; NaN when unknown",
     "spl": "success weighted by path length: 0 for a failure, NaN for a success of unknown length",
@@ -154,6 +156,7 @@ def episodes_query() -> Select[Any]:
         Episode.geodesic_start_m,
         Episode.geodesic_end_m,
         DISTANCE_M,
+        type_coerce(GOAL_IN_SIGHT, NullType()),
         Episode.duration_s,
         Episode.wall_duration_s,
         # As the driver gives it: pandas reads 200,000 times at once, SQLAlchemy would one by one.
@@ -170,7 +173,8 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
     query = episodes_query().where(*trial_filter(chosen, condition_of))
     raw = [
         *("episode", "campaign", "process", "trial", "goal", "start", "repetition", "state", "end_reason", "success"),
-        *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "duration_s", "wall_duration_s"),
+        *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
+        *("duration_s", "wall_duration_s"),
         *("started_at", "ended_at", "images_directory"),
     ]
     found = connection.execution_options(yield_per=20_000).execute(query)
@@ -200,7 +204,7 @@ def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
         elif name.endswith("_at"):
             typed[name] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
         else:
-            typed[name] = np.array(values, bool if name == "success" else object)
+            typed[name] = np.array(values, bool if name in ("success", "goal_in_sight") else object)
     return pd.DataFrame(typed)
 
 

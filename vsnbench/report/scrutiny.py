@@ -62,8 +62,8 @@ def _recounts(rows: "pd.DataFrame", one: ConditionSummary) -> Iterator[Recount]:
     within_m, cap = one.condition.success_distance_m, one.condition.max_actions
     stopped = rows["end_reason"] == EndReason.STOP.value
     if within_m and stopped.any() and rows.loc[stopped, "distance_m"].notna().all():
-        # Near enough and yet no success: not in sight, or a person knew better. No threshold changes that.
-        refused = ~rows["success"] & (rows["distance_m"] < within_m)
+        # Near enough and yet no success: a person knew better. No threshold changes that, nor a wall between.
+        refused = ~rows["success"] & (rows["distance_m"] < within_m) | ~rows["goal_in_sight"]
         in_time = rows["actions"] < cap if cap else True
         for share in THRESHOLDS:
             near = stopped & ~refused & in_time & (rows["distance_m"] < share * within_m)
