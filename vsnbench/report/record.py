@@ -99,9 +99,8 @@ def empty_record() -> Record:
     """Return a record with nothing in it: for the published numbers, which have no episodes."""
     import pandas as pd
 
-    return Record(
-        (), pd.DataFrame(columns=list(COLUMNS)), pd.DataFrame(columns=["condition", "goal", "start", "trials"])
-    )
+    episodes = _whole(_typed(dict.fromkeys(_READ, ())), {})
+    return Record((), episodes, pd.DataFrame(columns=["condition", "goal", "start", "trials"]))
 
 
 def goal_order(goal: str) -> tuple[int, str]:
@@ -166,20 +165,29 @@ def episodes_query() -> Select[Any]:
     ).order_by(Episode.id)
 
 
+_READ = (
+    *("episode", "campaign", "process", "trial", "goal", "start", "repetition", "state", "end_reason", "success"),
+    *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
+    *("duration_s", "wall_duration_s", "started_at", "ended_at", "images_directory"),
+)
+"""The columns of `episodes_query`, in its order."""
+
+
 def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
-    import numpy as np
     import pandas as pd
 
     query = episodes_query().where(*trial_filter(chosen, condition_of))
-    raw = [
-        *("episode", "campaign", "process", "trial", "goal", "start", "repetition", "state", "end_reason", "success"),
-        *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
-        *("duration_s", "wall_duration_s"),
-        *("started_at", "ended_at", "images_directory"),
-    ]
     found = connection.execution_options(yield_per=20_000).execute(query)
-    parts = [_typed(dict(zip(raw, zip(*rows, strict=True), strict=True))) for rows in found.partitions()]
-    frame = pd.concat(parts, ignore_index=True) if parts else _typed(dict.fromkeys(raw, ()))
+    parts = [_typed(dict(zip(_READ, zip(*rows, strict=True), strict=True))) for rows in found.partitions()]
+    frame = pd.concat(parts, ignore_index=True) if parts else _typed(dict.fromkeys(_READ, ()))
+    return _whole(frame, condition_of)
+
+
+def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    """Return what was read with the columns that follow from it, in the order and with the types of `COLUMNS`."""
+    import numpy as np
+    import pandas as pd
+
     for name in ("goal", "end_reason"):
         frame[name] = frame[name].astype("category")
     frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
