@@ -105,3 +105,16 @@ def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, words
 def test_a_plug_in_that_raises_when_made_is_a_model_error(plug_in_module: str) -> None:
     with pytest.raises(ModelError, match="RuntimeError: a statue is patient"):
         registry.create_policy("statues:Statue", patience=-1)
+
+
+class OddlyCarded:
+    card = ModelCard("odd", sensors={"rgb"})  # type: ignore[arg-type]
+
+    def reset(self, goal: str, seed: int) -> None: ...
+
+    def act(self, observation: object) -> None: ...
+
+
+def test_a_card_of_the_wrong_types_is_refused_in_a_line() -> None:
+    with pytest.raises(ModelError, match="sensors must be a frozenset of Sensor"):
+        registry.create_policy(f"{__name__}:OddlyCarded")

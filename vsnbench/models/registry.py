@@ -1,6 +1,7 @@
 """Finds policies by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`."""
 
 import inspect
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.plugins import import_factory, plug_ins
+from vsnbench.protocol.observation import Sensor
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
@@ -69,7 +71,24 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
             f"model {name}: {where} is no policy: it needs `card` (a ModelCard), `reset(goal, seed)` and "
             "`act(observation)`"
         )
+    if problem := _problem_with(policy.card):
+        raise ModelError(f"model {name}: {where}: its card's {problem}")
     return policy
+
+
+def _problem_with(card: ModelCard) -> str:
+    """Return in words which field of a third party's card is not what it should be; empty when all are."""
+    words: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
+    if not all(isinstance(each, str) for each in words) or not card.name.strip():
+        return "name, weights_sha256 and weights_label must be text, and the name not empty"
+    sensors: object = card.sensors
+    if not isinstance(sensors, frozenset) or not all(isinstance(each, Sensor) for each in sensors):
+        return "sensors must be a frozenset of Sensor: frozenset({Sensor.RGB})"
+    goals: object = card.goals
+    if goals is not None and not (isinstance(goals, frozenset) and all(isinstance(each, str) for each in goals)):
+        return "goals must be None or a frozenset of categories: frozenset({'chair'})"
+    settings: object = card.settings
+    return "" if isinstance(settings, Mapping) else "settings must be a mapping"
 
 
 def locate(name: str) -> tuple[str, Any]:

@@ -11,6 +11,7 @@ from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, OpenCam
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import Provenance, gather_provenance
 from vsnbench.errors import SiteError, UsageError
+from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
@@ -88,7 +89,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         _heed(request.site, layout_findings(site))
     with ExitStack() as stack:
         policy = create_policy(request.model, request.isolation, **request.model_options)
-        stack.callback(getattr(policy, "close", lambda: None))
+        stack.callback(_close, policy)
         goals = choose_goals(request.goals, site, policy.card)
         robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
         _check_sensors(policy, robot)
@@ -149,6 +150,14 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
             operator,
         )
     return Launched(campaign, result)
+
+
+def _close(policy: Policy) -> None:
+    """Let the policy go; what it raises then changes no result."""
+    try:
+        getattr(policy, "close", lambda: None)()
+    except Exception as error:
+        logger.warning("model %s failed in close: %s", policy.card.name, error_line(error))
 
 
 def _provenance(policy: Policy) -> Provenance:

@@ -199,3 +199,12 @@ def test_a_habitat_agent_runs_unchanged(tmp_path: Path) -> None:
         policy.reset("sofa", 7)
         assert [policy.act(look()).raw_action for _ in range(3)] == ["2", "2", "0"]
         assert policy.act(look()).action.value == "STOP"
+
+
+def test_other_code_in_another_python_is_another_model(models_directory: Path) -> None:
+    first = isolated()
+    first.close()
+    (models_directory / "crashing.py").write_text(CRASHES.replace("TURN_RIGHT", "TURN_LEFT"))
+    second = isolated()
+    second.close()
+    assert first.card.settings["code"] != second.card.settings["code"]

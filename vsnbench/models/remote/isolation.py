@@ -5,6 +5,7 @@ more, dies with us, and what it writes on stderr goes to our log.
 """
 
 import contextlib
+import hashlib
 import logging
 import os
 import resource
@@ -17,7 +18,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -189,6 +190,10 @@ class IsolatedPolicy(RemotePolicy):
         except BaseException:
             self._process.close()
             raise
+        if isolation.python is not None:
+            # Nothing of it is loaded here: its source is known by where the other Python finds it first.
+            code = {"class": model, "sha256": _source_sha256(model)}
+            self.card = replace(self.card, settings={**self.card.settings, "code": code})
 
     def _end_of_server(self) -> str | None:
         return self._process.death
@@ -202,6 +207,19 @@ class IsolatedPolicy(RemotePolicy):
         """End the process."""
         super().close()
         self._process.close()
+
+
+def _source_sha256(model: str) -> str:
+    """Return the hash of a module's file, or its package's, in the working directory; empty where it is not there."""
+    top = Path.cwd() / model.partition(":")[0].split(".")[0]
+    files = sorted(top.rglob("*.py")) if top.is_dir() else [top.with_suffix(".py")]
+    digest = hashlib.sha256()
+    found = False
+    for file in files:
+        if file.is_file():
+            digest.update(f"{file.relative_to(top.parent)}\0".encode() + file.read_bytes())
+            found = True
+    return digest.hexdigest() if found else ""
 
 
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
