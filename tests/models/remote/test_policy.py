@@ -2,7 +2,9 @@
 
 import http.server
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -25,7 +27,7 @@ from tests.models.remote.servers import (
 )
 from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.models.registry import create_policy
-from vsnbench.models.remote.connection import MAX_ANSWER_BYTES
+from vsnbench.models.remote.connection import MAX_ANSWER_BYTES, Address, Connection
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack
 from vsnbench.protocol.actions import Action
@@ -338,6 +340,25 @@ def test_a_port_where_something_else_listens_is_named_for_it() -> None:
         with pytest.raises(ModelError, match="no model's server"):
             RemotePolicy(f"ws://127.0.0.1:{server.server_port}")
         server.shutdown()
+
+
+def test_a_server_that_goes_while_the_hand_is_held_out_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "model.sock"
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # the reading thread often sees the end before the first word is sent
+    try:
+        for _ in range(40):
+            path.unlink(missing_ok=True)
+            with socket.socket(socket.AF_UNIX) as listener:
+                listener.bind(str(path))
+                listener.listen(1)
+                ends = threading.Thread(target=lambda one=listener: (select.select([one], [], [], 10), one.close()))
+                ends.start()
+                with pytest.raises(ModelLostError, match=r"hangs up at once|no model at"):
+                    Connection(Address("ws://model:1", unix_path=str(path)), "", "test")
+                ends.join()
+    finally:
+        sys.setswitchinterval(before)
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ class Connection:
 
 
 def _open(address: Address) -> "ClientConnection":
-    from websockets.exceptions import InvalidHandshake, InvalidMessage
+    from websockets.exceptions import ConnectionClosed, WebSocketException
     from websockets.sync.client import connect, unix_connect
 
     options: dict[str, Any] = {
@@ -217,8 +217,8 @@ def _open(address: Address) -> "ClientConnection":
             opened: Any = unix_connect(address.unix_path, **options)
         else:
             opened = connect(address.url, **options)
-    except (InvalidHandshake, InvalidMessage, EOFError) as error:
-        if isinstance(error, EOFError) or isinstance(error.__cause__, EOFError | OSError):
+    except (WebSocketException, EOFError) as error:
+        if isinstance(error, EOFError | ConnectionClosed) or isinstance(error.__cause__, EOFError | OSError):
             raise ModelLostError(f"what listens at {address} hangs up at once: is it a model's server?") from error
         raise ModelError(f"what listens at {address} is no model's server: {_words(error)}") from error
     except TimeoutError as error:
