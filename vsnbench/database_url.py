@@ -83,7 +83,7 @@ def parse_url(url: str) -> URL:
             raise ValueError("a kind of database, and at most one driver")
     except (ArgumentError, ValueError) as error:  # ValueError: a port that is no number, too
         raise UsageError(
-            f"{without_passwords(url)!r} is not a database URL: write sqlite:///path/vsnbench.db or "
-            "postgresql+psycopg://user@host/name"
+            f"{without_passwords(url)!r} is not a database URL",
+            advice="write sqlite:///path/vsnbench.db or postgresql+psycopg://user@host/name",
         ) from error
     return parsed

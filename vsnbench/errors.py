@@ -1,10 +1,35 @@
-"""The errors that users see: one line that says what was wrong, where, and what to do."""
+"""The errors that users see: what was wrong and where, and, apart from that, what to do next."""
 
 
 class VsnbenchError(Exception):
-    """Anything that stops a command for a reason its user can do something about; exit code 1."""
+    """Anything that stops a command for a reason its user can do something about; exit code 1.
+
+    `str` makes one line of both parts, for a terminal, a log or the record.
+    """
 
     exit_code = 1
+
+    def __init__(self, statement: object = "", *, advice: str = "") -> None:
+        """Keep the two parts of the message.
+
+        Args:
+            statement: what was wrong, and where.
+            advice: what to do next; empty where nothing better is known than the statement.
+        """
+        super().__init__(str(statement))
+        self.advice = advice
+
+    @property
+    def statement(self) -> str:
+        """What was wrong, and where."""
+        return str(self.args[0])
+
+    def __str__(self) -> str:
+        if not self.advice:
+            return self.statement
+        if self.statement.endswith(("?", "!", ".")):
+            return f"{self.statement} {self.advice}"
+        return f"{self.statement}{'; ' if ': ' in self.statement else ': '}{self.advice}"
 
 
 class UsageError(VsnbenchError):

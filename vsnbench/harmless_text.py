@@ -15,17 +15,22 @@ def harmless(text: str) -> str:
     return text if text.isprintable() else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
 
 
-def error_line(error: BaseException) -> str:
+def error_line(error: BaseException, *, named: bool = True) -> str:
     """Return what somebody else's code raised as one bounded line: `ValueError: no such layer`.
 
     Whatever the exception is: its `__str__` may raise or answer with megabytes, escapes or lone surrogates.
+
+    Args:
+        error: what was raised.
+        named: with the name of its class in front; without, only where it says nothing else.
     """
     try:
         words = str(error)[: 4 * LONGEST_LINE]
     except BaseException as second:  # also an exit raised there, which is not this process's own
         words = f"(its message cannot be read: {type(second).__name__})"
     words = " ".join(words.split())
-    line = harmless(f"{type(error).__name__}: {words}" if words else type(error).__name__)
+    name = type(error).__name__
+    line = harmless((f"{name}: {words}" if named else words) if words else name)
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
 
 

@@ -1,7 +1,7 @@
 """A small plan, and episodes of it, for the tests of the record."""
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
@@ -12,6 +12,7 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site, parse_site
+from vsnbench.protocol.step_record import StepRecord
 
 SITE_TEXT = """
 name: cell

@@ -8,20 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sqlalchemy import update
 
 from tests.database.records_of_a_lab import begun, cell, finish, forward, plan, run, stopped, void
 from vsnbench.database.campaign_plan import CampaignPlan, PlannedTrial, trial_seed
 from vsnbench.database.engine import open_engine
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details, episode_steps, list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
+from vsnbench.database.tables import Step
 from vsnbench.errors import EpisodeClosedError, RecordError, UsageError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.step_record import StepRecord
 
 
 def test_the_same_plan_finds_its_campaign_again_with_the_trials_that_are_left(url: str) -> None:
@@ -260,26 +263,22 @@ def test_a_step_comes_back_as_it_was_written(url: str) -> None:
         journal.append_step(episode.id, StepRecord(2, Action.MOVE_FORWARD, observed=forward(2).observed))
         journal.append_step(episode.id, replace(forward(3), result=collision, details=strange))
         first, blocked, third = episode_steps(journal.engine, episode.id)
-    given = forward(1)
-    assert (first.raw_action, first.action, first.completed, first.blocked) == (
-        "LOOK_DOWN",
-        "MOVE_FORWARD",
-        True,
-        False,
-    )
-    assert (first.observed, first.world) == (given.observed, given.world)
-    assert first.after == (given.result.pose if given.result else None)
-    assert (first.probabilities, first.details) == (given.probabilities, given.details)
-    assert (blocked.blocked, blocked.completed, blocked.displacement_m, blocked.after) == (
-        True,
-        False,
-        0.0,
-        blocked.observed,
-    )
-    assert (third.collision_source, third.collision_touched, third.failure, third.corrections) == (
-        "bumper", "table_1", "bumper", 2,
-    )  # fmt: skip
+    assert first.recorded_at is not None
+    refused = StepRecord(2, Action.MOVE_FORWARD, "MOVE_FORWARD", observed=forward(2).observed)
+    assert [replace(step, recorded_at=None) for step in (first, blocked)] == [forward(1), refused]
+    assert (blocked.blocked, blocked.after) == (True, blocked.observed)
+    assert third.result == collision
     assert third.details == {"array": [0, 1, 2], "nan": None, "half": 0.5, "nul": "a\ufffdb", "deep": [{"inf": None}]}
+
+
+def test_a_step_that_is_none_is_told_by_its_number(url: str) -> None:
+    with Journal.open(url) as journal:
+        episode = begun(journal, journal.find_or_create_campaign(plan()).trials[0])
+        journal.append_step(episode.id, forward(1))
+        with journal.engine.begin() as connection:
+            connection.execute(update(Step).values(action="FLY"))
+        with pytest.raises(RecordError, match=r"episode 1, step 1: 'FLY' is not a valid Action; the record is damaged"):
+            episode_steps(journal.engine, episode.id)
 
 
 def test_a_step_twice_is_our_own_mistake(url: str) -> None:

@@ -148,6 +148,31 @@ def test_the_latest_judgement_still_stands(after: Engine) -> None:
     assert episode_details(after, 3).summary.outcome == "void"
 
 
+def test_who_intervened_is_a_column_and_no_longer_the_end_of_a_sentence(
+    before: sqlite3.Connection, after: Engine
+) -> None:
+    (was,) = before.execute("SELECT text FROM event WHERE kind = 'intervention'").fetchone()
+    assert was == "collision called: the table, by ada"
+    (called,) = [event for event in episode_details(after, 24).events if event.kind == "intervention"]
+    assert (called.author, called.text) == ("ada", "collision called: the table")
+    assert rows(after, "SELECT id, text FROM event WHERE author = '' AND kind <> 'merged' ORDER BY id") == [
+        tuple(row) for row in before.execute("SELECT id, text FROM event WHERE kind <> 'intervention' ORDER BY id")
+    ]
+
+
+def test_words_that_end_like_an_author_stay_words(before: sqlite3.Connection, sqlite: str) -> None:
+    path = sqlite_path(sqlite)
+    assert path is not None
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE event SET text = 'collision called: a cyclist, by the door' WHERE episode_id = 24")
+        database.commit()
+    engine = open_engine(sqlite)
+    migrate.upgrade(engine)
+    assert [(event.author, event.text) for event in episode_details(engine, 24).events] == [
+        ("", "collision called: a cyclist, by the door")
+    ]
+
+
 def test_a_run_can_go_on_with_it(after: Engine, sqlite: str) -> None:
     after.dispose()
     with Journal.open(sqlite) as journal:
@@ -177,6 +202,7 @@ def test_a_server_with_these_rows_comes_to_the_same(before: sqlite3.Connection, 
         "SELECT id, key, robot_id FROM campaign ORDER BY id",
         "SELECT id, campaign_id, goal, start, repetition, rank FROM trial ORDER BY id",
         "SELECT id, name, kind, sha256 FROM robot ORDER BY id",
+        "SELECT id, kind, author, text FROM event WHERE kind <> 'merged' ORDER BY id",
     ):
         assert rows(server, query) == rows(after, query)
 

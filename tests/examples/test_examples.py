@@ -50,7 +50,9 @@ def test_the_widest_opening_is_driven_to_and_what_it_saw_is_kept(run: Callable[.
     assert len(steps) == 8
     assert {row[0] for row in steps} >= {"MOVE_FORWARD"}
     for action, raw_action, probabilities, details in steps:
-        shown = decision_from_record(action, raw_action, json.loads(probabilities or "null"), json.loads(details))
+        shown = decision_from_record(
+            Action(action), raw_action, json.loads(probabilities or "null"), json.loads(details)
+        )
         assert shown.diagnostics.sub_goal == shown.diagnostics.path[1]
         assert shown.diagnostics.boxes[0].label == "widest"
         assert len(shown.diagnostics.details["free_m"]) == 9

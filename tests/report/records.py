@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.actions import Action
@@ -17,6 +17,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.robots.profiles import load_profile
 
 MORNING = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)

@@ -210,10 +210,10 @@ def test_the_key_ends_the_episode_and_the_session_goes_on(results: ResultsDirect
     result = drive(results, robot, Person(TAPED), script, starts=4, stop=stop)
     assert states(results) == [*[("void", "aborted")] * 3, ("judged", "stop")]
     assert result.stopped_because == "", "a person who presses a key breaks nothing"
-    assert read(results, "SELECT text, step_number FROM event WHERE kind = 'intervention'") == [
-        ("stopped with the emergency stop key, by maria", 1),
-        ("stopped with the emergency stop key, by maria", None),
-        ("stopped with the emergency stop key, by maria", None),
+    assert read(results, "SELECT text, author, step_number FROM event WHERE kind = 'intervention'") == [
+        ("stopped with the emergency stop key", "maria", 1),
+        ("stopped with the emergency stop key", "maria", None),
+        ("stopped with the emergency stop key", "maria", None),
     ]
     assert counted(results) == 3, "the abort and its event are one intervention"
 
@@ -230,8 +230,8 @@ def test_ctrl_c_in_a_motion_ends_the_session_and_is_one_intervention(results: Re
     with pytest.raises(Stopped):
         drive(results, robot, Person(), [Action.TURN_LEFT], starts=2)
     assert states(results) == [("void", "aborted")]
-    details = read(results, "SELECT text, step_number FROM event WHERE kind = 'intervention'")
-    assert details == [("stopped with Ctrl-C, by maria", 1)]
+    details = read(results, "SELECT text, author, step_number FROM event WHERE kind = 'intervention'")
+    assert details == [("stopped with Ctrl-C", "maria", 1)]
     assert counted(results) == 1
 
 
@@ -245,9 +245,10 @@ def test_fetching_the_robot_from_a_failure_is_noted_once_with_the_episode_that_f
 
     robot.on_execute = fail_once
     drive(results, robot, Person(TAPED, CALLED), [Action.STOP], starts=3)
-    assert read(results, "SELECT episode_id, step_number, text FROM event WHERE kind = 'intervention' ORDER BY id") == [
-        (1, 1, "moved by hand after motion_failed, by maria"),
-        (3, 1, "collision called: failed: collision: the table (seen by a person), by maria"),
+    query = "SELECT episode_id, step_number, author, text FROM event WHERE kind = 'intervention' ORDER BY id"
+    assert read(results, query) == [
+        (1, 1, "maria", "moved by hand after motion_failed"),
+        (3, 1, "maria", "collision called: failed: collision: the table (seen by a person)"),
     ]
 
 

@@ -7,7 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsnbench.protocol.pose import Pose, wrap_angle
-from vsnbench.sensing.odometry import ClockOffset, OdometryTracker, heading_of_quaternion
+from vsnbench.sensing.odometry import (
+    ClockOffset,
+    OdometryFault,
+    OdometryFaultKind,
+    OdometryTracker,
+    heading_of_quaternion,
+)
 
 
 def tracker() -> OdometryTracker:
@@ -33,7 +39,7 @@ def test_turning_adds_up_beyond_half_turns(turns: list[float]) -> None:
     total = 0.0
     for index, turn in enumerate(turns, 1):
         total += turn
-        assert odometry.add(0, 0, wrap_angle(total), index, index) == ""
+        assert odometry.add(0, 0, wrap_angle(total), index, index) is None
     assert odometry.latest is not None
     assert odometry.latest.pose.heading_rad == pytest.approx(total, abs=1e-9)
 
@@ -41,24 +47,29 @@ def test_turning_adds_up_beyond_half_turns(turns: list[float]) -> None:
 def test_a_base_that_teleports_is_noticed_and_followed() -> None:
     odometry = tracker()
     odometry.add(0, 0, 0, 0.00, 0.00)
-    assert "jumped 1.20 m in 0.02 s" in odometry.add(1.2, 0, 0, 0.02, 0.02)
-    assert odometry.add(1.2, 0, 0, 0.04, 0.04) == ""
-    assert "jumped 90°" in odometry.add(1.2, 0, math.pi / 2, 0.06, 0.06)
+    fault = odometry.add(1.2, 0, 0, 0.02, 0.02)
+    assert fault == OdometryFault(OdometryFaultKind.JUMPED, "odometry jumped 1.20 m in 0.02 s")
+    assert odometry.add(1.2, 0, 0, 0.04, 0.04) is None
+    turned = odometry.add(1.2, 0, math.pi / 2, 0.06, 0.06)
+    assert turned is not None
+    assert turned.words == "odometry jumped 90° in 0.02 s"
 
 
 def test_a_fast_base_and_a_late_message_are_no_jump() -> None:
     odometry = tracker()
     odometry.add(0, 0, 0, 0.0, 0.0)
-    assert odometry.add(0.014, 0, 0, 0.02, 0.02) == ""
-    assert odometry.add(0.7, 0, 0, 1.0, 1.0) == ""
-    assert odometry.add(0.9, 0, 0, 1.0, 1.3) == ""  # the stamp stood still, our clock did not
+    assert odometry.add(0.014, 0, 0, 0.02, 0.02) is None
+    assert odometry.add(0.7, 0, 0, 1.0, 1.0) is None
+    assert odometry.add(0.9, 0, 0, 1.0, 1.3) is None  # the stamp stood still, our clock did not
 
 
 @pytest.mark.parametrize("broken", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])
 def test_a_reading_that_is_no_number_is_noticed_and_dropped(broken) -> None:
     odometry = tracker()
     odometry.add(0.1, 0.2, 0.3, 0, 0)
-    assert "not finite" in odometry.add(*broken, 0.02, 0.02)
+    fault = odometry.add(*broken, 0.02, 0.02)
+    assert fault is not None
+    assert fault.kind is OdometryFaultKind.NOT_FINITE
     assert odometry.latest is not None
     assert odometry.latest.pose == Pose(0.1, 0.2, 0.3)
 

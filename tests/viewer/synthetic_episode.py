@@ -9,7 +9,7 @@ import numpy as np
 from sqlalchemy import update
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord, StepTimings
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.database.tables import Episode
 from vsnbench.protocol.actions import Action
@@ -21,6 +21,7 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import load_site
+from vsnbench.protocol.step_record import StepRecord, StepTimings
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.record.results import ResultsDirectory
@@ -38,30 +39,33 @@ def header() -> EpisodeHeader:
 
 def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
     """Yield `count` steps (the second one blocked), an event and the end."""
-    told = header()
-    pose = told.begin.pose
+    about = header()
+    pose = about.begin.pose
     rng = np.random.default_rng(0)
     for index in range(1, count + 1):
         blocked = index == 2
         action = Action.STOP if index == count else Action.MOVE_FORWARD if index % 3 else Action.TURN_LEFT
         local = {Action.MOVE_FORWARD: Pose(0.25, 0), Action.TURN_LEFT: Pose(0, 0, math.radians(30))}
         after = pose if blocked else pose.compose(local.get(action, Pose(0, 0)))
-        yield StepEntry(
-            index=index,
-            stamp_s=100 + 1.2 * index,
-            rgb_jpeg=_picture(index),
-            depth_png=_depth(),
-            decision=Decision(action, diagnostics=_diagnostics(rng) if diagnostics else Diagnostics()),
+        decision = Decision(action, diagnostics=_diagnostics(rng) if diagnostics else Diagnostics())
+        told = decision.diagnostics
+        step = StepRecord(
+            number=index,
+            action=action,
+            raw_action=decision.raw_action,
             result=None if blocked else MotionResult(True, 0.25, 0.0, 1.0),
-            blocked=blocked,
-            after=Fix(after, PoseSource.SIMULATED),
-            infer_s=0.031,
+            stamp_s=100 + 1.2 * index,
+            world=Fix(after, PoseSource.SIMULATED),
+            timings=StepTimings(infer_s=0.031),
+            probabilities=told.probabilities,
+            details=diagnostics_to_details(told),
         )
+        yield StepEntry(step, decision, _picture(index), _depth())
         if blocked:
             yield EventEntry(index, "blocked", "action 2: 812 pixels nearer than 0.40 m")
         pose = after
     distance = GoalDistance(0.62, PoseSource.SIMULATED, "chair-2")
-    yield EndEntry(judge(EndReason.STOP, count, distance, told.parameters), count, 5.25, 61.2)
+    yield EndEntry(judge(EndReason.STOP, count, distance, about.parameters), count, 5.25, 61.2)
 
 
 def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
@@ -86,7 +90,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
             match entry:
                 case StepEntry():
                     _keep_images(directory, entry)
-                    journal.append_step(handle.id, _row(entry))
+                    journal.append_step(handle.id, entry.step)
                 case EventEntry():
                     journal.add_event(entry.kind, entry.text, episode_id=handle.id, step_number=entry.step)
                 case EndEntry() if ended:
@@ -105,26 +109,11 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
 
 def _keep_images(directory: Path, entry: StepEntry) -> None:
     for path, content in (
-        (rgb_path(directory, entry.index), entry.rgb_jpeg),
-        (depth_path(directory, entry.index), entry.depth_png),
+        (rgb_path(directory, entry.step.number), entry.rgb_jpeg),
+        (depth_path(directory, entry.step.number), entry.depth_png),
     ):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content or b"")
-
-
-def _row(entry: StepEntry) -> StepRecord:
-    told = entry.decision.diagnostics
-    return StepRecord(
-        number=entry.index,
-        action=entry.decision.action,
-        raw_action=entry.decision.raw_action,
-        result=entry.result,
-        stamp_s=entry.stamp_s,
-        world=entry.after,
-        timings=StepTimings(infer_s=entry.infer_s),
-        probabilities=told.probabilities,
-        details=diagnostics_to_details(told),
-    )
 
 
 def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> RecordingSummary:

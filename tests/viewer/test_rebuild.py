@@ -134,5 +134,5 @@ def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory
     assert replay.end == next(entry for entry in given if isinstance(entry, EndEntry))
     for was, now in zip(given, replay.entries, strict=True):
         if isinstance(was, StepEntry) and isinstance(now, StepEntry):
-            assert (now.rgb_jpeg, now.depth_png, now.result) == (was.rgb_jpeg, was.depth_png, was.result)
-            assert (now.decision.action, now.after, now.blocked) == (was.decision.action, was.after, was.blocked)
+            assert (now.rgb_jpeg, now.depth_png) == (was.rgb_jpeg, was.depth_png)
+            assert replace(now.step, recorded_at=None) == was.step

@@ -91,7 +91,7 @@ def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> 
     write(tmp_path / "episode.rrd", count=4)
     first = column(tmp_path / "episode.rrd", "/plan/trajectory", "LineStrips2D:strips")[0]
     begin = header().begin.pose
-    after = next(entry for entry in entries(4) if isinstance(entry, StepEntry)).after
+    after = next(entry for entry in entries(4) if isinstance(entry, StepEntry)).step.world
     assert after is not None
     np.testing.assert_allclose(first, [[begin.position, after.pose.position]], atol=1e-5)
 
@@ -206,7 +206,7 @@ def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None
     with EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True) as recording:
         recording.add(first)
         recording.add(bare)
-        recording.add(replace(bare, index=3))
+        recording.add(replace(bare, step=replace(bare.step, number=3)))
     boxes = column(tmp_path / "episode.rrd", "/camera/rgb/detections", "Boxes2D:half_sizes")
     assert [len(row) for row in boxes] == [2, 0]  # type: ignore[arg-type]
     goals = column(tmp_path / "episode.rrd", "/plan/policy/sub_goal", "Points2D:positions")

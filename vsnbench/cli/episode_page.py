@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from vsnbench.database.read_shapes import EpisodeDetails, RecordedStep
+    from vsnbench.database.read_shapes import EpisodeDetails
+    from vsnbench.protocol.step_record import StepRecord
 
 COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
 """The colour of each outcome."""
@@ -26,7 +27,7 @@ def page() -> "Console":
 def print_page(
     console: "Console",
     details: "EpisodeDetails",
-    steps: "tuple[RecordedStep, ...]",
+    steps: "tuple[StepRecord, ...]",
     directory: Path | None,
     *,
     every_step: bool,
@@ -45,6 +46,11 @@ def metres(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.2f} m" if math.isfinite(value) else "no way there"
+
+
+def fixed(value: float, places: int, unit: str = "") -> str:
+    """Return a number with so many places; nothing when it is not known, and no minus before what rounds to 0."""
+    return f"{value:z.{places}f}{unit}" if math.isfinite(value) else ""
 
 
 def safe(text: object) -> str:
@@ -92,7 +98,7 @@ def _seconds(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.1f} s"
 
 
-def _print_actions(console: "Console", steps: "tuple[RecordedStep, ...]") -> None:
+def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     from collections import Counter
 
     if not steps:
@@ -106,16 +112,16 @@ def _print_actions(console: "Console", steps: "tuple[RecordedStep, ...]") -> Non
     console.print(
         f"  {'steps':<17} {words}" + (f"; {blocked} blocked by the depth guard" if blocked else ""), soft_wrap=True
     )
-    inferred = sorted(step.infer_s for step in steps if step.infer_s is not None)
+    inferred = sorted(step.timings.infer_s for step in steps if step.timings.infer_s is not None)
     if inferred:
         console.print(f"  {'inference':<17} {inferred[len(inferred) // 2] * 1000:.1f} ms (median)")
     for step in steps:
-        if step.collision_source:
-            touched = f" with {safe(step.collision_touched)}" if step.collision_touched else ""
-            console.print(f"  {'collision':<17} at action {step.number}{touched}, said {step.collision_source}")
+        if step.result and (touch := step.result.collision):
+            touched = f" with {safe(touch.touched)}" if touch.touched else ""
+            console.print(f"  {'collision':<17} at action {step.number}{touched}, said {touch.source}")
 
 
-def _print_steps(console: "Console", steps: "tuple[RecordedStep, ...]") -> None:
+def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     from math import degrees
 
     from rich.table import Table
@@ -124,17 +130,19 @@ def _print_steps(console: "Console", steps: "tuple[RecordedStep, ...]") -> None:
     for name in ("step", "action", "moved", "turned", "x", "y", "heading", ""):
         table.add_column(name, justify="left" if name in ("action", "") else "right", no_wrap=bool(name))
     for step in steps:
-        pose = step.world.pose if step.world else step.after
-        note = "blocked" if step.blocked else step.failure
+        pose, result = step.world.pose if step.world else step.after, step.result
+        note = result.failure if result else "blocked"
+        if result and result.collision:
+            note = f"collision {result.collision.touched}"
         table.add_row(
             str(step.number),
             safe(step.raw_action),
-            "" if step.displacement_m is None else f"{step.displacement_m:.3f} m",
-            "" if step.turn_rad is None else f"{degrees(step.turn_rad):.1f}°",
-            f"{pose.x_m:.2f}" if pose else "",
-            f"{pose.y_m:.2f}" if pose else "",
-            f"{pose.heading_deg:.1f}°" if pose else "",
-            safe(f"collision {step.collision_touched or ''}" if step.collision_source else note),
+            fixed(result.displacement_m if result else 0.0, 3, " m"),
+            fixed(degrees(result.turn_rad) if result else 0.0, 1, "°"),
+            fixed(pose.x_m, 2) if pose else "",
+            fixed(pose.y_m, 2) if pose else "",
+            fixed(pose.heading_deg, 1, "°") if pose else "",
+            safe(note),
         )
     console.print()
     console.print(table)
@@ -152,8 +160,10 @@ def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
         console.print("\n[bold]Events[/]")
     for event in details.events:
         where = f"action {event.step_number}" if event.step_number else ""
+        who = f" [dim]({safe(event.author)})[/]" if event.author else ""
         console.print(
-            f"  {event.created_at:%H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.text)}", soft_wrap=True
+            f"  {event.created_at:%Y-%m-%d %H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.text)}{who}",
+            soft_wrap=True,
         )
 
 

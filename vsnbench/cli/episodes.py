@@ -8,7 +8,8 @@ import typer
 from vsnbench.cli.options import Database, Results
 
 if TYPE_CHECKING:
-    from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary, RecordedStep
+    from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary
+    from vsnbench.protocol.step_record import StepRecord
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -154,7 +155,7 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 
 
 def _details_object(
-    details: "EpisodeDetails", steps: "tuple[RecordedStep, ...]", directory: Path | None
+    details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", directory: Path | None
 ) -> dict[str, object]:
     from dataclasses import asdict
 
@@ -164,5 +165,39 @@ def _details_object(
         **_summary_object(details.summary),
         **whole,
         "directory": str(directory) if directory else None,
-        "steps": [asdict(step) for step in steps],
+        "steps": [_step_object(step) for step in steps],
+    }
+
+
+def _step_object(step: "StepRecord") -> dict[str, object]:
+    """Return what `--json` promises of every step: as the table has it, with null for what is not known."""
+    from dataclasses import asdict
+
+    from vsnbench.database.row_encoding import number
+
+    result = step.result
+    collision = result.collision if result else None
+    return {
+        "number": step.number,
+        "raw_action": step.raw_action,
+        "action": step.action,
+        "blocked": step.blocked,
+        "completed": result is not None and result.completed,
+        "failure": result.failure if result else "",
+        "recorded_at": step.recorded_at,
+        "stamp_s": step.stamp_s,
+        "observed": asdict(step.observed) if step.observed else None,
+        "after": asdict(step.after) if step.after else None,
+        "world": asdict(step.world) if step.world else None,
+        "displacement_m": number(result.displacement_m) if result else 0.0,
+        "turn_rad": number(result.turn_rad) if result else 0.0,
+        "duration_s": number(result.duration_s) if result else 0.0,
+        "corrections": result.corrections if result else 0,
+        "collision_source": collision.source if collision else None,
+        "collision_touched": collision.touched if collision else None,
+        "rgb_sha256": step.rgb_sha256,
+        "depth_sha256": step.depth_sha256,
+        **asdict(step.timings),
+        "probabilities": step.probabilities,
+        "details": step.details,
     }

@@ -57,14 +57,18 @@ def command(
     words = [name for name, given in _words(distance, collision, void, confirm).items() if given]
     if pending:
         if number is not None or words:
-            raise UsageError("--pending lists episodes: judge one of them with `vsnbench judge N` and your word")
+            raise UsageError(
+                "--pending lists episodes", advice="judge one of them with `vsnbench judge N` and your word"
+            )
         _list_pending(place, as_json=as_json)
         return
     if number is None:
         raise UsageError("which episode? `vsnbench judge --pending` lists those that await a person's word")
     if len(words) != 1:
         said = f"{' and '.join(words)} contradict each other" if words else "nothing was said of it"
-        raise UsageError(f"episode {number}: {said}: give one of --distance, --collision, --void and --confirm")
+        raise UsageError(
+            f"episode {number}: {said}", advice="give one of --distance, --collision, --void and --confirm"
+        )
     _judge(place, number, distance=distance, collision=collision, void=void, note=note)
 
 
@@ -111,7 +115,7 @@ def _verdict(details: "EpisodeDetails", distance: str | None, collision: str | N
 
     episode = details.summary
     if details.ended_with is None:
-        raise UsageError(f"episode {episode.id} has not ended: judge it when it has")
+        raise UsageError(f"episode {episode.id} has not ended", advice="judge it when it has")
     if void is not None:
         return declared_void(_named(void, "--void", "why it is no result"))
     parameters = ProtocolParameters.from_record(details.provenance.protocol)
@@ -163,11 +167,13 @@ def _proposal(details: "EpisodeDetails") -> "Verdict":
     number = details.summary.id
     if details.summary.state != EpisodeState.AWAITING:
         raise UsageError(
-            f"episode {number} awaits nobody's word ({details.summary.outcome}): amend its verdict with --distance, "
-            "--collision or --void"
+            f"episode {number} awaits nobody's word ({details.summary.outcome})",
+            advice="amend its verdict with --distance, --collision or --void",
         )
     if not details.verdicts:
-        raise UsageError(f"episode {number} has no proposal to confirm: give --distance, --collision or --void")
+        raise UsageError(
+            f"episode {number} has no proposal to confirm", advice="give --distance, --collision or --void"
+        )
     given = details.verdicts[-1]
     distance = None
     if given.distance_m is not None and given.distance_source is not None:

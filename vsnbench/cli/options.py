@@ -51,4 +51,6 @@ def refuse_repeated(root: Any, words: Sequence[str]) -> None:
         if once and sum(given[name] for name in parameter.opts) > 1:
             times = sum(given[name] for name in parameter.opts)
             alone = "; every record has a report of its own" if "--results" in parameter.opts else ""
-            raise UsageError(f"{parameter.opts[0]} was given {times} times, and takes one value: give it once{alone}")
+            raise UsageError(
+                f"{parameter.opts[0]} was given {times} times, and takes one value", advice=f"give it once{alone}"
+            )

@@ -177,7 +177,7 @@ def draw(
     paths = [Path(file) for file in output or [f"{site.name}-plan.svg", f"{site.name}-plan.png"]]
     for path in paths:
         if path.suffix not in (".svg", ".png", ".pdf"):
-            raise UsageError(f"cannot draw {path}: name a file that ends in .svg, .png or .pdf")
+            raise UsageError(f"cannot draw {path}", advice="name a file that ends in .svg, .png or .pdf")
         try:
             save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal, success=reached))
         except OSError as error:
@@ -205,7 +205,7 @@ def look(
     site = load_site(site_name)
     path = Path(output or f"{site.name}-look.png")
     if path.suffix not in (".png", ".jpg"):
-        raise UsageError(f"cannot picture {path}: name a file that ends in .png or .jpg")
+        raise UsageError(f"cannot picture {path}", advice="name a file that ends in .png or .jpg")
     if not path.parent.is_dir():
         raise UsageError(f"cannot write {path}: there is no directory {path.parent}")
     image = contact_sheet(site)
@@ -236,7 +236,7 @@ def generate(
 
     path = Path(output or f"twin-{seed}.yaml")
     if output != "-" and path.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"cannot write a site to {path}: name a file that ends in .yaml")
+        raise UsageError(f"cannot write a site to {path}", advice="name a file that ends in .yaml")
     site = generate_site(seed)
     if output == "-":
         typer.echo(site_yaml(site), nl=False)

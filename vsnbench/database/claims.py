@@ -8,7 +8,7 @@ from sqlalchemy import Connection, bindparam, delete, insert, select, update
 
 from vsnbench.database.campaign_plan import Trial as KnownTrial
 from vsnbench.database.campaign_plan import trial_seed
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, StepRecord
+from vsnbench.database.episode_entries import Claim, EpisodeBegin
 from vsnbench.database.insertion import insert_row
 from vsnbench.database.lifecycle import EpisodeState, advance, lease
 from vsnbench.database.read_model import takers
@@ -16,6 +16,7 @@ from vsnbench.database.row_encoding import episode_begin_row, placement_row, ste
 from vsnbench.database.tables import Campaign, Episode, Event, Step, Trial
 from vsnbench.errors import EpisodeClosedError
 from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.step_record import StepRecord
 
 UNBEGUN = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 

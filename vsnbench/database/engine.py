@@ -74,11 +74,11 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockPatience | N
         raise UsageError(f"{shown_url(url)} names no database ({str(error).splitlines()[0]})") from error
     except NoSuchModuleError as error:
         raise UsageError(
-            f"no such kind of database in {shown_url(url)}: use sqlite:/// or postgresql+psycopg://"
+            f"no such kind of database in {shown_url(url)}", advice="use sqlite:/// or postgresql+psycopg://"
         ) from error
     except ImportError as error:
         raise UsageError(
-            f"the driver for {shown_url(url)} is not installed ({error}): pip install 'vsnbench[postgresql]'"
+            f"the driver for {shown_url(url)} is not installed ({error})", advice="pip install 'vsnbench[postgresql]'"
         ) from error
     _set_up_sqlite(engine, patience or LockPatience(), read_only=read_only)
     return engine
@@ -91,7 +91,9 @@ def opened_urls() -> tuple[str, ...]:
 
 def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
     if not path.is_file():
-        raise RecordError(f"there is no record at {path}: `vsnbench run` makes one, --results says where to look")
+        raise RecordError(
+            f"there is no record at {path}", advice="`vsnbench run` makes one, --results says where to look"
+        )
     # An archive on a read-only disk has no place for the files that share a WAL; nobody can be writing it either.
     wal = path.with_name(path.name + "-wal")
     mode = "rw" if os.access(path.parent, os.W_OK) else "ro" if wal.exists() else "ro&immutable=1"
@@ -182,7 +184,7 @@ def _raise_record_error(error: SQLAlchemyError, engine: Engine) -> NoReturn:
     where = shown_database(engine)
     for words, advice in _ADVICE.items():
         if words in cause.lower():
-            raise RecordError(f"cannot use the database {where}: {cause}; {advice}") from error
+            raise RecordError(f"cannot use the database {where}: {cause}", advice=advice) from error
     if error.connection_invalidated or type(error.orig).__name__ in ("OperationalError", "DatabaseError"):
         raise RecordError(f"cannot use the database {where}: {cause}") from error
     raise error

@@ -1,16 +1,15 @@
-"""What a writer hands to the journal about one episode: how it begins, its steps and its end, as plain values."""
+"""What a writer hands to the journal about one episode beside its steps: how it begins and ends, as plain values."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from vsnbench.database.campaign_plan import Trial
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason, Verdict
-from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.pose import Pose
+
+INTERVENTION = "intervention"
+"""Kind of the events that say that a person acted on a real robot outside the protocol's placing: stopped it with the
+emergency key or Ctrl-C, called a collision that it did not feel, took it by hand out of where it had failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,43 +33,6 @@ class EpisodeBegin:
     """Shortest way from the start to where the goal counts as reached."""
     started_at: datetime | None = None
     """Now, when not given."""
-
-
-@dataclass(frozen=True, slots=True)
-class StepTimings:
-    """Wall time that a step took, seconds."""
-
-    sense_s: float | None = None
-    infer_s: float | None = None
-    move_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class StepRecord:
-    """One action of the policy, from the observation to the measured outcome."""
-
-    number: int
-    """From 1; STOP and blocked actions count."""
-    action: Action
-    raw_action: str = ""
-    """The model's own word; the action's name when empty."""
-    result: MotionResult | None = None
-    """None when the depth guard refused the action."""
-    observed: Pose | None = None
-    """Odometry with the observation, relative to the start of the episode."""
-    stamp_s: float | None = None
-    world: Fix | None = None
-    """Where the robot stands in the site after the motion, if that is known."""
-    rgb_sha256: str | None = None
-    depth_sha256: str | None = None
-    timings: StepTimings = field(default_factory=StepTimings)
-    probabilities: Mapping[str, float] = field(default_factory=dict)
-    details: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def blocked(self) -> bool:
-        """The depth guard refused it."""
-        return self.result is None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, insert, select, update
 from vsnbench.database import campaigns
 from vsnbench.database.campaign_plan import CampaignPlan
 from vsnbench.database.claims import images_directory
-from vsnbench.database.episode_entries import EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import EpisodeEnd
 from vsnbench.database.insertion import insert_row
 from vsnbench.database.judging import end_episode, judge
 from vsnbench.database.lifecycle import RESULTS, EpisodeState
@@ -18,6 +18,7 @@ from vsnbench.database.row_encoding import number, step_row
 from vsnbench.database.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.step_record import StepRecord
 
 IMPORTED = "imported"
 """Origin of such an episode, and the kind of a robot that another tool drove."""
@@ -52,8 +53,8 @@ def import_episodes(
     standing = campaigns.standing(connection, campaign, process_id)
     if len(standing.left) < len(campaign.trials):
         raise UsageError(
-            f"{plan.name}: these episodes are in the record already, as campaign {campaign.id}; "
-            f"`vsnbench import withdraw {campaign.id}` makes them void"
+            f"{plan.name}: these episodes are in the record already, as campaign {campaign.id}",
+            advice=f"`vsnbench import withdraw {campaign.id}` makes them void",
         )
     numbers = []
     for place, (trial, given) in enumerate(zip(campaign.trials, episodes, strict=True)):
@@ -93,11 +94,11 @@ def withdraw(connection: Connection, campaign_id: int, *, author: str, note: str
         select(Robot.kind).join(Campaign, Campaign.robot_id == Robot.id).where(Campaign.id == campaign_id)
     ).scalar()
     if kind is None:
-        raise UsageError(f"there is no campaign {campaign_id}: `vsnbench db status` shows them")
+        raise UsageError(f"there is no campaign {campaign_id}", advice="`vsnbench db status` shows them")
     if kind != IMPORTED:
         raise UsageError(
-            f"campaign {campaign_id} was run here, not imported: `vsnbench judge N --void WHY` "
-            "makes one of its episodes void"
+            f"campaign {campaign_id} was run here, not imported",
+            advice="`vsnbench judge N --void WHY` makes one of its episodes void",
         )
     numbers = connection.scalars(
         select(Episode.id)

@@ -11,7 +11,7 @@ from sqlalchemy import Connection, Engine, insert
 from vsnbench.database import campaigns, claims
 from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
 from vsnbench.database.engine import LockPatience, open_engine, reading, record_errors
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode, StepRecord
+from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.database.insertion import insert_row
 from vsnbench.database.judging import end_episode, judge
@@ -23,6 +23,7 @@ from vsnbench.database.row_encoding import process_row, text
 from vsnbench.database.tables import Event, Process
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.step_record import StepRecord
 
 
 class Journal:
@@ -213,14 +214,16 @@ class Journal:
         kind: str,
         words: str,
         *,
+        author: str = "",
         campaign_id: int | None = None,
         episode_id: int | None = None,
         step_number: int | None = None,
     ) -> None:
-        """Write down something worth knowing that is not a step."""
-        row = {"kind": kind, "text": text(words), "campaign_id": campaign_id, "episode_id": episode_id}
+        """Write down something worth knowing that is not a step, and who did it where somebody did."""
+        said = {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC)}
+        where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
         with _transaction(self.engine) as connection:
-            connection.execute(insert(Event), {**row, "step_number": step_number, "created_at": datetime.now(UTC)})
+            connection.execute(insert(Event), said | where)
 
     def recover(self) -> tuple[RecoveredEpisode, ...]:
         """Close, as `interrupted`, the running episodes whose process is dead; their steps stay as they are.

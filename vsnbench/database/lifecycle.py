@@ -102,12 +102,14 @@ def _refusal(connection: Connection, episode_id: int, to: EpisodeState) -> Episo
         .where(Episode.id == episode_id)
     ).first()
     if found is None:
-        return UsageError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
+        return UsageError(f"there is no episode {episode_id}", advice="`vsnbench episodes list` shows them")
     state = EpisodeState(found.state)
     if state in ACTIVE:
         where = f"it is {state} by process {found.pid} on {found.host}"
         if to in (EpisodeState.JUDGED, EpisodeState.VOID):
-            return EpisodeClosedError(f"episode {episode_id} cannot be judged yet: {where}; judge it when it has ended")
+            return EpisodeClosedError(
+                f"episode {episode_id} cannot be judged yet: {where}", advice="judge it when it has ended"
+            )
         return EpisodeClosedError(f"episode {episode_id} is not here to go on with: {where}")
     return EpisodeClosedError(
         f"episode {episode_id} has ended already ({found.end_reason}, {state}): its end was written by another "

@@ -67,10 +67,10 @@ def open_record(url: str) -> Engine:
         return engine
     engine.dispose()
     if state.current is None:
-        raise RecordError(f"the database {shown_database(engine)} is empty: `vsnbench run` fills it")
+        raise RecordError(f"the database {shown_database(engine)} is empty", advice="`vsnbench run` fills it")
     raise RecordError(
-        f"the database {shown_database(engine)} has the older schema {state.current}, this version reads {state.head}: "
-        "`vsnbench db upgrade` brings it up to date, `vsnbench db backup` first keeps a copy"
+        f"the database {shown_database(engine)} has the older schema {state.current}, this version reads {state.head}",
+        advice="`vsnbench db upgrade` brings it up to date, `vsnbench db backup` first keeps a copy",
     )
 
 
@@ -121,7 +121,7 @@ def backup(url: str, target: Path) -> None:
         RecordError: the copy cannot be made.
     """
     if target.exists():
-        raise RecordError(f"{target} exists already: name a new file for the backup")
+        raise RecordError(f"{target} exists already", advice="name a new file for the backup")
     if not target.parent.is_dir():
         raise RecordError(f"there is no directory {target.parent} for the backup")
     source = sqlite_path(url)
@@ -158,7 +158,8 @@ def _check_campaigns(engine: Engine) -> None:
         lacks = [name for name, found in zip(("model", "robot", "site"), torn[1:], strict=True) if found is None]
         raise RecordError(
             f"the database {shown_database(engine)} is not whole: the {' and the '.join(lacks)} of campaign {torn[0]} "
-            "is not in it, and the campaign would be missing from every table; restore a backup"
+            "is not in it, and the campaign would be missing from every table",
+            advice="restore a backup",
         )
 
 
@@ -190,8 +191,8 @@ def _state(connection: Connection) -> SchemaState:
         current = MigrationContext.configure(connection).get_current_revision()
     except CommandError as error:  # two revisions at once
         raise RecordError(
-            f"the database {shown_database(connection.engine)} says that it has several schemas at once ({error}); "
-            "restore a backup"
+            f"the database {shown_database(connection.engine)} says that it has several schemas at once ({error})",
+            advice="restore a backup",
         ) from error
     if current is None:
         tables = inspect(connection).get_table_names()
@@ -199,14 +200,16 @@ def _state(connection: Connection) -> SchemaState:
             raise RecordError(
                 f"the database {shown_database(connection.engine)} holds other "
                 f"tables ({', '.join(sorted(tables)[:3])}) and no "
-                "record of vsnbench: choose another database"
+                "record of vsnbench",
+                advice="choose another database",
             )
         return SchemaState(None, head, tuple(order))
     if current not in order:
         raise RecordError(
             f"the database {shown_database(connection.engine)} was written by a newer vsnbench "
             f"(its schema is {current}, this "
-            f"version knows up to {head}): upgrade vsnbench, or choose another results directory"
+            f"version knows up to {head})",
+            advice="upgrade vsnbench, or choose another results directory",
         )
     return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
 
@@ -252,6 +255,8 @@ def _dump_postgresql(url: str, target: Path) -> None:
             env={**os.environ, **secrets},
         )
     except FileNotFoundError as error:
-        raise RecordError("a backup of PostgreSQL needs its program pg_dump: install postgresql-client") from error
+        raise RecordError(
+            "a backup of PostgreSQL needs its program pg_dump", advice="install postgresql-client"
+        ) from error
     if done.returncode:
         raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")

@@ -28,13 +28,14 @@ from vsnbench.database.read_shapes import (
     EpisodeSummary,
     PendingEpisode,
     RecordedEvent,
-    RecordedStep,
     RecordedVerdict,
 )
+from vsnbench.database.row_encoding import fix_of_columns, step_of_row
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
-from vsnbench.errors import UsageError
-from vsnbench.protocol.fix import Fix, PoseSource
-from vsnbench.protocol.pose import Pose
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.harmless_text import harmless
+from vsnbench.protocol.fix import PoseSource
+from vsnbench.protocol.step_record import StepRecord
 
 
 def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
@@ -91,7 +92,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             .order_by(Verdict.id)
         )
         events = connection.execute(
-            select(Event.created_at, Event.step_number, Event.kind, Event.text)
+            select(Event.created_at, Event.step_number, Event.kind, Event.author, Event.text)
             .where(Event.episode_id == episode_id)
             .order_by(Event.id)
         )
@@ -106,10 +107,10 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             goal_instance=goal_instance,
             wall_duration_s=episode.wall_duration_s,
             geodesic_end_m=episode.geodesic_end_m,
-            placement=_fix(
+            placement=fix_of_columns(
                 episode.start_x_m, episode.start_y_m, episode.start_heading_rad, episode.start_source or _GUESSED
             ),
-            final=_fix(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
+            final=fix_of_columns(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
             counts=bool(counts),
             verdicts=tuple(RecordedVerdict(*tuple(row)) for row in verdicts),
             events=tuple(RecordedEvent(*row) for row in events),
@@ -138,43 +139,23 @@ def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
         return tuple(PendingEpisode(*row) for row in connection.execute(query))
 
 
-def episode_steps(engine: Engine, episode_id: int) -> tuple[RecordedStep, ...]:
+def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     """Return the committed steps of an episode in order; none when it does not exist.
 
     Raises:
-        RecordError: the database cannot be read.
+        RecordError: the database cannot be read, or a step in it is none.
     """
     query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
     with _reader(engine) as connection:
-        return tuple(
-            RecordedStep(
-                number=row.number,
-                raw_action=row.raw_action,
-                action=row.action,
-                blocked=row.blocked,
-                completed=row.completed,
-                failure=row.failure,
-                recorded_at=row.recorded_at,
-                stamp_s=row.stamp_s,
-                observed=_pose(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
-                after=_pose(row.after_x_m, row.after_y_m, row.after_heading_rad),
-                world=_fix(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
-                displacement_m=row.displacement_m,
-                turn_rad=row.turn_rad,
-                duration_s=row.duration_s,
-                corrections=row.corrections,
-                collision_source=row.collision_source,
-                collision_touched=row.collision_touched,
-                rgb_sha256=row.rgb_sha256,
-                depth_sha256=row.depth_sha256,
-                sense_s=row.sense_s,
-                infer_s=row.infer_s,
-                move_s=row.move_s,
-                probabilities=row.probabilities or {},
-                details=row.details or {},
-            )
-            for row in connection.execute(query)
-        )
+        return tuple(_step(row) for row in connection.execute(query))
+
+
+def _step(row: Any) -> StepRecord:
+    try:
+        return step_of_row(row)
+    except ValueError as error:
+        where = f"episode {row.episode_id}, step {row.number}"
+        raise RecordError(f"{where}: {harmless(str(error))[:80]}; the record is damaged") from error
 
 
 def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
@@ -284,7 +265,7 @@ _SHORTEST_KEY = 8
 def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
     row = connection.execute(_summary_query().where(Episode.id == episode_id)).first()
     if row is None:
-        raise UsageError(f"there is no episode {episode_id}: `vsnbench episodes list` shows them")
+        raise UsageError(f"there is no episode {episode_id}", advice="`vsnbench episodes list` shows them")
     return EpisodeSummary(*row)
 
 
@@ -328,12 +309,3 @@ def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
 
 _GUESSED = PoseSource.ESTIMATED.value
 """How a pose is known of which the record does not say it."""
-
-
-def _pose(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
-    return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)
-
-
-def _fix(x_m: float | None, y_m: float | None, heading_rad: float | None, source: str | None) -> Fix | None:
-    pose = _pose(x_m, y_m, heading_rad)
-    return None if pose is None or source is None else Fix(pose, PoseSource(source))

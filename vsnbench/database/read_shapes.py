@@ -1,4 +1,4 @@
-"""The shapes in which the record is read: an episode on one line or whole, steps, verdicts, events, campaigns."""
+"""The shapes in which the record is read: an episode on one line or whole, verdicts, events, campaigns."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -7,7 +7,6 @@ from typing import Any
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
-from vsnbench.protocol.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,40 +72,6 @@ class EpisodeSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedStep:
-    """One recorded step."""
-
-    number: int
-    raw_action: str
-    action: str
-    blocked: bool
-    completed: bool
-    failure: str
-    recorded_at: datetime
-    stamp_s: float | None
-    """When its images were taken, on the robot's clock."""
-    observed: Pose | None
-    """Odometry with the observation, relative to the start."""
-    after: Pose | None
-    """Odometry after the motion."""
-    world: Fix | None
-    """Pose in the site after the motion."""
-    displacement_m: float | None
-    turn_rad: float | None
-    duration_s: float | None
-    corrections: int
-    collision_source: str | None
-    collision_touched: str | None
-    rgb_sha256: str | None
-    depth_sha256: str | None
-    sense_s: float | None
-    infer_s: float | None
-    move_s: float | None
-    probabilities: dict[str, float]
-    details: dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
 class RecordedVerdict:
     """One judgement, or the protocol's proposal for one; the last judgement of an episode stands."""
 
@@ -131,6 +96,8 @@ class RecordedEvent:
     created_at: datetime
     step_number: int | None
     kind: str
+    author: str
+    """Who did it; empty for what nobody did, and where it is not known."""
     text: str
 
 

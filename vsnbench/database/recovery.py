@@ -52,6 +52,7 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
             "campaign_id": row.campaign_id,
             "created_at": datetime.now(UTC),
             "kind": "recovered",
+            "author": "",
             "text": f"process {row.pid} on {row.host} died after {row.steps} recorded steps",
         },
     )

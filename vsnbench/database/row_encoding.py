@@ -1,17 +1,20 @@
-"""Turns what a writer hands over into the columns of the tables."""
+"""Turns what a writer hands over into the columns of the tables, and the columns of a step back into it."""
 
 import math
 from datetime import UTC, datetime
 from typing import Any
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.provenance import Provenance
-from vsnbench.protocol.fix import Fix
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.step_record import StepRecord, StepTimings
 
 Row = dict[str, Any]
 """Column name -> value."""
@@ -20,6 +23,10 @@ Row = dict[str, Any]
 def number(value: float | None) -> float | None:
     """Return the number as the record keeps it: NULL for what is not finite."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def text(value: str) -> str:
@@ -34,6 +41,17 @@ def pose_columns(prefix: str, pose: Pose | None) -> Row:
         f"{prefix}_y_m": pose.y_m if pose else None,
         f"{prefix}_heading_rad": pose.heading_rad if pose else None,
     }
+
+
+def pose_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
+    """Return the pose of three columns; None unless all of it is known."""
+    return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)
+
+
+def fix_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | None, source: str | None) -> Fix | None:
+    """Return the pose of three columns, and how it is known; None unless all of it is."""
+    pose = pose_of_columns(x_m, y_m, heading_rad)
+    return None if pose is None or source is None else Fix(pose, PoseSource(source))
 
 
 def process_row(given: Provenance) -> Row:
@@ -129,7 +147,7 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "recorded_at": datetime.now(UTC),
         "stamp_s": number(step.stamp_s),
         **pose_columns("observed", step.observed),
-        **pose_columns("after", result.pose if result else step.observed),
+        **pose_columns("after", step.after),
         **pose_columns("world", step.world.pose if step.world else None),
         "world_source": step.world.source.value if step.world else None,
         "displacement_m": number(result.displacement_m) if result else 0.0,
@@ -146,6 +164,44 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "probabilities": dict(step.probabilities) or None,
         "details": dict(step.details) or None,
     }
+
+
+def step_of_row(row: Any) -> StepRecord:
+    """Return the step of a row, as it was handed to `step_row`.
+
+    Raises:
+        ValueError: the row holds what no step has.
+    """
+    result = None
+    if not row.blocked:
+        collision = None
+        if row.collision_source is not None:
+            collision = Collision(CollisionSource(row.collision_source), row.collision_touched or "")
+        result = MotionResult(
+            completed=row.completed,
+            displacement_m=_known(row.displacement_m),
+            turn_rad=_known(row.turn_rad),
+            duration_s=_known(row.duration_s),
+            collision=collision,
+            failure=row.failure,
+            corrections=row.corrections,
+            pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
+        )
+    return StepRecord(
+        number=row.number,
+        action=Action(row.action),
+        raw_action=row.raw_action,
+        result=result,
+        observed=pose_of_columns(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
+        stamp_s=row.stamp_s,
+        world=fix_of_columns(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
+        rgb_sha256=row.rgb_sha256,
+        depth_sha256=row.depth_sha256,
+        timings=StepTimings(row.sense_s, row.infer_s, row.move_s),
+        probabilities=row.probabilities or {},
+        details=row.details or {},
+        recorded_at=row.recorded_at,
+    )
 
 
 def episode_end_row(end: EpisodeEnd) -> Row:

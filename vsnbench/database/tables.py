@@ -290,6 +290,8 @@ class Event(Base):
     step_number: Mapped[int | None]
     created_at: Mapped[datetime]
     kind: Mapped[str]
+    author: Mapped[str]
+    """Who did it; empty for what nobody did, and where it is not known."""
     text: Mapped[str]
 
 

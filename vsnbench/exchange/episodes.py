@@ -1,5 +1,6 @@
 """Reads episodes of the record for what is written in other formats; their steps are the read model's own."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,11 +13,11 @@ from sqlalchemy.orm import Session
 from vsnbench.database.engine import record_errors
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
-from vsnbench.database.read_shapes import RecordedStep
 from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.step_record import StepRecord
 
 _NO_EPISODE_LASTS_S = 1e8
 """Larger stamps count from 1970."""
@@ -52,18 +53,19 @@ class ExportedEpisode:
     camera: Camera | None = None
     """None where the robot's profile is not known."""
 
-    def taken_s(self, step: RecordedStep) -> float:
+    def taken_s(self, step: StepRecord) -> float:
         """Return when a step's images were taken, seconds since 1970, by the robot's clock.
 
         A simulated robot's clock starts with its episode; a step of unknown time counts as taken when it was recorded.
         """
         if step.stamp_s is None:
-            return step.recorded_at.timestamp()
+            return (step.recorded_at or self.started_at).timestamp()
         return step.stamp_s if step.stamp_s > _NO_EPISODE_LASTS_S else self.started_at.timestamp() + step.stamp_s
 
-    def moved_s(self, step: RecordedStep) -> float:
+    def moved_s(self, step: StepRecord) -> float:
         """Return when a step's motion had ended, on the same clock."""
-        return self.taken_s(step) + (step.duration_s or 0.0)
+        lasted_s = step.result.duration_s if step.result else 0.0
+        return self.taken_s(step) + (lasted_s if math.isfinite(lasted_s) else 0.0)
 
 
 def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[str] = ()) -> list[ExportedEpisode]:
@@ -89,9 +91,9 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
         found = [_exported(*row) for row in session.execute(query)]
     there = {episode.id for episode in found}
     if missing := [str(number) for number in numbers if number not in there]:
-        raise UsageError(f"no ended episode {', '.join(missing)}: `vsnbench episodes list` shows them")
+        raise UsageError(f"no ended episode {', '.join(missing)}", advice="`vsnbench episodes list` shows them")
     if not found:
-        raise UsageError("there is no ended episode to export: `vsnbench episodes list` shows what there is")
+        raise UsageError("there is no ended episode to export", advice="`vsnbench episodes list` shows what there is")
     return found
 
 

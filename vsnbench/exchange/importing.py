@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
-from vsnbench.database.episode_entries import EpisodeEnd, StepRecord
+from vsnbench.database.episode_entries import EpisodeEnd
 from vsnbench.database.importing import IMPORTED, ImportedEpisode
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RecordError, UsageError
@@ -25,6 +25,7 @@ from vsnbench.protocol.pictures import decode_picture, encode_jpeg
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.confined import read_confined
 from vsnbench.whole_files import write_whole
 
@@ -35,7 +36,7 @@ NO_NUMBER = 0
 def unsurveyed_site(name: str) -> Site:
     """Return a site of which only the name is known; it can be neither drawn nor driven in."""
     if not name or not all(mark.isascii() and (mark.isalnum() or mark in "_-") for mark in name):
-        raise UsageError(f"{name!r} cannot name a site: use letters, digits, - and _")
+        raise UsageError(f"{name!r} cannot name a site", advice="use letters, digits, - and _")
     return Site.model_construct(
         name=name.lower(), title="", rooms=[], walls=[], doors=[], windows=[], objects=[], starts=[]
     )

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from vsnbench.database.read_shapes import RecordedStep
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.exchange.bag_messages import TF, Messages, type_store
 from vsnbench.exchange.episodes import ExportedEpisode
 from vsnbench.protocol.pictures import decode_picture
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.confined import confined, read_confined
 from vsnbench.record.images import depth_path, rgb_path
 from vsnbench.whole_files import whole_file
@@ -34,7 +34,7 @@ KINDS = {
 
 
 def write_bag(
-    episode: ExportedEpisode, steps: Iterable[RecordedStep], results_directory: Path, path: Path
+    episode: ExportedEpisode, steps: Iterable[StepRecord], results_directory: Path, path: Path
 ) -> dict[str, int]:
     """Write the bag and return how many messages each topic has.
 
@@ -45,7 +45,7 @@ def write_bag(
     try:
         from rosbags.rosbag1 import Writer
     except ImportError as error:
-        raise UsageError("bags need the library rosbags: pip install 'vsnbench[bags]'") from error
+        raise UsageError("bags need the library rosbags", advice="pip install 'vsnbench[bags]'") from error
     store, make = type_store(), Messages()
     directory = confined(results_directory, episode.images_directory) if episode.images_directory else None
     messages = dict.fromkeys(KINDS, 0)

@@ -4,8 +4,8 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from vsnbench.database.read_shapes import RecordedStep
 from vsnbench.exchange.episodes import ExportedEpisode
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.whole_files import whole_file
 
 COLUMNS = (
@@ -17,7 +17,7 @@ COLUMNS = (
 
 def write_steps(
     episodes: Sequence[ExportedEpisode],
-    steps_of: Callable[[ExportedEpisode], Iterable[RecordedStep]],
+    steps_of: Callable[[ExportedEpisode], Iterable[StepRecord]],
     path: Path,
 ) -> int:
     """Write the steps of the episodes and return how many they are; unknown numbers are empty.
@@ -41,7 +41,8 @@ def write_steps(
                     for pose in (step.after, step.world.pose if step.world else None)
                     for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
                 ]
-                when = (step.recorded_at.isoformat(), "" if step.stamp_s is None else step.stamp_s)
-                writer.writerow((*about, step.number, step.raw_action, step.action, step.blocked, *when, *poses))
+                recorded_at = step.recorded_at.isoformat() if step.recorded_at else ""
+                said = (step.number, step.raw_action, step.action, step.blocked, recorded_at)
+                writer.writerow((*about, *said, "" if step.stamp_s is None else step.stamp_s, *poses))
                 written += 1
     return written

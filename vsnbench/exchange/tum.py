@@ -4,12 +4,12 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from vsnbench.database.read_shapes import RecordedStep
 from vsnbench.exchange.episodes import ExportedEpisode
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.whole_files import whole_file
 
 
-def write_tum(episode: ExportedEpisode, steps: Iterable[RecordedStep], path: Path) -> int:
+def write_tum(episode: ExportedEpisode, steps: Iterable[StepRecord], path: Path) -> int:
     """Write where the robot was after each action and return how many poses that is.
 
     A pose is as old as the end of its motion, by the robot's clock. Poses are in the site's frame where they are known,

@@ -56,7 +56,9 @@ def read_upstream_log(directory: Path) -> tuple[LoggedEpisode, ...]:
     """
     file = directory / "datos.csv"
     if not file.is_file():
-        raise UsageError(f"{directory} has no datos.csv: name the folder that upstream's client writes its log to")
+        raise UsageError(
+            f"{directory} has no datos.csv", advice="name the folder that upstream's client writes its log to"
+        )
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:

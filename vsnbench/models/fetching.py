@@ -44,7 +44,7 @@ def fetch(url: str, destination: Path, sha256: str, progress: Progress = lambda 
     if destination.exists():
         if file_sha256(destination) == sha256:
             return False
-        raise UsageError(f"another file lies at {destination} (its SHA-256 differs): move it away first")
+        raise UsageError(f"another file lies at {destination} (its SHA-256 differs)", advice="move it away first")
     part = destination.with_name(f"{destination.name}.{sha256[:12]}.part")
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def fetch(url: str, destination: Path, sha256: str, progress: Progress = lambda 
         found = file_sha256(part)
         if found != sha256:
             part.unlink()
-            raise ModelError(f"{url}: SHA-256 is {found}, not {sha256}; thrown away. Is it the right link?")
+            raise ModelError(f"{url}: SHA-256 is {found}, not {sha256}; thrown away", advice="is it the right link?")
         part.replace(destination)
     except OSError as error:
         raise ModelError(f"cannot write {destination}: {error.strerror or error}") from error
@@ -82,9 +82,9 @@ def _download(url: str, part: Path, progress: Progress) -> None:
         raise ModelError(f"{url}: the server answered {error.code} {error.reason}") from error
     except (urllib.error.URLError, TimeoutError, ConnectionError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", None) or error
-        raise ModelError(f"{url}: the download stopped ({reason}); {_go_on(part)}") from error
+        raise ModelError(f"{url}: the download stopped ({reason})", advice=_go_on(part)) from error
     if whole is not None and here < whole:
-        raise ModelError(f"{url}: the download stopped at {here} of {whole} bytes; {_go_on(part)}")
+        raise ModelError(f"{url}: the download stopped at {here} of {whole} bytes", advice=_go_on(part))
 
 
 def _resumed_at(answer: http.client.HTTPResponse, wanted: int) -> int:

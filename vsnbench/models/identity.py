@@ -79,7 +79,9 @@ def _directory_sha256(directory: Path) -> str:
     digest = hashlib.sha256()
     files = sorted(path for path in directory.rglob("*") if path.is_file())
     if len(files) > _MOST_FILES:
-        raise ModelError(f"{directory}, which is handed to the model, holds {len(files)} files: name one of them")
+        raise ModelError(
+            f"{directory}, which is handed to the model, holds {len(files)} files", advice="name one of them"
+        )
     for path in files:
         digest.update(f"{path.relative_to(directory)}\0{file_sha256(path)}\n".encode())
     return digest.hexdigest()

@@ -82,7 +82,7 @@ class Oracle:
             ModelError: `survey` was never called.
         """
         if self._space is None:
-            raise ModelError("the oracle needs the site: call survey before the episode")
+            raise ModelError("the oracle needs the site", advice="call survey before the episode")
         here = self._start.compose(observation.pose)
         if self._before_move is not None:
             moved_m = here.distance_to(self._before_move)

@@ -84,7 +84,7 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
         # All that zipfile raises for a damaged archive, and nothing is hidden by it: the file is refused either way.
         # NotImplementedError is a compression that it lacks, RuntimeError an encrypted entry, ValueError a directory
         # that points outside the file, struct.error and EOFError a header or an entry that is cut short.
-        raise ModelError(f"{origin}: truncated or damaged ({error}); download it again") from error
+        raise ModelError(f"{origin}: truncated or damaged ({error})", advice="download it again") from error
 
 
 def _load(path: Path, allowed_classes: frozenset[str]) -> Any:
@@ -101,7 +101,7 @@ def _load(path: Path, allowed_classes: frozenset[str]) -> Any:
         raise
     except Exception as error:  # PyTorch's reader has no error of its own: a damaged file can raise anything
         reason = str(error).partition("\n")[0][:120]
-        raise ModelError(f"{path}: damaged, PyTorch cannot read it ({reason}); download it again") from error
+        raise ModelError(f"{path}: damaged, PyTorch cannot read it ({reason})", advice="download it again") from error
 
 
 def _what_it_is(path: Path, head: bytes) -> str:

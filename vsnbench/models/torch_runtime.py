@@ -35,5 +35,7 @@ def available_device(wanted: str) -> str:
     if wanted == "auto":
         return next(device for device in ("cuda", "mps", "cpu") if there[device])
     if not there[wanted]:
-        raise ModelError(f"PyTorch {torch.__version__} finds no {wanted} device here; use --device auto or cpu")
+        raise ModelError(
+            f"PyTorch {torch.__version__} finds no {wanted} device here", advice="use --device auto or cpu"
+        )
     return wanted

@@ -42,7 +42,7 @@ def find_weights(model: str, file_name: str, given: Path | None) -> Path:
     embedded = embedded_weights(file_name)
     if given == Path(EMBEDDED):
         if embedded is None:
-            raise ModelError(f"{model} has no embedded weights: name a file with --weights FILE")
+            raise ModelError(f"{model} has no embedded weights", advice="name a file with --weights FILE")
         return embedded
     if given is not None:
         if not given.is_file():
@@ -54,8 +54,9 @@ def find_weights(model: str, file_name: str, given: Path | None) -> Path:
     if embedded is not None:
         return embedded
     raise ModelError(
-        f"{model} needs weights: name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
-        f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`"
+        f"{model} needs weights",
+        advice=f"name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
+        f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`",
     )
 
 

@@ -85,23 +85,16 @@ def diagnostics_to_details(diagnostics: Diagnostics) -> dict[str, Any]:
     return {**diagnostics.details, SHOWN: shown} if shown else dict(diagnostics.details)
 
 
-def decision_from_record(action: str, raw_action: str, probabilities: object, details: object) -> Decision:
+def decision_from_record(action: Action, raw_action: str, probabilities: object, details: object) -> Decision:
     """Return the decision of a recorded step, from its four columns.
 
     Diagnostics that cannot be read are replaced by a note that says why: the step is still worth seeing.
-
-    Raises:
-        DecisionError: the action is none.
     """
-    try:
-        chosen = Action(action)
-    except ValueError as error:
-        raise DecisionError(f"the action {harmless(str(action)[:40])} is none of {', '.join(Action)}") from error
     try:
         diagnostics = _recorded_diagnostics(probabilities, details)
     except DecisionError as error:
         diagnostics = Diagnostics(note=f"The diagnostics of this step cannot be read: {error}")
-    return Decision(chosen, harmless(raw_action[:MOST_NAME_CHARACTERS]), diagnostics)
+    return Decision(action, harmless(raw_action[:MOST_NAME_CHARACTERS]), diagnostics)
 
 
 def _recorded_diagnostics(probabilities: object, details: object) -> Diagnostics:

@@ -26,12 +26,12 @@ def metres(text: str, longest_m: float = LONGEST_M) -> float:
     """
     found = _NUMBER.fullmatch(text.strip().lower())
     if found is None:
-        raise UsageError(f"{text!r} is no distance: give metres, like 0.84")
+        raise UsageError(f"{text!r} is no distance", advice="give metres, like 0.84")
     value = float(found[1].replace(",", ".")) * (0.01 if found[2] == "cm" else 1.0)
     if not math.isfinite(value) or value > longest_m:
         hint = f"; if you meant centimetres, write {value / 100:g}" if value / 100 <= longest_m else ""
         raise UsageError(
-            f"{text.strip()} is more than the {longest_m:.0f} m that there are: give metres, like 0.84{hint}"
+            f"{text.strip()} is more than the {longest_m:.0f} m that there are", advice=f"give metres, like 0.84{hint}"
         )
     return value
 

@@ -313,7 +313,9 @@ def _site_file(name_or_path: str | Path) -> Path:
     path = embedded_sites().get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
         known = ", ".join(embedded_sites())
-        raise UsageError(f"no site {str(name_or_path)!r}: name an embedded one ({known}) or the path of a site file")
+        raise UsageError(
+            f"no site {str(name_or_path)!r}", advice=f"name an embedded one ({known}) or the path of a site file"
+        )
     return path
 
 

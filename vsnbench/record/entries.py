@@ -10,9 +10,9 @@ from typing import Protocol
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
-from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.step_record import StepRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,23 +35,15 @@ class EpisodeHeader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepEntry:
-    """One action, with the images as they lie in the record: each is encoded once, for files and viewer alike."""
+    """One step as it is kept, with its images as they lie in the record: each is encoded once, for file and viewer."""
 
-    index: int
-    """1 for the first action."""
-    stamp_s: float
-    """When the image was taken, on the robot's clock."""
+    step: StepRecord
+    decision: Decision
+    """The policy's, whose diagnostics the step's `details` have as JSON."""
     rgb_jpeg: bytes | None
     """None where the image is lost or was not kept."""
     depth_png: bytes | None
     """16-bit, millimetres, 0 where invalid."""
-    decision: Decision
-    result: MotionResult | None
-    """None when the depth guard refused the action."""
-    blocked: bool
-    after: Fix | None
-    """Where the robot stood after the action, in the site; None where that is not known."""
-    infer_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +54,8 @@ class EventEntry:
     """The action it followed; 0 before the first."""
     kind: str
     text: str
+    author: str = ""
+    """Who did it; empty for what nobody did."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,4 +111,6 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:
-    return RecordError(f"cannot write {path}: {error.strerror or error}; free some space or look at the permissions")
+    return RecordError(
+        f"cannot write {path}: {error.strerror or error}", advice="free some space or look at the permissions"
+    )

@@ -66,13 +66,14 @@ class ResultsDirectory:
                 probe.flush()
         except OSError as error:
             raise RecordError(
-                f"cannot write the results directory {self.path}: {error.strerror or error}; choose another with "
-                f"--results or ${ENVIRONMENT_VARIABLE}"
+                f"cannot write the results directory {self.path}: {error.strerror or error}",
+                advice=f"choose another with --results or ${ENVIRONMENT_VARIABLE}",
             ) from error
         if (free := self.free_bytes()) < LOW_SPACE_BYTES:
             raise RecordError(
                 f"the disk of {self.path} has only {free / 2**20:.0f} MiB left, a run needs "
-                f"{LOW_SPACE_BYTES / 2**20:.0f}: free some space or choose another directory with --results"
+                f"{LOW_SPACE_BYTES / 2**20:.0f}",
+                advice="free some space or choose another directory with --results",
             )
 
     def free_bytes(self) -> int:

@@ -1,13 +1,13 @@
 """Counts what models chose and robots did: actions in the steps, which the database counts, distances by session."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database.engine import record_errors
-from vsnbench.database.interventions import INTERVENTION, interventions
+from vsnbench.database.episode_entries import INTERVENTION
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, RUNNING
 from vsnbench.database.tables import Campaign, Episode, Event, Robot, Step, Trial
@@ -60,7 +60,7 @@ class RobotActivity:
     failures: int
     collisions: int
     interventions: int
-    """As `vsnbench.database.interventions` defines them; none where the robot is simulated."""
+    """As `count_interventions` counts them; none where the robot is simulated: whoever ends one ends a process."""
 
     @property
     def failures_per_km(self) -> float:
@@ -144,9 +144,22 @@ def read_robots(engine: Engine, record: Record) -> tuple[RobotActivity, ...]:
         rows = record.episodes[record.episodes["campaign"].isin(mine) & (record.episodes["state"] != RUNNING)]
         if not rows.empty:
             aborted = () if simulated else rows.loc[rows["end_reason"] == EndReason.ABORTED.value, "episode"]
-            helped = rows["episode"].map(interventions(written, aborted)).sum()
+            helped = rows["episode"].map(count_interventions(written, aborted)).sum()
             activity.append(_robot_activity(name, title, simulated=simulated, rows=rows, helped=int(helped)))
     return tuple(activity)
+
+
+def count_interventions(written: Mapping[int, int], aborted: Iterable[int]) -> dict[int, int]:
+    """Return how often a person intervened, by the number of the episode.
+
+    An aborted episode without an event counts as one: a person made it void afterwards, or the record is older than
+    the events. With one it is counted by its events alone, so that an abort never counts twice.
+
+    Args:
+        written: events of kind `INTERVENTION` by episode.
+        aborted: episodes of real robots whose standing end reason is `aborted`.
+    """
+    return dict.fromkeys(aborted, 1) | dict(written)
 
 
 def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:

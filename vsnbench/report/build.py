@@ -52,7 +52,7 @@ def read(url: str, selection: Selection, results_directory: Path | None = None) 
     finally:
         engine.dispose()
     if not everything.conditions:
-        raise RecordError(f"the record in {shown_url(url)} holds no campaign yet: `vsnbench run` makes one")
+        raise RecordError(f"the record in {shown_url(url)} holds no campaign yet", advice="`vsnbench run` makes one")
     models = ", ".join(sorted({harmless(one.model) for one in everything.conditions}))
     goals = ", ".join(sorted({harmless(goal) for goal in everything.planned["goal"]}, key=goal_order))
     raise UsageError(f"nothing in the record fits that selection: its models are {models}; its goals are {goals}")

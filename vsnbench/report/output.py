@@ -65,7 +65,9 @@ def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:
     try:
         server = loopback.LoopbackServer(port, site)
     except OSError as error:
-        raise RecordError(f"cannot serve on port {port}: {error.strerror or error}; choose another --port") from error
+        raise RecordError(
+            f"cannot serve on port {port}: {error.strerror or error}", advice="choose another --port"
+        ) from error
     with server:
         announce(server.address)
         server.serve_forever()

@@ -33,7 +33,8 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
     if not path.is_file():
         known = ", ".join(embedded_profiles())
         raise UsageError(
-            f"no robot profile {str(name_or_path)!r}: name an embedded one ({known}) or the path of a profile file"
+            f"no robot profile {str(name_or_path)!r}",
+            advice=f"name an embedded one ({known}) or the path of a profile file",
         )
     return read_settings(path, _ProfileFile, RobotError, "robot profile")
 

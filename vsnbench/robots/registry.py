@@ -75,7 +75,8 @@ def _in_its_site(robot: Robot, name: str, site: Site) -> Robot:
     try:
         raise RobotError(
             f"robot {name} is simulated in another site than {site.name}: it plays content {played[:12]}, the run is "
-            f"about {site.sha256[:12]}: start its simulator with the same --site"
+            f"about {site.sha256[:12]}",
+            advice="start its simulator with the same --site",
         )
     finally:
         robot.close()
@@ -97,7 +98,7 @@ def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Rob
     except (Exception, SystemExit) as error:
         raise RobotError(f"robot {name}: {where} could not be made: {error_line(error)}") from error
     if not isinstance(robot, Robot):
-        raise RobotError(f"robot {name}: {where} is no robot: see docs/robots.md for what it needs")
+        raise RobotError(f"robot {name}: {where} is no robot", advice="see docs/robots.md for what it needs")
     _check_kind(name, where, robot)
     return robot
 

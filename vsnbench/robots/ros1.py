@@ -229,7 +229,7 @@ class RosRobot:
         now = self._link.snapshot()
         if self._simulation is not None:
             if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
-                raise SensorLostError("the simulator is silent: is vsnbench ros simulate running?")
+                raise SensorLostError("the simulator is silent", advice="is vsnbench ros simulate running?")
             return Fix(now.truth.payload, PoseSource.SIMULATED)
         assert self._start is not None  # noqa: S101  # _require_begun
         return Fix(self._start.compose(self._relative(now)), PoseSource.ESTIMATED)
@@ -273,9 +273,9 @@ class RosRobot:
         if now.contact:
             raise _AlarmError(f"touched {now.contact}")
         if now.odometry_fault:
-            raise _AlarmError(now.odometry_fault, sensor_lost=True)
+            raise _AlarmError(now.odometry_fault.words, sensor_lost=True)
         if (silent_s := now.odometry_age_s(now_s)) > _ODOMETRY_TIMEOUT_S:
-            raise _AlarmError(_no_odometry(link.names.odometry, silent_s), sensor_lost=True)
+            raise _AlarmError(str(_no_odometry(link.names.odometry, silent_s)), sensor_lost=True)
         if overshoot := asked.overshoot(before, self._relative(now)):
             raise _AlarmError(f"{link.names.discrete_move} was stopped: {overshoot}")
         unsteered_s = now_s - max(now.steered_s, self._asked_s)
@@ -327,7 +327,9 @@ class RosRobot:
         """
         now = self._link.snapshot()
         if (silent_s := now.odometry_age_s(time.monotonic())) > _ODOMETRY_TIMEOUT_S:
-            raise SensorLostError(now.odometry_fault or _no_odometry(self._link.names.odometry, silent_s))
+            if now.odometry_fault:
+                raise SensorLostError(now.odometry_fault.words)
+            raise _no_odometry(self._link.names.odometry, silent_s)
         return now
 
     def _relative(self, now: RobotSnapshot) -> Pose:
@@ -336,7 +338,7 @@ class RosRobot:
 
     def _require_begun(self) -> None:
         if self._start is None:
-            raise RobotError("the robot stands nowhere yet: begin an episode first")
+            raise RobotError("the robot stands nowhere yet", advice="begin an episode first")
 
 
 def _present(now: RobotSnapshot) -> MotionEnd:
@@ -344,5 +346,5 @@ def _present(now: RobotSnapshot) -> MotionEnd:
     return MotionEnd(now.latest.stamp_s if now.latest else 0.0, time.monotonic())
 
 
-def _no_odometry(topic: str, silent_s: float) -> str:
-    return f"no odometry on {topic} for {silent_s:.1f} s: is the base's driver running?"
+def _no_odometry(topic: str, silent_s: float) -> SensorLostError:
+    return SensorLostError(f"no odometry on {topic} for {silent_s:.1f} s", advice="is the base's driver running?")

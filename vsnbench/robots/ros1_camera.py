@@ -88,13 +88,13 @@ class RosCamera:
             rgb = decode_color(match.color.payload)
             frames = [decode_depth(frame.payload) for frame in match.depths]
         except ImageError as error:
-            raise SensorLostError(f"{error}: is the camera driver the one of the profile?") from error
+            raise SensorLostError(f"{error}", advice="is the camera driver the one of the profile?") from error
         for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
             height, width = image.shape[:2]
             if (width, height) != (camera.width, camera.height):
                 raise SensorLostError(
-                    f"the {what} image is {width}x{height}, the profile says {camera.width}x{camera.height}: "
-                    "set the camera driver's mode, or the profile's camera"
+                    f"the {what} image is {width}x{height}, the profile says {camera.width}x{camera.height}",
+                    advice="set the camera driver's mode, or the profile's camera",
                 )
         try:
             depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
@@ -125,14 +125,14 @@ class RosCamera:
         timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._names.camera_rate_hz
         found = self._link.wait_for(complete, timeout_s)
         if found is None:
-            raise SensorLostError(self._missing_images(timeout_s))
+            raise self._missing_images(timeout_s)
         match, now = found
         for labels in now.labels if self.labelled else ():
             if labels.stamp_s == match.color.stamp_s:
                 return match, InstanceImage(ids=decode_labels(labels.payload), categories=now.categories)
         return match, None
 
-    def _missing_images(self, waited_s: float) -> str:
+    def _missing_images(self, waited_s: float) -> SensorLostError:
         names, now, now_s = self._names, self._link.snapshot(), time.monotonic()
         silent = []
         for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
@@ -141,8 +141,10 @@ class RosCamera:
             if topic and (not images or now_s - images[-1].arrival_s > 1.0):
                 silent.append(topic)
         if silent:
-            return f"no image on {' and '.join(silent)} for {waited_s:.0f} s: is the camera driver running?"
-        return (
+            topics = " and ".join(silent)
+            return SensorLostError(f"no image on {topics} for {waited_s:.0f} s", advice="is the camera driver running?")
+        return SensorLostError(
             f"images come on {names.color} and {names.depth}, but none within {waited_s:.0f} s that was stamped after "
-            f"the motion, colour within {_MAX_SKEW_S:g} s of depth: are the clocks in step (vsnbench doctor)?"
+            f"the motion, colour within {_MAX_SKEW_S:g} s of depth",
+            advice="are the clocks in step (vsnbench doctor)?",
         )

@@ -53,8 +53,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
         master.pid()
         trip_ms = (time.monotonic() - began_s) * 1000
     except MasterError as error:
-        reason, _, advice = str(error).partition(": ")
-        yield CheckResult("master", Health.FAILED, reason, advice)
+        yield CheckResult("master", Health.FAILED, error.statement, error.advice)
         return
     yield CheckResult("master", Health.OK, f"{master.uri} answers in {trip_ms:.0f} ms")
     yield _own_address(master)
@@ -219,10 +218,11 @@ def _service_results(profile: RobotProfile, master: Master) -> Iterator[CheckRes
     try:
         trip_s = client.probe()
     except ServiceRefusedError as error:
-        yield CheckResult(name, Health.FAILED, str(error), "another version of discrete_move/DiscreteServer serves it")
+        advice = error.advice or "another version of discrete_move/DiscreteServer serves it"
+        yield CheckResult(name, Health.FAILED, error.statement, advice)
     except RobotError as error:
         start = f"vsnbench ros discrete-move --robot {profile.name}"
-        yield CheckResult(name, Health.FAILED, str(error), f"start it: {start}")
+        yield CheckResult(name, Health.FAILED, error.statement, f"start it: {start}")
     else:
         yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
 
@@ -240,7 +240,7 @@ def _motion_results(profile: RobotProfile, master: Master, listener: TopicListen
         try:
             answered = client.call(DiscreteServerRequest(word, 30), limit_s).response
         except RobotError as error:
-            yield CheckResult(what, Health.FAILED, str(error), "see the log of discrete_move")
+            yield CheckResult(what, Health.FAILED, error.statement, error.advice or "see the log of discrete_move")
             return
         after = listener.heading_rad(ros1_interface(profile).odometry)
         if before is None or after is None:

@@ -22,13 +22,13 @@ def await_account(link: "RobotLink", profile: RobotProfile, patience: "Patience"
     account = link.wait_for(lambda now: now.simulation, patience.left_s)
     if account is None:
         raise RobotError(
-            f"the simulator says nothing of itself on {ACCOUNT} (waited {patience.allowed_s:.0f} s): "
-            "run the same version of vsnbench on both sides"
+            f"the simulator says nothing of itself on {ACCOUNT} (waited {patience.allowed_s:.0f} s)",
+            advice="run the same version of vsnbench on both sides",
         )
     if account.profile_sha256 != profile.sha256:
         raise RobotError(
-            f"the simulator plays another robot than {profile.name}, by the content of its profile: start it with the "
-            "profile of the run (vsnbench ros simulate --robot ...)"
+            f"the simulator plays another robot than {profile.name}, by the content of its profile",
+            advice="start it with the profile of the run (vsnbench ros simulate --robot ...)",
         )
     return account
 
@@ -55,15 +55,16 @@ def require_same_conditions(
     if now != account:
         played = f"site {now.site}" if now else "unknown"
         raise RobotError(
-            f"the simulator was started anew and plays something else ({played}) than this session began with: "
-            "start the session anew, or the simulator as it was"
+            f"the simulator was started anew and plays something else ({played}) than this session began with",
+            advice="start the session anew, or the simulator as it was",
         )
     served = conditions_of(link, account, conditions["depth_frames"])["discrete_move"]
     if served != conditions["discrete_move"]:
         server = server_of(link.names.discrete_move, link.master.state())
         raise RobotError(
             f"{link.names.discrete_move} was served by {_WHOSE[conditions['discrete_move']]} when this session began, "
-            f"and {server} is {_WHOSE[served]}: start the session anew (another campaign), or the server as it was"
+            f"and {server} is {_WHOSE[served]}",
+            advice="start the session anew (another campaign), or the server as it was",
         )
 
 

@@ -35,7 +35,7 @@ def image_results(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[Ch
             else:
                 decode_color(images[-1])
         except ImageError as error:
-            yield CheckResult(what, Health.FAILED, str(error), "set the camera driver's format")
+            yield CheckResult(what, Health.FAILED, error.statement, error.advice or "set the camera driver's format")
             continue
         size, wanted = (images[-1].width, images[-1].height), (camera.width, camera.height)
         seen = f"{images[-1].encoding}, {size[0]}x{size[1]}"

@@ -45,17 +45,17 @@ class Patience:
         """Seconds that are left; not less than one period of trying again."""
         return max(self._give_up_s - time.monotonic(), _RETRY_S)
 
-    def wait(self, missing: str) -> None:
+    def wait(self, missing: RobotError) -> None:
         """Pause before another try.
 
         Raises:
             RobotError: there is no patience left.
         """
         if time.monotonic() >= self._give_up_s:
-            raise RobotError(f"{missing} (waited {self.allowed_s:.0f} s)")
-        if missing != self._said and self.allowed_s - self.left_s > _CONNECTING_S:
-            logger.warning("waiting: %s", missing)
-            self._said = missing
+            raise RobotError(f"{missing.statement} (waited {self.allowed_s:.0f} s)", advice=missing.advice) from missing
+        if (said := str(missing)) != self._said and self.allowed_s - self.left_s > _CONNECTING_S:
+            logger.warning("waiting: %s", said)
+            self._said = said
         time.sleep(_RETRY_S)
 
     def insist_on(self, step: Callable[[], None]) -> None:
@@ -68,7 +68,7 @@ class Patience:
             try:
                 return step()
             except (ServiceError, MasterError, SensorLostError) as error:
-                self.wait(str(error))
+                self.wait(error)
 
 
 def wait_until_ready(link: "RobotLink", profile: RobotProfile, patience: Patience) -> None:
@@ -78,7 +78,7 @@ def wait_until_ready(link: "RobotLink", profile: RobotProfile, patience: Patienc
         RobotError: a part does not answer within the patience, or never will; the message says what to start.
     """
     warned: set[str] = set()
-    while missing := _missing_part(link, profile, warned):
+    while (missing := _missing_part(link, profile, warned)) is not None:
         patience.wait(missing)
 
 
@@ -124,8 +124,8 @@ def await_fresh_odometry(link: "RobotLink", patience: Patience) -> None:
     patience.insist_on(lambda: _wait(link, fresh, 2.0, f"odometry on {link.names.odometry}"))
 
 
-def _missing_part(link: "RobotLink", profile: RobotProfile, warned: set[str]) -> str:
-    """Return the first part that does not answer and what to do about it; empty when all do.
+def _missing_part(link: "RobotLink", profile: RobotProfile, warned: set[str]) -> RobotError | None:
+    """Return the first part that does not answer and what to do about it; None when all do.
 
     Raises:
         RobotError: the master was restarted, which no patience heals.
@@ -134,32 +134,33 @@ def _missing_part(link: "RobotLink", profile: RobotProfile, warned: set[str]) ->
     try:
         state, types = link.master.state(), link.master.topic_types()
     except MasterError as error:
-        return str(error)
+        return error
     if link.master.caller not in state.subscribers.get(names.odometry, []):
         raise RobotError(
-            f"the master at {link.master.uri} was restarted and knows nothing of this session: restart all nodes "
-            "(driver, camera, discrete_move), then the same command goes on"
+            f"the master at {link.master.uri} was restarted and knows nothing of this session",
+            advice="restart all nodes (driver, camera, discrete_move), then the same command goes on",
         )
     for fault in graph_faults(names, state, types, frozenset({link.master.caller})):
         if fault.fatal:
-            return fault.line
-        if fault.line not in warned:
-            warned.add(fault.line)
-            logger.warning("%s", fault.line)
+            return fault.error
+        if (said := str(fault.error)) not in warned:
+            warned.add(said)
+            logger.warning("%s", said)
     if now_s - now.driven_s < _AGE_LIMIT_S:
-        return f"{now.driven_by} is driving the base: end it, or wait until it has"
+        return RobotError(f"{now.driven_by} is driving the base", advice="end it, or wait until it has")
     if now.odometry_age_s(now_s) > _AGE_LIMIT_S:
         return _silence("odometry", names.odometry, state, "the base's driver")
     for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
         if topic and (not images or now_s - images[-1].arrival_s > _AGE_LIMIT_S):
             return _silence("image", topic, state, "the camera's driver")
     if (unknown := _unknown_node(link, now, state)) is not None:
-        return unknown.line
+        return unknown.error
     try:
         link.discrete_move.probe()
     except RobotError as error:
-        return f"{error} (vsnbench ros discrete-move --robot {profile.name})"
-    return ""
+        start = f"(vsnbench ros discrete-move --robot {profile.name})"
+        return RobotError(error.statement, advice=f"{error.advice} {start}".strip())
+    return None
 
 
 def _unknown_node(link: "RobotLink", now: RobotSnapshot, state: SystemState) -> GraphFault | None:
@@ -169,12 +170,17 @@ def _unknown_node(link: "RobotLink", now: RobotSnapshot, state: SystemState) -> 
     return next((fault for fault in faults if fault is not None), None)
 
 
-def _silence(what: str, topic: str, state: SystemState, driver: str) -> str:
+def _silence(what: str, topic: str, state: SystemState, driver: str) -> RobotError:
     """Say why nothing comes on a topic, as far as the master knows."""
     if publishers := state.publishers.get(topic):
         nodes = " and ".join(publishers)
-        return f"no {what} on {topic}, which {nodes} publishes: is it alive, and are ROS_IP and cables right?"
-    return f"no {what} on {topic}: start {driver}; if it runs, the master was restarted after it: restart all nodes"
+        return RobotError(
+            f"no {what} on {topic}, which {nodes} publishes", advice="is it alive, and are ROS_IP and cables right?"
+        )
+    return RobotError(
+        f"no {what} on {topic}",
+        advice=f"start {driver}; if it runs, the master was restarted after it: restart all nodes",
+    )
 
 
 def _wait(link: "RobotLink", condition: Callable[[RobotSnapshot], bool], timeout_s: float, what: str) -> None:

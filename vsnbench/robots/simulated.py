@@ -76,8 +76,8 @@ class SimulatedRobot:
         self._physics.place(start.pose)
         if touch := self._physics.touch():
             raise RobotError(
-                f"starting position {start.number} of site {self.site.name} touches {self._name_of(touch)}: "
-                f"move it away by more than the robot's radius of {self.profile.base.radius_m} m"
+                f"starting position {start.number} of site {self.site.name} touches {self._name_of(touch)}",
+                advice=f"move it away by more than the robot's radius of {self.profile.base.radius_m} m",
             )
         self._wheels = WheelOdometry(self._physics.geometry)
         self._odometry = Pose(0.0, 0.0, 0.0)
@@ -158,7 +158,7 @@ class SimulatedRobot:
 
     def _require_begun(self) -> None:
         if not self._begun:
-            raise RobotError("the simulated robot stands nowhere yet: begin an episode first")
+            raise RobotError("the simulated robot stands nowhere yet", advice="begin an episode first")
 
     def _read_odometry(self, *, fresh: bool = False) -> None:
         """Let the base's computer count, and take its newest message, as rarely as this base sends one."""

@@ -6,6 +6,7 @@ Pure: it is handed what the master answered and knows no connection.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from vsnbench.errors import RobotError
 from vsnbench.ros1.interface import Ros1Interface
 from vsnbench.ros1.master import SystemState
 
@@ -24,9 +25,9 @@ class GraphFault:
     """No episode may begin with it."""
 
     @property
-    def line(self) -> str:
-        """The fault and what to do, in one line."""
-        return f"{self.name}: {self.seen}: {self.advice}"
+    def error(self) -> RobotError:
+        """The fault for those whom it keeps from going on."""
+        return RobotError(f"{self.name}: {self.seen}", advice=self.advice)
 
 
 def graph_faults(

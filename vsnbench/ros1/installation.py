@@ -32,6 +32,6 @@ def require_ros() -> None:
     missing = missing_packages()
     if missing:
         raise RobotError(
-            f"ROS 1 is not installed for this Python (no module {missing[0]}): run scripts/install_ros.sh, "
-            "or see docs/robot.md"
+            f"ROS 1 is not installed for this Python (no module {missing[0]})",
+            advice="run scripts/install_ros.sh, or see docs/robot.md",
         )

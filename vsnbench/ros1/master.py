@@ -75,7 +75,8 @@ class Master:
         uri = os.environ.get("ROS_MASTER_URI", "")
         if not uri:
             raise MasterError(
-                "ROS_MASTER_URI is not set: export ROS_MASTER_URI=http://<the robot's laptop>:11311 (docs/robot.md)"
+                "ROS_MASTER_URI is not set",
+                advice="export ROS_MASTER_URI=http://<the robot's laptop>:11311 (docs/robot.md)",
             )
         parts = urlparse(uri)
         try:
@@ -97,7 +98,8 @@ class Master:
             return call_xmlrpc(self.uri, method, self.caller, *arguments, timeout_s=self.timeout_s)
         except OSError as error:
             raise MasterError(
-                f"no ROS master answers at {self.uri} ({error}): is roscore running there, and is ROS_MASTER_URI right?"
+                f"no ROS master answers at {self.uri} ({error})",
+                advice="is roscore running there, and is ROS_MASTER_URI right?",
             ) from error
 
     def pid(self) -> int:

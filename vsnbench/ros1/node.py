@@ -43,7 +43,8 @@ def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
     if (other := master.live_node(full_name)) is not None:
         # ROS itself would shut that one down, in the middle of whatever it does.
         raise RobotError(
-            f"{full_name} is already running on this robot ({_who(other)}): end it first, or choose another robot"
+            f"{full_name} is already running on this robot ({_who(other)})",
+            advice="end it first, or choose another robot",
         )
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
     # With our logging configuration rospy writes no log file, but it would still make ~/.ros/log.
@@ -67,7 +68,7 @@ def require_unserved(name: str, master: Master) -> None:
     """
     server = server_of(name, master.state())
     if server and server != master.caller and (uri := master.live_node(server)) is not None:
-        raise RobotError(f"{name} is already served by {server} ({_who(uri)}): end it first")
+        raise RobotError(f"{name} is already served by {server} ({_who(uri)})", advice="end it first")
 
 
 def now_s() -> float:
@@ -182,5 +183,5 @@ def run_node(
         rospy.signal_shutdown("ended")
     if replaced.is_set():
         raise RobotError(
-            f"ROS ended this node: another one called {master.caller} has taken its place; end one of the two"
+            f"ROS ended this node: another one called {master.caller} has taken its place", advice="end one of the two"
         )

@@ -154,7 +154,7 @@ class RobotLink:
 
     def clear_events(self) -> None:
         """Forget what has happened; what is pressed stays known."""
-        self._update(lambda _: {"hazard_events": (), "odometry_fault": "", "contact": ""})
+        self._update(lambda _: {"hazard_events": (), "odometry_fault": None, "contact": ""})
 
     def _update(self, changes: Callable[[RobotSnapshot], dict[str, Any]]) -> None:
         """Replace the snapshot by one with `changes(present one)`, and wake who waits."""
@@ -190,7 +190,7 @@ class RobotLink:
         def changes(now: RobotSnapshot) -> dict[str, Any]:
             sources = _heard(now, self.names.odometry, message)
             fault = self._tracker.add(*pose, message.header.stamp.to_sec(), arrival_s)
-            if fault:
+            if fault is not None:
                 return {"sources": sources, "odometry_fault": fault}
             return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._most_readings :]}
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from vsnbench.errors import SensorLostError
 from vsnbench.protocol.pose import Pose
 from vsnbench.ros1.simulation import SimulationAccount
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
-from vsnbench.sensing.odometry import OdometryReading
+from vsnbench.sensing.odometry import OdometryFault, OdometryReading
 from vsnbench.sensing.pairing import Stamped
 
 SOURCE_MEMORY_S = 2.0
@@ -22,8 +23,8 @@ class RobotSnapshot:
 
     readings: tuple[OdometryReading, ...] = ()
     """The last odometry readings, oldest first."""
-    odometry_fault: str = ""
-    """What was wrong with the odometry since the last `RobotLink.clear_events`; empty for nothing."""
+    odometry_fault: OdometryFault | None = None
+    """What was wrong with the odometry since the last `RobotLink.clear_events`; None for nothing."""
     colors: tuple[Stamped[Any], ...] = ()
     """The last colour images (sensor_msgs/Image), oldest first; likewise the others."""
     depths: tuple[Stamped[Any], ...] = ()
@@ -66,10 +67,12 @@ class RobotSnapshot:
         heard = [node for (name, node), at_s in self.sources.items() if name == topic]
         return sorted(node for node in heard if now_s - self.sources[topic, node] < SOURCE_MEMORY_S)
 
-    def rivals(self, topic: str, now_s: float) -> str:
-        """Return in words that several nodes publish on a topic; empty while one does."""
+    def rivals(self, topic: str, now_s: float) -> SensorLostError | None:
+        """Return that several nodes publish on a topic, and nobody knows whom to believe; None while one does."""
         nodes = self.nodes_heard_on(topic, now_s)
-        return f"{' and '.join(nodes)} both publish {topic}: end one of them" if len(nodes) > 1 else ""
+        if len(nodes) < 2:
+            return None
+        return SensorLostError(f"{' and '.join(nodes)} both publish {topic}", advice="end one of them")
 
     def at_rest(self, settle_s: float, still_m: float, still_rad: float) -> bool:
         """Return whether the odometry of the last `settle_s`, on the robot's clock, is all one place."""

@@ -62,11 +62,13 @@ class ServiceClient:
             uri = urlparse(self._master.service_uri(self.name))
             found = socket.getaddrinfo(uri.hostname, uri.port, type=socket.SOCK_STREAM)
         except LookupError as error:
-            raise ServiceUnavailableError(f"nobody serves {self.name}: is the node that offers it running?") from error
+            raise ServiceUnavailableError(
+                f"nobody serves {self.name}", advice="is the node that offers it running?"
+            ) from error
         except (OSError, ValueError) as error:
             raise ServiceUnavailableError(
-                f"{self.name} is served at {uri.geturl()}, and that host is not known here ({error}): "
-                "set ROS_IP or ROS_HOSTNAME on the robot (docs/robot.md)"
+                f"{self.name} is served at {uri.geturl()}, and that host is not known here ({error})",
+                advice="set ROS_IP or ROS_HOSTNAME on the robot (docs/robot.md)",
             ) from error
         self._address = (str(found[0][4][0]), int(found[0][4][1]))
         return self._address
@@ -216,9 +218,12 @@ class _Call:
         if isinstance(error, TimeoutError):
             return ServiceTimeoutError(
                 f"{self._name} did not answer within {self._timeout_s:.1f} s ({self._stage}): its server is wedged "
-                "or unreachable; restart it"
+                "or unreachable",
+                advice="restart it",
             )
-        return ServiceUnavailableError(f"{self._name} went away while {self._stage}: {error}; restart its server")
+        return ServiceUnavailableError(
+            f"{self._name} went away while {self._stage}: {error}", advice="restart its server"
+        )
 
 
 def _frame(payload: bytes) -> bytes:

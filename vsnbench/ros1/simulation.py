@@ -56,6 +56,6 @@ def read_account(text: str) -> SimulationAccount:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "it"
         raise RobotError(
-            f"what the simulator says of itself on {ACCOUNT} cannot be read: {field}: {first['msg']}: "
-            "run the same version of vsnbench on both machines"
+            f"what the simulator says of itself on {ACCOUNT} cannot be read: {field}: {first['msg']}",
+            advice="run the same version of vsnbench on both machines",
         ) from error

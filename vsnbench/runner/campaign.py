@@ -70,7 +70,7 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
         if name not in possible:
             raise UsageError(f"model {card.name} does not know {name}; it knows {', '.join(sorted(card.goals or ()))}")
     if not names:
-        raise UsageError("no goal given: name one with --goal, for example --goal chair or --goal all")
+        raise UsageError("no goal given", advice="name one with --goal, for example --goal chair or --goal all")
     return tuple(dict.fromkeys(names))
 
 
@@ -86,10 +86,14 @@ def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:
     for part in asked.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(f"cannot read {part.strip()!r} in --starts {asked}: give numbers and ranges, like 1-15,20")
+            raise UsageError(
+                f"cannot read {part.strip()!r} in --starts {asked}", advice="give numbers and ranges, like 1-15,20"
+            )
         chosen = range(int(first), int(last if dash else first) + 1)
         if not chosen:
-            raise UsageError(f"the range {part.strip()} in --starts {asked} is empty: give the smaller number first")
+            raise UsageError(
+                f"the range {part.strip()} in --starts {asked} is empty", advice="give the smaller number first"
+            )
         site.start(chosen[-1])
         numbers.extend(chosen)
     for number in numbers:

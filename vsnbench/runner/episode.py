@@ -16,21 +16,13 @@ from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
+from vsnbench.protocol.step_record import StepTimings
 from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Timings:
-    """Wall-clock seconds of the parts of one step."""
-
-    sense_s: float
-    infer_s: float
-    move_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +39,7 @@ class Step:
     """None when the guard refused the action."""
     before: Fix
     after: Fix
-    timings: Timings
+    timings: StepTimings
 
     @property
     def blocked(self) -> bool:
@@ -221,7 +213,7 @@ def _take_step(
     if guard is None or not guard.blocked:
         result = robot.execute(decision.action)
         after = robot.locate()
-    timings = Timings(t1 - t0, t2 - t1, time.perf_counter() - t2)
+    timings = StepTimings(t1 - t0, t2 - t1, time.perf_counter() - t2)
     step = Step(index, observation, decision, guard, result, before, after, timings)
     return step, end_after(index, decision.action, result, plan.parameters)
 

@@ -203,8 +203,8 @@ def _check_weights(policy: Policy, robot: Robot) -> None:
     if policy.card.stand_in and not robot.identity.simulated:
         raise UsageError(
             f"model {policy.card.name}: robot {robot.identity.profile.name} is real, and nothing was named to drive "
-            f"it but the {policy.card.weights_label}; name your weights with --weights FILE, or these with "
-            "--weights embedded"
+            f"it but the {policy.card.weights_label}",
+            advice="name your weights with --weights FILE, or these with --weights embedded",
         )
     if policy.card.stand_in:
         logger.warning("%s runs on %s; name others with --weights FILE", policy.card.name, policy.card.weights_label)

@@ -16,7 +16,9 @@ def check_machine(results: ResultsDirectory) -> Iterator[CheckResult]:
     try:
         results.prepare()
     except VsnbenchError as error:
-        yield CheckResult("results", Health.FAILED, str(error), "choose another directory with --results")
+        yield CheckResult(
+            "results", Health.FAILED, error.statement, error.advice or "choose another directory with --results"
+        )
         return
     episodes = results.free_bytes() // _EPISODE_BYTES
     seen = f"{results.path}: {results.free_bytes() / 2**30:.1f} GiB free, room for some {episodes} episodes"
@@ -28,6 +30,6 @@ def check_machine(results: ResultsDirectory) -> Iterator[CheckResult]:
         with Journal.open(results.database_url):
             pass
     except VsnbenchError as error:
-        yield CheckResult("database", Health.FAILED, str(error), "see docs/results.md")
+        yield CheckResult("database", Health.FAILED, error.statement, error.advice or "see docs/results.md")
     else:
         yield CheckResult("database", Health.OK, f"{results.shown_database} can be written")

@@ -49,8 +49,9 @@ def require_operator(profile: RobotProfile) -> None:
     """
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(
-            f"{profile.name} must be put at each starting position by a person, and there is no terminal to ask one: "
-            "run in a terminal, or with --unattended (the episodes then await judgement: `vsnbench judge --pending`)"
+            f"{profile.name} must be put at each starting position by a person, and there is no terminal to ask one",
+            advice="run in a terminal, or with --unattended (the episodes then await judgement: "
+            "`vsnbench judge --pending`)",
         )
 
 

@@ -86,11 +86,10 @@ class PolicyCalls:
         """
         self._stop.act_now()
         if isinstance(error, DecisionError):
-            words = error_line(error).removeprefix(f"{DecisionError.__name__}: ")
+            words = error_line(error, named=False)
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {words}")
         logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
-        line = error_line(error)
-        return PolicyFailedError(f"{where}: {line.removeprefix('ModelError: ') if type(error) is ModelError else line}")
+        return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")
 
 
 def _traceback(error: BaseException) -> str:

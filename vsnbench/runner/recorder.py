@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, StepRecord, StepTimings
-from vsnbench.database.interventions import INTERVENTION, intervention_words
+from vsnbench.database.episode_entries import INTERVENTION, Claim, EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision_check import SENSING
@@ -21,6 +20,7 @@ from vsnbench.protocol.metrics import path_length_m
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.record.images import EpisodeImages, StampedPose
 from vsnbench.record.results import ResultsDirectory
@@ -98,16 +98,16 @@ class EpisodeRecorderFanOut:
         self._robot_time_s += driving_s
         self._pending = self._worker.submit(partial(self._write, step))
 
-    def event(self, kind: str, text: str) -> None:
+    def event(self, kind: str, text: str, author: str = "") -> None:
         """Keep something that happened after the last step."""
         self._settle()
         number = self._last_number or None
-        self._target.journal.add_event(kind, text, episode_id=self.episode_id, step_number=number)
-        self._show(EventEntry(self._last_number, kind, text))
+        self._target.journal.add_event(kind, text, author=author, episode_id=self.episode_id, step_number=number)
+        self._show(EventEntry(self._last_number, kind, text, author))
 
     def intervention(self, what: str) -> None:
         """Keep that a person acted on the robot, and who."""
-        self.event(INTERVENTION, intervention_words(what, self._target.operator))
+        self.event(INTERVENTION, what, self._target.operator)
 
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict, in one transaction."""
@@ -149,36 +149,22 @@ class EpisodeRecorderFanOut:
             raise RuntimeError("a step came before the episode had begun")
         observation, decision = step.observation, step.decision
         images = self._images.write(step.index, observation)
-        self._target.journal.append_step(
-            self.episode_id,
-            StepRecord(
-                number=step.index,
-                action=decision.action,
-                raw_action=decision.raw_action,
-                result=step.result,
-                observed=observation.pose,
-                stamp_s=observation.stamp_s,
-                world=step.after,
-                rgb_sha256=images.rgb_sha256,
-                depth_sha256=images.depth_sha256,
-                timings=StepTimings(step.timings.sense_s, step.timings.infer_s, step.timings.move_s),
-                probabilities=decision.diagnostics.probabilities,
-                details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
-            ),
+        kept = StepRecord(
+            number=step.index,
+            action=decision.action,
+            raw_action=decision.raw_action,
+            result=step.result,
+            observed=observation.pose,
+            stamp_s=observation.stamp_s,
+            world=step.after,
+            rgb_sha256=images.rgb_sha256,
+            depth_sha256=images.depth_sha256,
+            timings=step.timings,
+            probabilities=decision.diagnostics.probabilities,
+            details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
         )
-        self._show(
-            StepEntry(
-                index=step.index,
-                stamp_s=observation.stamp_s,
-                rgb_jpeg=images.rgb_jpeg,
-                depth_png=images.depth_png,
-                decision=decision,
-                result=step.result,
-                blocked=step.blocked,
-                after=step.after,
-                infer_s=step.timings.infer_s,
-            )
-        )
+        self._target.journal.append_step(self.episode_id, kept)
+        self._show(StepEntry(kept, decision, images.rgb_jpeg, images.depth_png))
 
     def _show(self, entry: Entry) -> None:
         if self._sink is not None:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.database.campaign_plan import OpenCampaign
-from vsnbench.database.episode_entries import Claim
-from vsnbench.database.interventions import INTERVENTION, intervention_words
+from vsnbench.database.episode_entries import INTERVENTION, Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.lifecycle import LEASE
 from vsnbench.errors import EpisodeClosedError, RecordError
@@ -154,9 +153,8 @@ class _Beside:
             self._intervened(ended, f"collision called: {judgement.verdict.text}")
 
     def _intervened(self, ended: EndedEpisode, what: str) -> None:
-        words = intervention_words(what, self._operator)
         step = ended.outcome.actions or None
-        self._journal.add_event(INTERVENTION, words, episode_id=ended.number, step_number=step)
+        self._journal.add_event(INTERVENTION, what, author=self._operator, episode_id=ended.number, step_number=step)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from vsnbench.motion.controller import STANDSTILL, Command, MotionController, Mo
 from vsnbench.motion.law import heading_after, ideal_duration_s, turn_error_rad
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
-from vsnbench.sensing.odometry import ClockOffset, OdometryReading, OdometryTracker
+from vsnbench.sensing.odometry import ClockOffset, OdometryFault, OdometryFaultKind, OdometryReading, OdometryTracker
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class _Senses:
     hazards: dict[Hazard, set[int]] = field(default_factory=lambda: {hazard: set() for hazard in Hazard})
     hazard_reason: str = ""
     """What has happened since the movement began; empty while nothing has."""
-    odometry_fault: str = ""
+    odometry_fault: OdometryFault | None = None
 
 
 class DiscreteMover:
@@ -109,9 +109,9 @@ class DiscreteMover:
                 self._periods_s.append(stamp_s - self._tracker.latest.stamp_s)
             fault = self._tracker.add(x_m, y_m, heading_rad, stamp_s, arrival_s)
             self._odometry_seen_s = time.monotonic()
-            if fault:
+            if fault is not None:
                 self._senses.odometry_fault = fault
-            if not fault or "jumped" in fault:
+            if fault is None or fault.kind is OdometryFaultKind.JUMPED:
                 self._clock.add(stamp_s, arrival_s)
 
     def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
@@ -173,7 +173,7 @@ class DiscreteMover:
         self, movement: str, action: Action, settings: MotionSettings, ticket: int, caller_gone: Callable[[], bool]
     ) -> Outcome:
         with self._lock:
-            self._senses.hazard_reason = self._senses.odometry_fault = ""
+            self._senses.hazard_reason, self._senses.odometry_fault = "", None
             reading = self._tracker.latest
             silent_s = time.monotonic() - self._odometry_seen_s
             standing = self._standing_hazard(action)
@@ -195,7 +195,9 @@ class DiscreteMover:
                 fault, hazard = self._senses.odometry_fault, self._senses.hazard_reason
                 preempted = self._ticket_of if self._ticket != ticket else ""
                 silent_s = time.monotonic() - self._odometry_seen_s
-            lost = f"no odometry for {silent_s:.1f} s" if silent_s > settings.odometry_timeout_s else fault
+            lost = fault.words if fault else ""
+            if silent_s > settings.odometry_timeout_s:
+                lost = f"no odometry for {silent_s:.1f} s"
             if reason := hazard or lost or preempted or ("the caller went away" if caller_gone() else ""):
                 sensor_lost = bool(lost) and not hazard
                 controller.abort(reason)

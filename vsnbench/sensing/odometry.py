@@ -6,6 +6,7 @@ Pure: it is fed what messages carry and knows no ROS.
 import math
 from collections import deque
 from dataclasses import dataclass
+from enum import StrEnum
 
 from vsnbench.protocol.pose import Pose, wrap_angle
 
@@ -26,6 +27,23 @@ class OdometryReading:
     """On this process's monotonic clock."""
 
 
+class OdometryFaultKind(StrEnum):
+    """What can be wrong with a reading."""
+
+    NOT_FINITE = "not finite"
+    """It was dropped."""
+    JUMPED = "jumped"
+    """It was kept: the base may have been reset."""
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryFault:
+    """What is wrong with one reading."""
+
+    kind: OdometryFaultKind
+    words: str
+
+
 def heading_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Return the heading of an orientation, radians in (-pi, pi]; NaN when it is no orientation."""
     norm = x * x + y * y + z * z + w * w
@@ -42,18 +60,19 @@ class OdometryTracker:
         self._max_angular_rad_s = max_angular_rad_s
         self.latest: OdometryReading | None = None
 
-    def add(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float, arrival_s: float) -> str:
-        """Take one measurement; return what is wrong with it, empty when nothing is.
+    def add(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float, arrival_s: float) -> OdometryFault | None:
+        """Take one measurement; return what is wrong with it, None when nothing is.
 
         A reading that is not finite is dropped. One that jumped is kept, for the base may have been reset; the
         heading is unwrapped against the last one either way.
         """
         if not all(map(math.isfinite, (x_m, y_m, heading_rad, stamp_s))):
-            return f"odometry is not finite: x {x_m:g}, y {y_m:g}, heading {heading_rad:g}"
+            words = f"odometry is not finite: x {x_m:g}, y {y_m:g}, heading {heading_rad:g}"
+            return OdometryFault(OdometryFaultKind.NOT_FINITE, words)
         last = self.latest
         if last is None:
             self.latest = OdometryReading(Pose(x_m, y_m, heading_rad), stamp_s, arrival_s)
-            return ""
+            return None
         turned_rad = wrap_angle(heading_rad - last.pose.heading_rad)
         pose = Pose(x_m, y_m, last.pose.heading_rad + turned_rad)
         self.latest = OdometryReading(pose, stamp_s, arrival_s)
@@ -61,10 +80,14 @@ class OdometryTracker:
         elapsed_s = max(stamp_s - last.stamp_s, arrival_s - last.arrival_s, 0.0)
         moved_m = pose.distance_to(last.pose)
         if moved_m > _JUMP_FACTOR * self._max_linear_m_s * elapsed_s + _JUMP_MARGIN_M:
-            return f"odometry jumped {moved_m:.2f} m in {elapsed_s:.2f} s"
+            return _jumped(f"{moved_m:.2f} m", elapsed_s)
         if abs(turned_rad) > _JUMP_FACTOR * self._max_angular_rad_s * elapsed_s + _JUMP_MARGIN_RAD:
-            return f"odometry jumped {math.degrees(turned_rad):.0f}° in {elapsed_s:.2f} s"
-        return ""
+            return _jumped(f"{math.degrees(turned_rad):.0f}°", elapsed_s)
+        return None
+
+
+def _jumped(far: str, elapsed_s: float) -> OdometryFault:
+    return OdometryFault(OdometryFaultKind.JUMPED, f"odometry jumped {far} in {elapsed_s:.2f} s")
 
 
 class ClockOffset:

@@ -111,10 +111,11 @@ class EpisodeDrawing:
         import rerun as rr
 
         log = self._recording.log
-        self._set_time(entry.index, entry.stamp_s)
+        stamp_s = entry.step.stamp_s
+        self._set_time(entry.step.number, float(entry.step.number) if stamp_s is None else stamp_s)
         diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
-        self._blocked += entry.blocked
+        self._blocked += entry.step.blocked
         if entry.rgb_jpeg is not None:
             log("camera/rgb", rr.EncodedImage(contents=entry.rgb_jpeg, media_type="image/jpeg"))
         self._detections(diagnostics.boxes)
@@ -168,7 +169,7 @@ class EpisodeDrawing:
         far = "" if distance_m is None else f" · {distance_m:.2f} m away"
         return (
             f"### Looking for: {header.goal}{far}\n"
-            f"action {entry.index} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(entry)}"
+            f"action {entry.step.number} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(entry)}"
         )
 
     def _event(self, entry: EventEntry) -> None:
@@ -176,7 +177,8 @@ class EpisodeDrawing:
 
         self._set_time(entry.step, None)
         level = rr.TextLogLevel.WARN if entry.kind in ALARMING else rr.TextLogLevel.INFO
-        self._recording.log("events", rr.TextLog(f"{entry.kind}: {entry.text}", level=level))
+        who = f", by {entry.author}" if entry.author else ""
+        self._recording.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{who}", level=level))
 
     def _end(self, entry: EndEntry) -> None:
         import rerun as rr
@@ -222,11 +224,11 @@ class EpisodeDrawing:
 
 
 def _outcome(entry: StepEntry) -> str:
-    if entry.blocked:
+    if entry.step.blocked:
         return "blocked"
-    if entry.result is not None and entry.result.collision is not None:
+    if entry.step.result is not None and entry.step.result.collision is not None:
         return "collision"
-    if entry.result is not None and not entry.result.completed:
+    if entry.step.result is not None and not entry.step.result.completed:
         return "failed"
     return "stopped" if entry.decision.action is Action.STOP else "moved"
 
@@ -238,9 +240,8 @@ def _running_text(header: EpisodeHeader) -> str:
 
 def _decision_text(entry: StepEntry) -> str:
     diagnostics = entry.decision.diagnostics
-    lines = [
-        f"**{entry.decision.raw_action}**" + (f" in {entry.infer_s * 1e3:.0f} ms" if entry.infer_s is not None else "")
-    ]
+    infer_s = entry.step.timings.infer_s
+    lines = [f"**{entry.decision.raw_action}**" + (f" in {infer_s * 1e3:.0f} ms" if infer_s is not None else "")]
     if diagnostics.note:
         lines.append(diagnostics.note)
     if diagnostics.probabilities:

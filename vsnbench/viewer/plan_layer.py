@@ -93,9 +93,9 @@ class FloorPlan:
         log, header = self._recording.log, self._header
         here = self._here.pose
         self._draw_robot(here)
-        if entry.after is not None:
-            there = entry.after.pose
-            progress = min(1.0, entry.index / header.parameters.max_actions)
+        if entry.step.world is not None:
+            there = entry.step.world.pose
+            progress = min(1.0, entry.step.number / header.parameters.max_actions)
             if here.distance_to(there) > 1e-4:
                 log(
                     "plan/trajectory",
@@ -104,8 +104,8 @@ class FloorPlan:
         self._mark_trouble(entry)
         self._draw_beliefs(entry)
         distance = distance_to_goal(header.site, header.goal, self._here, header.parameters).distance_m
-        if entry.after is not None:
-            self._here = entry.after
+        if entry.step.world is not None:
+            self._here = entry.step.world
         return distance
 
     def draw_end(self, verdict: Verdict) -> None:
@@ -130,10 +130,10 @@ class FloorPlan:
     def _mark_trouble(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        collided = entry.result is not None and entry.result.collision is not None
-        if not (entry.blocked or collided):
+        collided = entry.step.result is not None and entry.step.result.collision is not None
+        if not (entry.step.blocked or collided):
             return
-        pose = entry.after.pose if entry.after is not None and collided else self._here.pose
+        pose = entry.step.world.pose if entry.step.world is not None and collided else self._here.pose
         nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
         self._recording.log(
             f"plan/{'collision' if collided else 'blocked'}",

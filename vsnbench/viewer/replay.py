@@ -6,15 +6,14 @@ from pathlib import Path
 
 from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import episode_details, episode_steps
-from vsnbench.database.read_shapes import EpisodeDetails, RecordedStep
-from vsnbench.errors import DecisionError, RecordError
+from vsnbench.database.read_shapes import EpisodeDetails
 from vsnbench.protocol.codec import decision_from_record
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
-from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.confined import read_confined
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.record.images import depth_path, rgb_path
@@ -73,30 +72,21 @@ def _header(details: EpisodeDetails) -> EpisodeHeader:
     )
 
 
-def _steps_and_events(details: EpisodeDetails, steps: tuple[RecordedStep, ...], images: Path | None) -> Iterator[Entry]:
-    events = [EventEntry(event.step_number or 0, event.kind, event.text) for event in details.events]
+def _steps_and_events(details: EpisodeDetails, steps: tuple[StepRecord, ...], images: Path | None) -> Iterator[Entry]:
+    events = [EventEntry(event.step_number or 0, event.kind, event.text, event.author) for event in details.events]
     for step in steps:
         while events and events[0].step < step.number:
             yield events.pop(0)
-        yield _step(details.summary.id, step, images)
+        yield _step(step, images)
     yield from events
 
 
-def _step(episode_id: int, step: RecordedStep, images: Path | None) -> StepEntry:
-    try:
-        decision = decision_from_record(step.action, step.raw_action, step.probabilities, step.details)
-    except DecisionError as error:
-        raise RecordError(f"episode {episode_id}, step {step.number}: {error}; the record is damaged") from error
+def _step(step: StepRecord, images: Path | None) -> StepEntry:
     return StepEntry(
-        index=step.number,
-        stamp_s=step.stamp_s if step.stamp_s is not None else float(step.number),
-        rgb_jpeg=read_confined(images, rgb_path(Path(), step.number)) if images else None,
-        depth_png=read_confined(images, depth_path(Path(), step.number)) if images else None,
-        decision=decision,
-        result=None if step.blocked else _motion(step),
-        blocked=step.blocked,
-        after=step.world,
-        infer_s=step.infer_s,
+        step,
+        decision_from_record(step.action, step.raw_action, step.probabilities, step.details),
+        read_confined(images, rgb_path(Path(), step.number)) if images else None,
+        read_confined(images, depth_path(Path(), step.number)) if images else None,
     )
 
 
@@ -112,18 +102,3 @@ def _end(details: EpisodeDetails) -> Iterator[EndEntry]:
     words = details.standing.reason if details.standing else "not judged yet"
     verdict = Verdict(EndReason(episode.end_reason), episode.success, words, distance)
     yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, details.error)
-
-
-def _motion(step: RecordedStep) -> MotionResult:
-    collision = None
-    if step.collision_source is not None:
-        collision = Collision(CollisionSource(step.collision_source), step.collision_touched or "")
-    return MotionResult(
-        completed=step.completed,
-        displacement_m=step.displacement_m or 0.0,
-        turn_rad=step.turn_rad or 0.0,
-        duration_s=step.duration_s or 0.0,
-        collision=collision,
-        failure=step.failure,
-        corrections=step.corrections,
-    )

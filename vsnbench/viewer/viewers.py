@@ -98,7 +98,7 @@ class WebViewer(Viewer):
         try:
             self._server = loopback.LoopbackServer(port, page)
         except (OSError, OverflowError) as error:
-            raise UsageError(f"cannot serve on {LOOPBACK}:{port} ({error}); choose another port") from error
+            raise UsageError(f"cannot serve on {LOOPBACK}:{port} ({error})", advice="choose another port") from error
         self.address = page.address = self._server.address
         try:
             super().__init__(["--serve-web", "--web-viewer-port", str(upstream_port)], grpc_port, upstream_port)
@@ -130,7 +130,9 @@ def open_window(recording: Path | None = None) -> Viewer:
         VsnbenchError: there is no display here.
     """
     if not has_display():
-        raise VsnbenchError("there is no display here for Rerun's window; --web serves it to a browser instead")
+        raise VsnbenchError(
+            "there is no display here for Rerun's window", advice="--web serves it to a browser instead"
+        )
     port = free_port()
     return Viewer([str(recording)] if recording is not None else ["--expect-data-soon"], port, port)
 
@@ -158,7 +160,7 @@ def _program() -> Path:
     shipped = Path(package.origin).with_name("rerun") if package and package.origin else Path("rerun")
     program = Path(os.environ.get("RERUN_CLI_PATH") or shipped)
     if not program.is_file():
-        raise VsnbenchError(f"Rerun's viewer is not at {program}: install rerun-sdk again")
+        raise VsnbenchError(f"Rerun's viewer is not at {program}", advice="install rerun-sdk again")
     return program
 
 

@@ -1,4 +1,4 @@
-"""Episodes have states, robots say who they are, a campaign is a condition and a seed.
+"""Episodes have states, robots say who they are, events say who did it, a campaign is a condition and a seed.
 
 Campaigns of one condition and seed become one: where both had run a trial, the first result counts.
 
@@ -33,6 +33,7 @@ def upgrade() -> None:
     _models()
     _conditions()
     _states()
+    _authors()
     _merge_campaigns()
     op.create_index(
         "uq_episode_active_trial_id",
@@ -156,6 +157,23 @@ def _states() -> None:
         )
 
 
+def _authors() -> None:
+    """Who intervened stood at the end of the words, as ", by NAME": only the name of an operator is taken for one."""
+    op.add_column("event", sa.Column("author", sa.Text(), nullable=True))
+    op.execute("UPDATE event SET author = ''")
+    with op.batch_alter_table("event") as table:
+        table.alter_column("author", existing_type=sa.Text(), nullable=False)
+    database = op.get_bind()
+    operators = {row.operator for row in database.execute(sa.text("SELECT DISTINCT operator FROM process"))} - {""}
+    for row in database.execute(sa.text("SELECT id, text FROM event WHERE kind = 'intervention'")).all():
+        author = max((name for name in operators if row.text.endswith(f", by {name}")), key=len, default="")
+        if author:
+            database.execute(
+                sa.text("UPDATE event SET author = :author, text = :words WHERE id = :id"),
+                {"author": author, "words": row.text[: -len(f", by {author}")], "id": row.id},
+            )
+
+
 def _merge_campaigns() -> None:
     database = op.get_bind()
     rows = database.execute(
@@ -201,12 +219,12 @@ def _merge(database: sa.Connection, same: Any, first: int) -> None:
         sa.column("campaign_id"),
         sa.column("created_at", MOMENT),
         sa.column("kind"),
+        sa.column("author"),
         sa.column("text"),
     )
     words = f"campaign {same.id} ({same.name}, of {same.created_at}) had the same condition and seed: it is part of this one"
-    database.execute(
-        sa.insert(event), {"campaign_id": first, "created_at": datetime.now(UTC), "kind": "merged", "text": words}
-    )
+    said = {"kind": "merged", "author": "", "text": words}
+    database.execute(sa.insert(event), {"campaign_id": first, "created_at": datetime.now(UTC), **said})
     database.execute(sa.text("DELETE FROM campaign WHERE id = :same"), {"same": same.id})
 
 

@@ -56,7 +56,7 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
     if device == "cpu":
         return _on_cpu(checkpoint, settings, network, reference, threads)
     if settings.runtime is Runtime.ONNXRUNTIME:
-        raise UsageError(f"runtime: onnxruntime runs on the CPU only; use --device cpu, not {device}")
+        raise UsageError("runtime: onnxruntime runs on the CPU only", advice=f"use --device cpu, not {device}")
     copy = build_network(checkpoint.architecture, {name: w.clone() for name, w in checkpoint.weights.items()})
     candidate = TorchEngine(copy, device, half=half)
     tolerance = HALF_TOLERANCE if half or device == "cuda" else SINGLE_TOLERANCE * 10
@@ -75,7 +75,9 @@ def _on_cpu(
     lacking = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if lacking:
         if settings.runtime is Runtime.ONNXRUNTIME:
-            raise ModelError(f"runtime: onnxruntime needs {' and '.join(lacking)}: pip install 'vsnbench[neural]'")
+            raise ModelError(
+                f"runtime: onnxruntime needs {' and '.join(lacking)}", advice="pip install 'vsnbench[neural]'"
+            )
         return _reference_only(reference, f"{' and '.join(lacking)} not installed")
     candidate = _onnx_engine(checkpoint, network, threads)
     if isinstance(candidate, str):

@@ -153,7 +153,7 @@ class PIRLNav:
             ModelError: no episode was begun, or the network's answer is not finite.
         """
         if self._goal is None:
-            raise ModelError("pirlnav was asked to act before an episode began; call reset first")
+            raise ModelError("pirlnav was asked to act before an episode began", advice="call reset first")
         image = preprocess(observation.rgb, self._image_size_px)
         if self._as_published:
             image = augment(image, self._random)

@@ -90,8 +90,8 @@ def _repeats(policy: RemotePolicy, goal: str) -> str:
     different = [number for number, (a, b) in enumerate(zip(first, again, strict=True), 1) if a.action != b.action]
     if different and policy.deterministic:
         raise ModelError(
-            f"action {different[0]} differs on the same seed and images: draw every random number from the seed of "
-            "`reset`, or say `deterministic: False` on the card"
+            f"action {different[0]} differs on the same seed and images",
+            advice="draw every random number from the seed of `reset`, or say `deterministic: False` on the card",
         )
     return f"{STEPS} actions, {'as the card says, not repeated' if different else 'the same twice'}"
 
@@ -106,7 +106,7 @@ def _unknown_goal(policy: RemotePolicy, goal: str) -> str:
         return f"refused: {error}"
     if policy.card.goals is None:
         return "taken, as the card says: any goal"
-    raise ModelError("taken, and the card names the goals that it knows: raise an error in `reset`")
+    raise ModelError("taken, and the card names the goals that it knows", advice="raise an error in `reset`")
 
 
 def _sizes(policy: RemotePolicy, goal: str) -> str:

@@ -51,19 +51,19 @@ class Address:
             parts = urlsplit(url)
             port = parts.port
         except ValueError as error:
-            raise UsageError(f"model {url}: {error}; write ws://host:port") from error
+            raise UsageError(f"model {url}: {error}", advice="write ws://host:port") from error
         if parts.scheme not in ("ws", "wss") or not parts.hostname or port is None:
             raise UsageError(
-                f"model {url} is no address of a model: write ws://host:port, for example ws://gpu-box:8765"
+                f"model {url} is no address of a model", advice="write ws://host:port, for example ws://gpu-box:8765"
             )
         if parts.username or parts.password or parts.query or parts.fragment:
             raise UsageError(
-                f"model ws://{parts.hostname}:{port}: give the token in ${TOKEN_VARIABLE}, not in the address"
+                f"model ws://{parts.hostname}:{port}", advice=f"give the token in ${TOKEN_VARIABLE}, not in the address"
             )
         if parts.scheme == "ws" and not token and not is_loopback(parts.hostname):
             raise UsageError(
-                f"model {url} is on another machine and there is no token: set ${TOKEN_VARIABLE} on both sides "
-                "(and use wss:// where the network is not yours)"
+                f"model {url} is on another machine and there is no token",
+                advice=f"set ${TOKEN_VARIABLE} on both sides (and use wss:// where the network is not yours)",
             )
         return cls(url)
 
@@ -106,7 +106,8 @@ class Connection:
         except TimeoutError as error:
             self.close()
             raise ModelError(
-                f"what listens at {address} says no hello within {CONNECT_TIMEOUT_S:g} s: is it a model's server?"
+                f"what listens at {address} says no hello within {CONNECT_TIMEOUT_S:g} s",
+                advice="is it a model's server?",
             ) from error
         except BaseException:
             self.close()
@@ -219,16 +220,18 @@ def _open(address: Address) -> "ClientConnection":
             opened = connect(address.url, **options)
     except (WebSocketException, EOFError) as error:
         if isinstance(error, EOFError | ConnectionClosed) or isinstance(error.__cause__, EOFError | OSError):
-            raise ModelLostError(f"what listens at {address} hangs up at once: is it a model's server?") from error
+            raise ModelLostError(
+                f"what listens at {address} hangs up at once", advice="is it a model's server?"
+            ) from error
         raise ModelError(f"what listens at {address} is no model's server: {_words(error)}") from error
     except TimeoutError as error:
         raise ModelLostError(
-            f"no answer from {address} within {CONNECT_TIMEOUT_S:g} s: is the model served there?"
+            f"no answer from {address} within {CONNECT_TIMEOUT_S:g} s", advice="is the model served there?"
         ) from error
     except OSError as error:
         raise ModelLostError(
-            f"no model at {address}: {error.strerror or _words(error)}; start it there (`vsnbench models serve …` or "
-            "vsnbench_policy.py) and look at host and port"
+            f"no model at {address}: {error.strerror or _words(error)}",
+            advice="start it there (`vsnbench models serve …` or vsnbench_policy.py) and look at host and port",
         ) from error
     found: ClientConnection = opened
     return found
@@ -244,7 +247,7 @@ def _check_greeting(greeting: Mapping[str, Any], address: Address) -> None:
         refused = ModelBusyError if code == "busy" else ModelError
         raise refused(f"the model at {address} refuses: {words}{advice}")
     if greeting.get("type") != "card":
-        raise ModelError(f"the model at {address} does not begin with its card: is it a model's server?")
+        raise ModelError(f"the model at {address} does not begin with its card", advice="is it a model's server?")
     if greeting.get("wire") != WIRE_VERSION:
         raise ModelError(
             f"the model at {address} speaks version {greeting.get('wire')!r:.20} of the wire, not {WIRE_VERSION}"

@@ -183,7 +183,7 @@ class IsolatedPolicy(RemotePolicy):
         own = {name: value for name, value in options.items() if name != "act_timeout"}
         act_timeout = options.get("act_timeout")
         if model.startswith(("ws://", "wss://")):
-            raise UsageError(f"model {model} is in a process of its own already: leave --isolate away")
+            raise UsageError(f"model {model} is in a process of its own already", advice="leave --isolate away")
         self._process = IsolatedProcess.start(model, own, isolation)
         try:
             super().__init__(model, act_timeout=act_timeout, token="", unix_path=self._process.socket_file)
@@ -240,13 +240,15 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
             words += [f"--{name.replace('_', '-')}", str(value)]
         return words
     if ":" not in model:
-        raise UsageError(f"--python is for a model of your own: name it as package.module:Class, not {model}")
+        raise UsageError("--python is for a model of your own", advice=f"name it as package.module:Class, not {model}")
     if options:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in options)
-        raise UsageError(f"{names} cannot be handed to a model in another Python: let its class read its own settings")
+        raise UsageError(
+            f"{names} cannot be handed to a model in another Python", advice="let its class read its own settings"
+        )
     found = shutil.which(str(python.expanduser()))
     if found is None:
-        raise UsageError(f"there is no interpreter {python}: give --python /path/to/env/bin/python")
+        raise UsageError(f"there is no interpreter {python}", advice="give --python /path/to/env/bin/python")
     return [found, str(Path(vsnbench_policy.__file__)), model, "--unix-path", str(socket_file)]
 
 

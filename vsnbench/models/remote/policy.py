@@ -150,7 +150,8 @@ class RemotePolicy:
                 connection.close()
                 raise ModelLostError(
                     f"the model at {self._address} is another one now ({_difference(self.card, card)}): this campaign "
-                    "needs the one it began with; start the same command again to run the other"
+                    "needs the one it began with",
+                    advice="start the same command again to run the other",
                 )
             self._connection = connection
         return self._connection
@@ -182,7 +183,9 @@ class RemotePolicy:
         if not isinstance(card, dict):
             raise ModelError(f"the model at {self._address} has no card")
         if self.settings.rgb == "jpeg" and connection.greeting.get("jpeg") is not True:
-            raise ModelError(f"the model at {self._address} cannot decode JPEG: install opencv or pillow there")
+            raise ModelError(
+                f"the model at {self._address} cannot decode JPEG", advice="install opencv or pillow there"
+            )
         name, goals, sensors = card.get("name"), card.get("goals"), card.get("sensors", [])
         problem = ""
         if not isinstance(name, str) or not name.strip() or len(name) > 100:

@@ -23,10 +23,13 @@ class ServedPolicy:
     def __init__(self, policy: Policy) -> None:
         card = policy.card
         if isinstance(policy, SurveyedPolicy):
-            raise UsageError(f"model {card.name} is handed the site, which no wire carries: run it in this process")
+            raise UsageError(
+                f"model {card.name} is handed the site, which no wire carries", advice="run it in this process"
+            )
         if Sensor.INSTANCES in card.sensors:
             raise UsageError(
-                f"model {card.name} needs the simulator's own labels, which no wire carries: give it a real detector"
+                f"model {card.name} needs the simulator's own labels, which no wire carries",
+                advice="give it a real detector",
             )
         # A commit that changes nothing of the source makes no other model.
         code = {name: value for name, value in code_of(policy).items() if name != "commit"}

@@ -113,7 +113,7 @@ class VLV:
             ModelError: no episode was begun, or it was handed no depth image.
         """
         if self._search is None:
-            raise ModelError("vlv was asked to act before an episode began; call reset first")
+            raise ModelError("vlv was asked to act before an episode began", advice="call reset first")
         if observation.depth_m is None:
             raise ModelError("vlv was handed no depth image")
         detections = self._detector.detect(observation)

@@ -75,7 +75,7 @@ def generate_site(seed: int) -> Site:
         site = _draw(seed, np.random.default_rng([seed, attempt]))
         if site is not None and not check_site(site, ROBOT_RADIUS_M):
             return site
-    raise SiteError(f"seed {seed} gave no valid site in {_ATTEMPTS} attempts; take another seed")
+    raise SiteError(f"seed {seed} gave no valid site in {_ATTEMPTS} attempts", advice="take another seed")
 
 
 def _draw(seed: int, rng: Generator) -> Site | None:

@@ -27,7 +27,7 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
     given = Path(settings.detector_weights).expanduser() if settings.detector_weights else None
     if kind is DetectorKind.SIMULATED:
         if given is not None:
-            raise ModelError(f"the simulated detector has no weights: leave out detector_weights ({given})")
+            raise ModelError("the simulated detector has no weights", advice=f"leave out detector_weights ({given})")
         return SimulatedDetector(settings)
     if given is not None and not given.is_file():
         raise ModelError(f"no detector at {given} (detector_weights)")

@@ -52,7 +52,7 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     if not isinstance(content, Mapping):
         raise ModelError(f"{path}: not a detector's weights: it holds a {type(content).__name__}")
     if "model_state_dict" in content:
-        raise ModelError(f"{path}: VLV's value network, not a detector; give it with --weights")
+        raise ModelError(f"{path}: VLV's value network, not a detector", advice="give it with --weights")
     named = {_newest(str(key)): tensor for key, tensor in content.items() if not str(key).endswith("batches_tracked")}
     if _HEAD not in named or not all(isinstance(tensor, torch.Tensor) for tensor in named.values()):
         raise ModelError(f"{path}: not the weights of a Mask R-CNN: there is no {_HEAD} among its {len(named)} keys")

@@ -44,7 +44,7 @@ class ONNXDetector:
         try:
             import onnxruntime as ort
         except ImportError as error:
-            raise ModelError("an ONNX detector needs onnxruntime: pip install 'vsnbench[neural]'") from error
+            raise ModelError("an ONNX detector needs onnxruntime", advice="pip install 'vsnbench[neural]'") from error
         options = ort.SessionOptions()
         options.log_severity_level = 3
         try:
