@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,7 @@ class Renderer:
         self._mesh, self._light = _prepared(scene)
         self._atlas, self._levels = texture_atlas()
         self._tones = _tone_table()
+        self._surface = _surface(self._mesh, self._light)
         self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
 
     def render(self, camera: Camera, pose: Pose) -> Frame:
@@ -64,7 +66,8 @@ class Renderer:
 
     def render_from(self, eye: Eye, width: int, height: int, focal_px: float) -> Frame:
         """Draw what a pinhole camera sees from any place."""
-        from vsnbench.simulator.raster import draw_faces, shade_pixels
+        from vsnbench.simulator.raster import draw_faces
+        from vsnbench.simulator.shading import label_pixels, shade_pixels
 
         mesh, light = self._mesh, self._light
         if (height, width) not in self._buffers:
@@ -103,19 +106,7 @@ class Renderer:
             cy,
             nearness,
             seen,
-            mesh.normals,
-            mesh.axis_s,
-            mesh.axis_t,
-            mesh.texture,
-            mesh.texture_map,
-            mesh.owner,
-            mesh.colors,
-            mesh.glow,
-            mesh.categories,
-            mesh.instances,
-            light.start,
-            light.size,
-            light.place,
+            self._surface,
             light.values,
             self._atlas,
             self._levels,
@@ -123,9 +114,8 @@ class Renderer:
             self._tones,
             frame.rgb,
             frame.depth_m,
-            frame.category,
-            frame.instance,
         )
+        label_pixels(seen, mesh.owner, mesh.categories, mesh.instances, frame.category, frame.instance)
         return frame
 
 
@@ -133,6 +123,25 @@ class Renderer:
 def _prepared(scene: Scene) -> tuple[Mesh, LightMaps]:
     mesh = build_mesh(scene)
     return mesh, bake_light(scene, mesh)
+
+
+def _surface(mesh: Mesh, light: LightMaps) -> tuple[npt.NDArray[Any], ...]:
+    """Return what `shade_pixels` asks of faces and of their owners, in its order."""
+    tints = np.zeros((len(mesh.colors), 4), np.float32)
+    tints[:, :3] = mesh.colors
+    return (
+        mesh.normals,
+        mesh.axis_s,
+        mesh.axis_t,
+        mesh.texture,
+        mesh.texture_map,
+        mesh.owner,
+        tints,
+        mesh.glow.astype(np.float32),
+        light.start,
+        light.size,
+        light.place,
+    )
 
 
 def _camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
@@ -144,7 +153,7 @@ def _camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
 
 def _tone_table() -> npt.NDArray[np.uint8]:
     """Return sRGB for light from 0 to 2, straight up to the middle tones and rolling off above them."""
-    from vsnbench.simulator.raster import TONES
+    from vsnbench.simulator.shading import TONES
 
     light = (np.arange(TONES) + 0.5) * 2 / TONES
     knee, top = 0.55, 1.0
