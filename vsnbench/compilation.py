@@ -15,14 +15,16 @@ def compiled(function: F) -> F:
     """Compile a function to machine code at its first call, once a machine.
 
     It releases the interpreter's lock and stays on one thread. Fast maths is off: it would reorder sums, and pixels
-    would differ from one processor to the next. The code is kept beside the source, else in the user's cache directory
-    or in $NUMBA_CACHE_DIR; where none of them can be written, it is compiled anew by every process.
+    would differ from one processor to the next. A division by zero is infinite or not a number, as in numpy: to look
+    for it first would keep loops from taking several numbers at once. The code is kept beside the source, else in the
+    user's cache directory or in $NUMBA_CACHE_DIR; where none of them can be written, it is compiled anew by every
+    process.
     """
     try:
-        made: F = numba.njit(nogil=True, cache=True)(function)
+        made: F = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
     except RuntimeError:  # "cannot cache function: no locator available"
         _tell_of_no_cache()
-        made = numba.njit(nogil=True)(function)
+        made = numba.njit(nogil=True, error_model="numpy")(function)
     return made
 
 

@@ -109,11 +109,16 @@ class MotionController:
         if action is Action.STOP:
             self.status = MotionStatus.DONE
             return
+        self._way = settings.way(action)
+        self._sign = direction(action)
+        self._turns = action.turns
+        self._cruise = settings.cruise(action)
+        self._limit_s = ideal_duration_s(action, settings) + settings.timeout_s
         self._tolerance = settings.tolerance(action)
         self._acceleration = acceleration(action, settings)
         self._deceleration = deceleration(action, settings)
         # The nominal turn plus the deviation from it: a half turn has no shorter way round.
-        nominal_rad = direction(action) * settings.way(action)
+        nominal_rad = self._sign * self._way
         self._turn_rad = nominal_rad + turn_error_rad(target_heading_rad, start.heading_rad + nominal_rad)
 
     @property
@@ -152,8 +157,7 @@ class MotionController:
         if now_s - stamp_s > self.settings.odometry_timeout_s:
             self.sensor_lost = True
             return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
-        limit_s = ideal_duration_s(self.action, self.settings) + self.settings.timeout_s
-        if self.duration_s > limit_s:
+        if self.duration_s > self._limit_s:
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall(pose)}")
         if self._stalled(pose, now_s):
             return self.abort(f"the base does not follow its commands: {self._shortfall(pose)}")
@@ -165,9 +169,9 @@ class MotionController:
 
     def error(self, pose: Pose) -> float:
         """Return what is left of the way at `pose`: metres or radians, positive in the direction of the action."""
-        if self.action.turns:
-            return direction(self.action) * (self._turn_rad - self._turned_rad)
-        return straight_error_m(self.settings.way(self.action), self._start, pose)
+        if self._turns:
+            return self._sign * (self._turn_rad - self._turned_rad)
+        return straight_error_m(self._way, self._start, pose)
 
     def _next(self, pose: Pose, now_s: float, stamp_s: float, period_s: float) -> Command:
         """Return the next command of the phase, or change the phase."""
@@ -188,7 +192,7 @@ class MotionController:
             return STANDSTILL
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
         slower = braking_speed(remaining * way, self._deceleration, max(period_s, self.settings.control_period_s))
-        self._speed = min(faster, self.settings.cruise(self.action), slower)
+        self._speed = min(faster, self._cruise, slower)
         return self._command(way * self._speed, pose, now_s, stamp_s)
 
     def _way_sign(self) -> float:
@@ -197,8 +201,8 @@ class MotionController:
 
     def _command(self, along: float, pose: Pose, now_s: float, stamp_s: float) -> Command:
         """Return the command that moves at `along` in the direction of the action, holding the heading of a move."""
-        signed = direction(self.action) * along
-        if self.action.turns:
+        signed = self._sign * along
+        if self._turns:
             return Command(angular_rad_s=signed)
         heading_rad = pose.heading_rad + self._pending(now_s, stamp_s).angular_rad_s
         hold_rad_s = self.settings.heading_gain_per_s * turn_error_rad(self._target_heading_rad, heading_rad)
@@ -207,7 +211,7 @@ class MotionController:
 
     def _along(self, command: Command) -> float:
         """Return the part of a velocity, or of its integral, that goes in the direction of the action."""
-        return direction(self.action) * (command.angular_rad_s if self.action.turns else command.linear_m_s)
+        return self._sign * (command.angular_rad_s if self._turns else command.linear_m_s)
 
     def _pending(self, now_s: float, stamp_s: float) -> Command:
         """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
@@ -228,7 +232,7 @@ class MotionController:
         if self._phase is not _Phase.DRIVE or self.corrections:
             return
         self._commands.append(_Mark(now_s, self._commanded))
-        way = self.settings.way(self.action)
+        way = self._way
         covered = way - self.error(pose)
         if not _LEARNING_SHARES[0] * way <= covered <= min(_LEARNING_SHARES[1] * way, self._commanded):
             return
@@ -277,7 +281,7 @@ class MotionController:
 
     def _shortfall(self, pose: Pose) -> str:
         """Return in words how much of the way was covered."""
-        way, left = self.settings.way(self.action), self.error(pose)
-        if self.action.turns:
+        way, left = self._way, self.error(pose)
+        if self._turns:
             return f"turned {math.degrees(way - left):.2f}° of {math.degrees(way):g}°"
         return f"moved {(way - left) * 100:.1f} cm of {way * 100:g} cm"

@@ -4,8 +4,11 @@ The base is a round shell on two driven wheels and two frictionless casters. Whe
 true motion differ honestly. Contact of the shell with anything solid is noticed within one step of 2 ms.
 """
 
+import ctypes
 import math
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -75,6 +78,7 @@ class Physics:
         import mujoco
 
         self._mujoco = mujoco
+        _stop_profiling()
         self._base = base
         solids = [part for part in scene.primitives if part.solid and part.category not in _BUILT_IN]
         self._clearance = Clearance(solids, _GROUND_CLEARANCE_M, base.height_m)
@@ -82,7 +86,7 @@ class Physics:
         self._furnished = _World(mujoco.MjModel.from_xml_string(_world_xml(self._clearance.solids, base)))
         self._world = self._open
         self._free_m = 0.0
-        self._shell = self._furnished.model.geom("shell").id
+        self._shell = self._furnished.model.geom("shell").id if self._clearance.solids else -1
         self._first_solid = self._furnished.model.geom("solid0").id if self._clearance.solids else 0
         wheels = [self._open.model.joint(f"{side}_wheel") for side in ("left", "right")]
         self._wheel_angle = [int(wheel.qposadr[0]) for wheel in wheels]
@@ -194,6 +198,15 @@ class Physics:
         return RollingGeometry(self._resting_height_m - float(data.contact.pos[:, 2].mean()), self._base.track_m)
 
 
+@cache
+def _stop_profiling() -> None:
+    """Let MuJoCo stop timing itself, as its C library does by default: nobody reads it, and it is a tenth of a step."""
+    import mujoco
+
+    for library in Path(mujoco.__file__).parent.glob("libmujoco.so*"):
+        ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mjcb_time").value = None
+
+
 class _World:
     """A MuJoCo model and its state."""
 
@@ -229,9 +242,14 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
             class="caster"/>"""
         for sign in (1, -1)
     )
+    shell = f"""
+      <geom name="shell" type="cylinder" size="{base.radius_m} {half_shell}"
+            pos="0 0 {_GROUND_CLEARANCE_M + half_shell - radius}" contype="0" conaffinity="2" condim="1" mass="0"/>"""
+    # One base on a floor: searching for islands and a hierarchy of boxes costs more than it saves.
+    flags = "" if solids else '<flag island="disable" midphase="disable"/>'
     return f"""
 <mujoco>
-  <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10"/>
+  <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10">{flags}</option>
   <default>
     <default class="solid"><geom contype="2" conaffinity="0" condim="1"/></default>
     <default class="wheel"><geom contype="0" conaffinity="1" condim="3" friction="1 0 0" solref="0.004 1"/></default>
@@ -243,9 +261,7 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
     <body name="base" pos="0 0 {radius}">
       <freejoint/>
       <inertial pos="0 0 0" mass="{body_mass}" diaginertia="{inertia} {inertia} {inertia}"/>
-      <geom name="shell" type="cylinder" size="{base.radius_m} {half_shell}"
-            pos="0 0 {_GROUND_CLEARANCE_M + half_shell - radius}" contype="0" conaffinity="2" condim="1" mass="0"/>
-      {casters}{wheels}
+      {shell if solids else ""}{casters}{wheels}
     </body>
   </worldbody>
   <actuator>

@@ -113,7 +113,7 @@ def shade_pixels(
                 last = min(end, first + STRETCH)
                 level = 0
                 level_at = np.int64(0)
-                bits = np.int64(_BITS)
+                bits = _BITS
                 if picture != 0:
                     middle = (first + last) * 0.5 - centre_x
                     far = depth[row, (first + last) // 2] if (first + last) // 2 < end else depth[row, first]
@@ -247,8 +247,7 @@ def label_pixels(seen: Any, owner: Any, categories: Any, instances: Any, categor
             end = column + 1
             while end < width and seen[row, end] == face:
                 end += 1
-            kind = categories[owner[face]] if face >= 0 else 0
-            number = instances[owner[face]] if face >= 0 else 0
-            category[row, column:end] = kind
-            instance[row, column:end] = number
+            shown = face >= 0
+            category[row, column:end] = categories[owner[face]] if shown else 0
+            instance[row, column:end] = instances[owner[face]] if shown else 0
             column = end
