@@ -31,6 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 GROUND = {
     "compilation",
+    "compute_threads",
     "database_url",
     "errors",
     "git_checkout",

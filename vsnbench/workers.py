@@ -1,5 +1,6 @@
 """What a process that works for another has to do so that it never outlives it."""
 
+import json
 import os
 import signal
 import sys
@@ -42,3 +43,20 @@ def command_that_ends_with_parent(command: Sequence[str]) -> list[str]:
         command: the program's path and its arguments.
     """
     return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), *command]
+
+
+def python_like_this(module: str, *arguments: str) -> list[str]:
+    """Return a command that runs a module of ours as a program, with this interpreter and its module path.
+
+    The program ends with the thread that starts it (`command_that_ends_with_parent`).
+
+    Args:
+        module: dotted name; its `main` is called with the arguments.
+        arguments: handed to it as text.
+    """
+    path = json.dumps(sys.path)
+    program = (
+        "import sys, json, importlib; sys.path[:] = json.loads(sys.argv[1]); "
+        "importlib.import_module(sys.argv[2]).main(*sys.argv[3:])"
+    )
+    return command_that_ends_with_parent([sys.executable, "-c", program, path, module, *arguments])

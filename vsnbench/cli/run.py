@@ -7,10 +7,12 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import RECORD_PANEL, Database, Results
+from vsnbench.errors import UsageError
 
 _WHAT = "What to run"
 _HOW = "How"
 _MODEL = "Model"
+_MOST_WORKERS = 4096
 
 
 def command(
@@ -64,6 +66,15 @@ def command(
     noise: Annotated[
         bool, typer.Option("--noise", help="noisy depth and odometry in simulation", rich_help_panel=_HOW)
     ] = False,
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            help="trials at once in simulation: auto is as many as cores and memory allow",
+            rich_help_panel=_HOW,
+        ),
+    ] = "auto",
     weights: Annotated[
         Path | None,
         typer.Option(
@@ -162,8 +173,22 @@ def command(
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,
+        workers=_workers(workers),
     )
     before = frozenset(threading.enumerate())
     code = run_and_tell(request, live=live, unattended=unattended)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
+
+
+def _workers(given: str) -> int | None:
+    """Return how many workers were asked for; None for `auto`.
+
+    Raises:
+        UsageError: it is no number from 1.
+    """
+    if given == "auto":
+        return None
+    if not given.isdecimal() or not 1 <= int(given) <= _MOST_WORKERS:
+        raise UsageError(f"--workers {given}: give a number from 1 to {_MOST_WORKERS}, or auto")
+    return int(given)

@@ -85,7 +85,12 @@ class EpisodeSink(Protocol):
 
 
 class EpisodeViewer(Protocol):
-    """Opens a sink for every episode of a run."""
+    """Opens a sink for every episode of a run; each worker of a run has one of its own, made from the same values."""
+
+    @property
+    def is_live(self) -> bool:
+        """Whether somebody is shown the episodes as they happen."""
+        ...
 
     def prepare(self) -> None:
         """Get ready, when nothing can be refused any more.

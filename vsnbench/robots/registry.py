@@ -36,6 +36,11 @@ def known_robots() -> list[str]:
     return [*built_in, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(built_in))]
 
 
+def is_simulated(name: str) -> bool:
+    """Whether the name is that of our own simulated robot: of it there can be as many as anybody wants."""
+    return name.partition(":")[0] == _SIMULATED
+
+
 def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: bool = False) -> Robot:
     """Return a robot that is ready to begin an episode; close it, or use it as a context manager.
 
@@ -51,12 +56,11 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
         UsageError: there is no such robot or profile, or it has no noise to turn on.
         RobotError: the robot cannot be reached or used.
     """
-    kind, _, rest = name.partition(":")
-    if kind == _SIMULATED:
+    if is_simulated(name):
         from vsnbench.robots.simulated import SimulatedRobot
         from vsnbench.simulator.noise import NoiseSettings
 
-        profile = load_profile(rest or _DEFAULT_PROFILE)
+        profile = load_profile(name.partition(":")[2] or _DEFAULT_PROFILE)
         return SimulatedRobot(site, profile, parameters, noise=NoiseSettings() if noise else None)
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")

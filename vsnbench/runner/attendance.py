@@ -7,7 +7,7 @@ from typing import Protocol
 
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.runner.attendant import Attendant, Nobody
+from vsnbench.runner.attendant import Attendant, Nobody, Overview
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.operator import Operator, require_operator
 from vsnbench.runner.progress import CampaignProgress
@@ -45,6 +45,10 @@ class Attendance(Protocol):
         """Return the attendant, as a context manager."""
         ...
 
+    def oversee(self, occasion: Occasion) -> AbstractContextManager[Overview]:
+        """Return where the progress of many workers is shown, as a context manager."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class TerminalAttendance:
@@ -57,19 +61,17 @@ class TerminalAttendance:
         if not self.unattended:
             require_operator(profile)
 
+    def oversee(self, occasion: Occasion) -> CampaignProgress:
+        """Show progress."""
+        return CampaignProgress(
+            occasion.label, occasion.trials, occasion.done, occasion.successes, occasion.parameters.max_actions
+        )
+
     @contextmanager
     def attend(self, occasion: Occasion) -> Iterator[Attendant]:
         """Show progress, and listen for the emergency stop key where a person stands beside the robot."""
         with ExitStack() as stack:
-            progress = stack.enter_context(
-                CampaignProgress(
-                    occasion.label,
-                    occasion.trials,
-                    occasion.done,
-                    occasion.successes,
-                    occasion.parameters.max_actions,
-                )
-            )
+            progress = stack.enter_context(self.oversee(occasion))
             if not occasion.needs_a_person or self.unattended:
                 yield Nobody(progress)
                 return

@@ -89,6 +89,22 @@ class Display(Protocol):
         ...
 
 
+class Overview(Protocol):
+    """Where the progress of many workers is shown as one."""
+
+    def say(self, words: str) -> None:
+        """Write a line that stays."""
+        ...
+
+    def pace(self, words: str) -> None:
+        """Show how fast it goes now."""
+        ...
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Show how an episode ended."""
+        ...
+
+
 class Nobody:
     """Nobody is there: the robot is taken to stand where it should, and what needs a person's word awaits it."""
 

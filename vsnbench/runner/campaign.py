@@ -74,6 +74,13 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
     return tuple(dict.fromkeys(names))
 
 
+def most_goals(asked: Sequence[str], site: Site) -> int:
+    """Return how many goals `choose_goals` would choose at most, whatever the model knows."""
+    names = {name.strip() for text in asked for name in text.split(",")}
+    here = [goal for goal in GOAL_CATEGORIES if goal in site.categories]
+    return len(here) if "all" in names else len(names)
+
+
 def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:
     """Return the numbers of starting positions named by text like `1-15,20`; all of the site's for None.
 

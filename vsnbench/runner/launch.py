@@ -3,36 +3,28 @@
 import logging
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from typing import Any
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, OpenCampaign
+from vsnbench.database.campaign_plan import CampaignPlan, OpenCampaign
 from vsnbench.database.journal import Journal
-from vsnbench.database.provenance import Provenance, gather_provenance
-from vsnbench.errors import SiteError, UsageError
-from vsnbench.harmless_text import error_line
-from vsnbench.models.contract import Policy, SurveyedPolicy
-from vsnbench.models.identity import code_of, files_handed_over
-from vsnbench.models.registry import create_policy
+from vsnbench.errors import SiteError
 from vsnbench.models.remote.isolation import Isolation
-from vsnbench.models.timed import timed
 from vsnbench.protocol.free_space import free_space
-from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import embedded_sites, load_site
+from vsnbench.protocol.site import Site, embedded_sites, load_site
 from vsnbench.protocol.survey.check import layout_findings
 from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.robots.contract import PlacedByHand, Robot
-from vsnbench.robots.registry import identity_of, open_robot
 from vsnbench.runner.attendance import Attendance, Occasion
-from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
+from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
+from vsnbench.runner.campaign import choose_starts, most_goals, plan_trials
+from vsnbench.runner.crew import open_crew, wish_of
 from vsnbench.runner.leftovers import sweep_results
-from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.pool.messages import Keeping
+from vsnbench.runner.session import SessionResult
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -58,6 +50,22 @@ class RunRequest:
     """How long a model in this process may take for an action; without end when None."""
     isolation: Isolation | None = None
     """Run the model in a process of its own."""
+    workers: int | None = 1
+    """How many trials are run at once in simulation; None for as many as this machine holds."""
+
+    def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
+        """Return what every trial of it is run with."""
+        return BenchPlan(
+            site=site,
+            model=self.model,
+            goals=self.goals,
+            robot=self.robot,
+            noise=self.noise,
+            parameters=parameters,
+            model_options=self.model_options,
+            act_timeout_s=self.act_timeout_s,
+            isolation=self.isolation,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,127 +95,55 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
     surveyed = request.site not in embedded_sites()
     if surveyed:
         _heed(request.site, layout_findings(site))
+    bench = request.bench_plan(site, parameters)
+    trials = most_goals(request.goals, site) * len(starts) * request.repetitions
+    wish = wish_of(request.workers, bench, trials, live=viewer is not None and viewer.is_live)
     with ExitStack() as stack:
-        policy = create_policy(request.model, request.isolation, **request.model_options)
-        stack.callback(_close, policy)
-        goals = choose_goals(request.goals, site, policy.card)
-        robot = stack.enter_context(open_robot(request.robot, site, parameters, noise=request.noise))
-        _check_sensors(policy, robot)
-        _check_weights(policy, robot)
+        crew = stack.enter_context(open_crew(bench, wish))
+        described = crew.description
+        tell_of_stand_in(described)
+        profile = described.robot.profile
         if surveyed:
-            _heed(
-                request.site, start_findings(site, free_space(site, robot.identity.profile.base.radius_m), parameters)
-            )
-        by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
-        if by_hand:
-            attendance.require(robot.identity.profile)
+            _heed(request.site, start_findings(site, free_space(site, profile.base.radius_m), parameters))
+        if described.needs_a_person:
+            attendance.require(profile)
         plan = CampaignPlan(
             site=site,
-            robot=identity_of(robot),
-            model=_identity(request, policy),
+            robot=described.robot,
+            model=described.model,
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(
-                goals, starts, request.repetitions, request.seed if request.shuffle else None, site.excluded
+                described.goals, starts, request.repetitions, request.seed if request.shuffle else None, site.excluded
             ),
-            conditions=robot.conditions,
+            conditions=described.conditions,
         )
         request.results.prepare()
-        journal = stack.enter_context(Journal.open(request.results.database_url, _provenance(policy)))
+        provenance = crew.provenance()
+        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
         campaign = journal.find_or_create_campaign(plan)
         if change := journal.model_change(campaign, plan.model):
             logger.warning("campaign %d is a new one: %s", campaign.id, change)
         if viewer is not None:
             viewer.prepare()
-        operator = _provenance(policy).operator
-        target = RecordingTarget(journal, request.results, _title(policy), robot.identity.profile, viewer, operator)
         sweep_results(request.results, journal)
         stop = stack.enter_context(Stopping())
-        stop.last_acts.append(robot.halt)
+        stop.last_acts.append(crew.halt)
+        journal.patience.gives_up = lambda: stop.session_ends
         outcomes = journal.standing(campaign).outcomes
         occasion = Occasion(
-            f"{_title(policy)} in {site.name}",
+            f"{described.title} in {site.name}",
             len(campaign.trials),
             len(outcomes),
             sum(outcomes),
             parameters,
-            by_hand,
-            robot.halt,
+            described.needs_a_person,
+            crew.halt,
             stop,
         )
-        attendant = stack.enter_context(attendance.attend(occasion))
-        journal.patience.gives_up = lambda: stop.session_ends
-        result = run_session(
-            journal,
-            campaign,
-            site,
-            parameters,
-            robot,
-            policy if request.act_timeout_s is None else timed(policy, request.act_timeout_s),
-            partial(EpisodeRecorderFanOut, target),
-            attendant,
-            stop,
-            operator,
-        )
+        keeping = Keeping(campaign, request.results, viewer, provenance.operator)
+        result = crew.run(journal, keeping, attendance, occasion)
     return Launched(campaign, result)
-
-
-def _close(policy: Policy) -> None:
-    """Let the policy go; what it raises then changes no result."""
-    try:
-        getattr(policy, "close", lambda: None)()
-    except Exception as error:
-        logger.warning("model %s failed in close: %s", policy.card.name, error_line(error))
-
-
-def _provenance(policy: Policy) -> Provenance:
-    """Describe this process, and where in it the model runs."""
-    here = gather_provenance()
-    runs_on = {f"model_{name}": str(value) for name, value in policy.card.runs_on.items()}
-    return replace(here, platform={**here.platform, **runs_on})
-
-
-def _identity(request: RunRequest, policy: Policy) -> ModelIdentity:
-    card = policy.card
-    return ModelIdentity(
-        name=card.name,
-        goals=card.goals,
-        sensors=frozenset(sensor.value for sensor in card.sensors),
-        weights_sha256=card.weights_sha256,
-        weights_label=card.weights_label,
-        settings=card.settings,
-        surveyed=isinstance(policy, SurveyedPolicy),
-        files=files_handed_over(request.model, policy, request.model_options),
-        code=code_of(policy),
-    )
-
-
-def _title(policy: Policy) -> str:
-    card = policy.card
-    return f"{card.name} ({card.weights_label})" if card.weights_label else card.name
-
-
-def _check_sensors(policy: Policy, robot: Robot) -> None:
-    missing = policy.card.sensors - robot.sensors
-    who = robot.identity.profile.name
-    if missing:
-        labels = Sensor.INSTANCES in missing
-        raise UsageError(
-            f"model {policy.card.name} needs {', '.join(sorted(missing))}, which robot {who} does not "
-            f"have; it has {', '.join(sorted(robot.sensors))}"
-            + ("; instances are the simulator's own labels: give the model a real detector's weights" if labels else "")
-        )
-
-
-def _check_weights(policy: Policy, robot: Robot) -> None:
-    if policy.card.stand_in and not robot.identity.simulated:
-        raise UsageError(
-            f"model {policy.card.name}: robot {robot.identity.profile.name} is real, and nothing was named to drive "
-            f"it but the {policy.card.weights_label}",
-            advice="name your weights with --weights FILE, or these with --weights embedded",
-        )
-    if policy.card.stand_in:
-        logger.warning("%s runs on %s; name others with --weights FILE", policy.card.name, policy.card.weights_label)
 
 
 def _heed(site: str, findings: Iterable[SiteFinding]) -> None:

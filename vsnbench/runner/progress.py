@@ -85,6 +85,14 @@ class CampaignProgress:
             soft_wrap=not self.console.is_terminal,
         )
 
+    def say(self, words: str) -> None:
+        """Write a line above the bar."""
+        self.console.print(f"[dim]{escape(words)}[/dim]", soft_wrap=not self.console.is_terminal)
+
+    def pace(self, words: str) -> None:
+        """Show how fast many workers get on, where one alone would show its action."""
+        self._bar.update(self._task, now=words)
+
     def judged(self, success: bool | None) -> None:
         """Take a person's judgement into the rate."""
         if success is not None:

@@ -18,7 +18,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.attendant import Attendant, EndedEpisode
-from vsnbench.runner.episode import EpisodePlan, EpisodeRecorder, Step, run_episode
+from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, EpisodeRecorder, Step, run_episode
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -60,6 +60,31 @@ class SessionResult:
     stopped_because: str = ""
 
 
+@dataclass(slots=True)
+class VoidsInARow:
+    """Counts episodes as they end, and knows when another attempt will mend nothing.
+
+    What a person ended with the emergency stop key says nothing about what is broken, and is not counted.
+    """
+
+    episodes: int = 0
+    void: int = 0
+    _in_a_row: int = 0
+
+    def count(self, outcome: EpisodeOutcome) -> str:
+        """Count an episode; return why the session ends here, empty when it goes on."""
+        self.episodes += 1
+        reason = outcome.verdict.end_reason
+        self.void += not reason.is_result
+        if reason.is_result:
+            self._in_a_row = 0
+        elif reason is not EndReason.ABORTED:
+            self._in_a_row += 1
+        if self._in_a_row < VOID_IN_A_ROW:
+            return ""
+        return f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
+
+
 def run_session(
     journal: Journal,
     campaign: OpenCampaign,
@@ -75,13 +100,13 @@ def run_session(
     """Run every trial that was asked for and is left, once each.
 
     A void episode leaves its trial for the next session, one that could not even begin included; several in a row end
-    this one. What a person ended with the emergency stop key says nothing about what is broken, and is not counted.
+    this one.
 
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.
         RecordError: the record cannot be written.
     """
-    episodes = void = in_a_row = 0
+    voids = VoidsInARow()
     because = ""
     wanted = [trial.id for trial in campaign.trials]
     beside = _Beside(journal, attendant, operator)
@@ -101,19 +126,13 @@ def run_session(
             stop.episode_is_over()
             recorder.close()
             journal.release(claim.id)
-        episodes += 1
         beside.has_ended(EndedEpisode(claim.id, plan, outcome))
-        reason = outcome.verdict.end_reason
-        void += not reason.is_result
-        if not reason.is_result and reason is not EndReason.ABORTED:
-            in_a_row += 1
-        elif reason.is_result:
-            in_a_row = 0
-        if in_a_row == VOID_IN_A_ROW:
-            because = f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
+        if because := voids.count(outcome):
             break
     standing = journal.standing(campaign)
-    return SessionResult(episodes, void, len(standing.left), len(standing.elsewhere), len(standing.awaiting), because)
+    return SessionResult(
+        voids.episodes, voids.void, len(standing.left), len(standing.elsewhere), len(standing.awaiting), because
+    )
 
 
 class _Beside:

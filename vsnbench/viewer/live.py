@@ -32,6 +32,11 @@ class RerunEpisodes:
         if self._viewer is not None:
             self._viewer.close()
 
+    @property
+    def is_live(self) -> bool:
+        """Whether somebody is shown the episodes as they happen."""
+        return self._live
+
     def prepare(self) -> None:
         """With `--live`, open Rerun's window, or serve it to a browser where there is no display.
 

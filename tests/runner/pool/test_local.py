@@ -1,0 +1,127 @@
+"""Workers on this machine: the same bits as alone, a trial taken again when its worker dies, nobody left behind."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from vsnbench.whole_files import PART
+
+STORY = """
+    SELECT t.goal, t.start, e.seed, e.end_reason, e.distance_to_goal_m, v.success, s.number, s.action, s.blocked,
+           s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
+           s.rgb_sha256, s.depth_sha256, s.probabilities, s.details
+    FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
+    JOIN verdict v ON v.episode_id = e.id WHERE e.state = 'judged' ORDER BY t.goal, t.start, s.number
+"""
+JUDGED = "SELECT COUNT(*), COUNT(DISTINCT trial_id) FROM episode WHERE state = 'judged'"
+DEADLINE_S = 120.0
+
+
+def rows(results: Path, query: str) -> list[tuple[object, ...]]:
+    with closing(sqlite3.connect(f"file:{results / 'vsnbench.db'}?mode=ro", uri=True, timeout=10)) as connection:
+        return connection.execute(query).fetchall()
+
+
+@contextmanager
+def running(results: Path, *words: str) -> Iterator["subprocess.Popen[str]"]:
+    """Start `vsnbench run` in a process of its own; it and its workers are ended with the block."""
+    command = [sys.executable, "-m", "vsnbench.cli.main", "run", *words, "--results", str(results)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "200"})
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        assert process.stderr is not None
+        process.stderr.close()
+
+
+def run(results: Path, *words: str) -> str:
+    """Run to the end and return what was said."""
+    with running(results, *words) as process:
+        _, said = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 0, said
+        return said
+
+
+def workers_at_a_trial(process: "subprocess.Popen[str]", results: Path, count: int = 1) -> Sequence[psutil.Process]:
+    """Wait until so many workers have begun an episode and return them."""
+    query = "SELECT p.pid FROM episode e JOIN process p ON p.id = e.process_id WHERE e.state = 'running'"
+    deadline = time.monotonic() + DEADLINE_S
+    while time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr.read() if process.stderr else ""
+        try:
+            found = [psutil.Process(int(str(pid))) for (pid,) in rows(results, query)]
+        except (sqlite3.OperationalError, psutil.NoSuchProcess):  # the tables are being made, or it has just died
+            found = []
+        if len(found) >= count:
+            return found
+        time.sleep(0.02)
+    pytest.fail(f"no {count} workers at a trial within two minutes")
+
+
+def assert_gone(workers: Sequence[psutil.Process]) -> None:
+    _, alive = psutil.wait_procs(workers, timeout=20)
+    assert [worker for worker in alive if worker.status() != psutil.STATUS_ZOMBIE] == []
+
+
+def half_written(results: Path) -> list[Path]:
+    return list(results.rglob(f"*{PART}"))
+
+
+def test_two_workers_give_the_same_bits_as_one(tmp_path: Path) -> None:
+    words = ("--model", "random", "--goal", "chair,bed", "--starts", "1-3", "--noise", "--max-steps", "6")
+    run(tmp_path / "one", *words, "--workers", "1")
+    said = run(tmp_path / "two", *words, "--workers", "2")
+    assert "2 workers: " in said
+    assert "all 6 trials are done" in said
+    story = rows(tmp_path / "one", STORY)
+    assert len(story) >= 12
+    assert rows(tmp_path / "two", STORY) == story
+    by = (
+        "SELECT DISTINCT json_extract(p.platform, '$.compute_threads') FROM episode e "
+        "JOIN process p ON p.id = e.process_id"
+    )
+    assert rows(tmp_path / "one", by) == rows(tmp_path / "two", by) == [("1",)]
+    assert rows(tmp_path / "two", "SELECT COUNT(DISTINCT process_id) FROM episode") == [(2,)]
+
+
+def test_ctrl_c_at_the_driver_ends_every_episode_recorded(tmp_path: Path) -> None:
+    words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-3", "--max-steps", "5000")
+    with running(tmp_path, *words, "--workers", "2") as process:
+        workers = workers_at_a_trial(process, tmp_path, 2)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130, said
+    assert "The same command goes on" in said
+    assert rows(tmp_path, "SELECT end_reason FROM episode") == [("aborted",), ("aborted",)]
+    assert_gone(workers)
+
+
+def test_killed_workers_and_a_killed_driver_lose_no_trial_and_leave_nothing_behind(tmp_path: Path) -> None:
+    words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-4", "--max-steps", "30")
+    command = (*words, "--workers", "2")
+    with running(tmp_path, *command) as process:
+        workers = workers_at_a_trial(process, tmp_path, 2)
+        process.kill()
+        process.wait()
+        assert_gone(workers)
+    with running(tmp_path, *command) as process:
+        workers = workers_at_a_trial(process, tmp_path, 2)
+        workers[0].kill()
+        _, said = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, said
+    assert "a worker ended with SIGKILL at chair from" in said
+    assert rows(tmp_path, JUDGED) == [(4, 4)]
+    assert rows(tmp_path, "SELECT end_reason, COUNT(*) FROM episode WHERE state = 'void'") == [("interrupted", 3)]
+    assert half_written(tmp_path) == []
+    assert_gone(workers)

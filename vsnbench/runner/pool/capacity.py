@@ -1,0 +1,109 @@
+"""How many workers this machine holds: as many as it has cores, and memory for."""
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import psutil
+
+from vsnbench.errors import UsageError
+from vsnbench.runner.pool.messages import Prepared
+
+GIB = 2**30
+AMPLE_BYTES = 3 * GIB
+"""With so much free for each, workers are started together; with less, one is measured first."""
+RUNNING_BYTES = 400 * 2**20
+"""What an episode takes over a bench that has only been made: compiled code, images, Rerun, the database."""
+FEWEST_TRIALS = 10
+"""A worker needs some seconds to get ready: fewer trials are run in the driver's own process."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """How many workers somebody wants."""
+
+    at_most: int
+    asked_for: bool
+    """By a number; else as many as the machine holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """What a machine, or this part of it, has."""
+
+    cores: int
+    free_bytes: int
+
+    @classmethod
+    def of_this_machine(cls) -> Self:
+        """Look, with the limits that a container or a batch system has set for this process."""
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        free = psutil.virtual_memory().available
+        if (granted := _cgroup_cores()) is not None:
+            cores = min(cores, max(1, math.ceil(granted)))
+        if (left := _cgroup_memory_left()) is not None:
+            free = min(free, left)
+        return cls(cores, free)
+
+    def is_ample_for(self, workers: int) -> bool:
+        """Whether so many fit in any case."""
+        return workers * AMPLE_BYTES <= self.free_bytes
+
+    def words(self, workers: int, one_bytes: int) -> str:
+        """Say what was chosen, and from what."""
+        cores = f"{self.cores} core{'' if self.cores == 1 else 's'}"
+        return (
+            f"{workers} worker{'' if workers == 1 else 's'}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
+            f"one takes about {one_bytes / GIB:.1f} GiB"
+        )
+
+
+def wish_for(workers: int | None, trials: int, capacity: Capacity) -> Wish:
+    """Return how many workers are to be started for so many trials; `workers` None for as many as make sense."""
+    if workers is not None:
+        return Wish(max(1, min(workers, trials)), asked_for=True)
+    return Wish(1 if trials < FEWEST_TRIALS else min(capacity.cores, trials), asked_for=False)
+
+
+def takes_bytes(measured: Prepared) -> int:
+    """Return what a worker takes while it runs trials."""
+    return measured.memory_bytes + RUNNING_BYTES
+
+
+def chosen(wish: Wish, capacity: Capacity, measured: Prepared) -> int:
+    """Return how many workers are to run, once one of them is there.
+
+    Raises:
+        UsageError: more were asked for than memory holds.
+    """
+    one_bytes = takes_bytes(measured)
+    held = max(1, capacity.free_bytes // one_bytes)
+    if wish.at_most <= held:
+        return wish.at_most if wish.asked_for or measured.description.card.runs_on.get("device", "cpu") == "cpu" else 1
+    if wish.asked_for:
+        raise UsageError(
+            f"--workers {wish.at_most}: one takes about {one_bytes / GIB:.1f} GiB and {capacity.free_bytes / GIB:.1f} "
+            f"GiB are free, which holds {held}",
+            advice=f"give --workers {held}, or leave it out",
+        )
+    return held
+
+
+def _cgroup_cores() -> float | None:
+    """Return the processor time that a container is granted, in cores; None without such a limit."""
+    quota, _, period = _read(Path("/sys/fs/cgroup/cpu.max")).partition(" ")
+    return float(quota) / float(period) if quota.isdecimal() and period.strip().isdecimal() else None
+
+
+def _cgroup_memory_left() -> int | None:
+    limit, used = (_read(Path(f"/sys/fs/cgroup/memory.{name}")).strip() for name in ("max", "current"))
+    return max(int(limit) - int(used), 0) if limit.isdecimal() and used.isdecimal() else None
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii")
+    except OSError:
+        return ""

@@ -1,0 +1,231 @@
+"""A pool of workers on this machine: started, watched, replaced when they die, and never left behind."""
+
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Sequence
+from multiprocessing.connection import Connection, wait
+from types import TracebackType
+from typing import Self
+
+from vsnbench.compute_threads import one_thread_environment
+from vsnbench.database.campaign_plan import Trial
+from vsnbench.errors import VsnbenchError
+from vsnbench.runner.bench import BenchDescription, BenchPlan
+from vsnbench.runner.pool.capacity import Capacity, Wish, chosen, takes_bytes
+from vsnbench.runner.pool.contract import ActionsTaken, EpisodeKept, PoolEvent, WorkerLost
+from vsnbench.runner.pool.messages import (
+    Acted,
+    Ended,
+    Free,
+    Keeping,
+    Order,
+    Prepare,
+    Prepared,
+    Refused,
+    Report,
+    RunTrial,
+    Stop,
+)
+from vsnbench.runner.stopping import StopRequest
+from vsnbench.workers import python_like_this
+
+logger = logging.getLogger(__name__)
+
+PROGRAM = "vsnbench.runner.pool.worker"
+STOP_TIMEOUT_S = 20.0
+"""How long workers may take to end their episodes: an action and a commit, on a busy machine."""
+
+
+class LocalWorker:
+    """A worker's process, seen from the driver."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self.process = subprocess.Popen(
+                python_like_this(PROGRAM, str(theirs.fileno())),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, **one_thread_environment()},
+                pass_fds=[theirs.fileno()],
+                start_new_session=True,  # Ctrl-C is for the driver, which has the episodes ended
+            )
+        self.connection: Connection[Order, Report] = Connection(ours.detach())
+        self.prepared: Prepared | None = None
+        self.trial: Trial | None = None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it waits for a trial."""
+        return self.prepared is not None and self.trial is None
+
+    def tell(self, order: Order) -> None:
+        """Send an order; one that is gone is noticed where its reports are read."""
+        try:
+            self.connection.send(order)
+        except OSError:
+            logger.debug("worker %d is gone", self.process.pid)
+
+    def bury(self) -> str:
+        """End it where it has not ended yet, and say how it ended."""
+        self.process.kill()
+        code = self.process.wait()
+        self.connection.close()
+        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+class LocalPool:
+    """Workers on this machine; a context manager that leaves none behind."""
+
+    def __init__(self, plan: BenchPlan, wish: Wish) -> None:
+        """Start the workers, and find out how many the machine holds.
+
+        Raises:
+            UsageError: more were asked for than its memory holds, or the plan does not fit together.
+            VsnbenchError: the bench cannot be made.
+        """
+        self._order = Prepare(plan, tuple(sys.argv))
+        self._workers: list[LocalWorker] = []
+        self._events: deque[PoolEvent] = deque()
+        capacity = Capacity.of_this_machine()
+        try:
+            self._start(wish.at_most if capacity.is_ample_for(wish.at_most) else 1)
+            first = self._await_first()
+            self._description = first.description
+            self._count = chosen(wish, capacity, first)
+            for surplus in self._workers[self._count :]:
+                surplus.bury()
+            del self._workers[self._count :]
+            self._start(self._count - len(self._workers))
+            self._words = capacity.words(self._count, takes_bytes(first))
+        except BaseException:
+            self.kill()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.kill()
+
+    @property
+    def description(self) -> BenchDescription:
+        """What their benches say of themselves."""
+        return self._description
+
+    @property
+    def words(self) -> str:
+        """How many workers there are, and why."""
+        return self._words
+
+    @property
+    def free(self) -> int:
+        """How many trials can be begun now."""
+        return sum(worker.is_free for worker in self._workers)
+
+    @property
+    def busy(self) -> int:
+        """How many trials are being run."""
+        return sum(worker.trial is not None for worker in self._workers)
+
+    def begin(self, trial: Trial, keeping: Keeping) -> None:
+        """Have a free worker run a trial."""
+        worker = next(worker for worker in self._workers if worker.is_free)
+        worker.trial = trial
+        worker.tell(RunTrial(trial, keeping))
+
+    def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+        """Return what has happened, as soon as something has.
+
+        Raises:
+            VsnbenchError: a worker says that what was ordered cannot be done.
+        """
+        by_connection = {worker.connection: worker for worker in self._workers}
+        for ready in wait(list(by_connection), timeout_s):
+            worker = by_connection[ready]  # type: ignore[index]
+            try:
+                self._heard(worker, worker.connection.recv())
+            except (EOFError, OSError):
+                self._lost(worker)
+        happened = list(self._events)
+        self._events.clear()
+        return happened
+
+    def stop(self, request: StopRequest) -> None:
+        """Have every running episode end as somebody asks; returns when all workers are gone."""
+        give_up_s = time.monotonic() + STOP_TIMEOUT_S
+        at_work = [worker for worker in self._workers if worker.trial is not None]
+        for worker in at_work:
+            worker.tell(Stop(request))
+        while at_work and (left_s := give_up_s - time.monotonic()) > 0:
+            for ready in wait([worker.connection for worker in at_work], left_s):
+                worker = next(one for one in at_work if one.connection is ready)
+                if not _still_talks(worker.connection):
+                    at_work.remove(worker)
+        self.kill()
+
+    def kill(self) -> None:
+        """End all workers at once."""
+        for worker in self._workers:
+            worker.process.kill()
+        while self._workers:
+            self._workers.pop().bury()
+
+    def _start(self, count: int) -> None:
+        for _ in range(count):
+            worker = LocalWorker()
+            self._workers.append(worker)
+            worker.tell(self._order)
+
+    def _await_first(self) -> Prepared:
+        while True:
+            for event in self.events(1.0):
+                if isinstance(event, WorkerLost):
+                    raise VsnbenchError(
+                        f"a worker ended while it got ready, with {event.words}", advice="see its words above"
+                    )
+            for worker in self._workers:
+                if worker.prepared is not None:
+                    return worker.prepared
+
+    def _heard(self, worker: LocalWorker, report: Report) -> None:
+        match report:
+            case Prepared() as prepared:
+                worker.prepared = prepared
+                if self._workers_differ(prepared):
+                    raise VsnbenchError("two workers made of the same plan differ: " + self._workers_differ(prepared))
+            case Acted():
+                self._events.append(ActionsTaken())
+            case Ended(number, trial, outcome):
+                self._events.append(EpisodeKept(number, trial, outcome))
+            case Free():
+                worker.trial = None
+            case Refused(error):
+                raise error
+
+    def _workers_differ(self, prepared: Prepared) -> str:
+        others = [one.prepared for one in self._workers if one.prepared is not None]
+        return others[0].description.difference(prepared.description) if others else ""
+
+    def _lost(self, worker: LocalWorker) -> None:
+        how = worker.bury()
+        self._workers.remove(worker)
+        self._events.append(WorkerLost(worker.trial, how))
+        if any(one.prepared is not None for one in self._workers) or worker.prepared is not None:
+            self._start(1)
+
+
+def _still_talks(connection: "Connection[Order, Report]") -> bool:
+    """Drop what a worker still says; False when it is gone."""
+    try:
+        return bool(os.read(connection.fileno(), 1 << 16))
+    except OSError:
+        return False

@@ -1,0 +1,162 @@
+"""A worker of this machine: a process with a bench of its own that runs the trials it is told to, one after another.
+
+It writes into the record itself, every step as it happens, just as a run alone does. It hears nothing of Ctrl-C, which
+is for the driver; when the driver is gone, so is it.
+"""
+
+import logging
+import os
+import queue
+import shlex
+import sys
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from multiprocessing.connection import Connection
+
+import psutil
+
+from vsnbench.database.journal import Journal
+from vsnbench.errors import RobotError, VsnbenchError
+from vsnbench.protocol.site import StartingPosition
+from vsnbench.runner.attendant import EndedEpisode, Judgement
+from vsnbench.runner.bench import Bench, BenchPlan, open_bench
+from vsnbench.runner.episode import EpisodePlan, Step
+from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.session import run_session
+from vsnbench.runner.stopping import Stopped, Stopping
+
+
+def main(descriptor: str) -> None:
+    """Work until the driver says stop.
+
+    Args:
+        descriptor: the number of the socket to the driver.
+    """
+    logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
+    connection: Connection[Report, Order] = Connection(int(descriptor))
+    with Stopping() as stop, ExitStack() as stack:
+        worker = Worker(connection, stop, stack)
+        try:
+            worker.work()
+        except VsnbenchError as error:
+            connection.send(Refused(error))
+        except (Stopped, BrokenPipeError):
+            return
+
+
+class Worker:
+    """Carries out the driver's orders; the main thread's only."""
+
+    def __init__(self, connection: "Connection[Report, Order]", stop: Stopping, stack: ExitStack) -> None:
+        self._connection = connection
+        self._stop = stop
+        self._stack = stack
+        self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+        self._plan: BenchPlan | None = None
+        self._bench: Bench | None = None
+        self._command = ""
+        self._journal: Journal | None = None
+        threading.Thread(target=self._listen, name="orders", daemon=True).start()
+
+    def work(self) -> None:
+        """Carry out one order after another.
+
+        Raises:
+            Stopped: one of them was to stop.
+            VsnbenchError: what was ordered cannot be done.
+        """
+        while True:
+            match self._orders.get():
+                case Prepare(plan, command):
+                    self._prepare(plan, command)
+                case RunTrial() as order:
+                    self._run(order)
+                    self._connection.send(Free())
+                case Stop(request):
+                    raise Stopped(request)
+
+    def _listen(self) -> None:
+        """Take orders while the main thread works; without a driver there is nothing to work for."""
+        while True:
+            try:
+                order = self._connection.recv()
+            except (EOFError, OSError):
+                os._exit(1)
+            if isinstance(order, Stop):
+                self._stop.ask(order.request)
+            self._orders.put(order)
+
+    def _prepare(self, plan: BenchPlan, command: tuple[str, ...]) -> None:
+        self._stack.close()
+        self._bench = self._journal = None
+        self._command = shlex.join(command)
+        self._bench = self._stack.enter_context(open_bench(plan))
+        self._plan = plan
+        self._stop.last_acts[:] = [self._bench.robot.halt]
+        self._connection.send(Prepared(self._bench.description, psutil.Process().memory_full_info().uss))
+
+    def _run(self, order: RunTrial) -> None:
+        if self._bench is None or self._plan is None:
+            raise RuntimeError("a trial was ordered before a bench")
+        bench, plan, keeping = self._bench, self._plan, order.keeping
+        if self._journal is None:
+            url = keeping.results.database_url
+            self._journal = self._stack.enter_context(Journal.open(url, bench.provenance(self._command)))
+            self._journal.patience.gives_up = lambda: self._stop.session_ends
+        target = RecordingTarget(
+            self._journal,
+            keeping.results,
+            bench.description.title,
+            bench.description.robot.profile,
+            keeping.viewer,
+            keeping.operator,
+        )
+        run_session(
+            self._journal,
+            replace(keeping.campaign, trials=(order.trial,)),
+            plan.site,
+            plan.parameters,
+            bench.robot,
+            bench.policy,
+            partial(EpisodeRecorderFanOut, target),
+            _Reporter(self._connection, order),
+            self._stop,
+            keeping.operator,
+        )
+
+
+class _Reporter:
+    """Stands beside a worker's simulated robot for the driver: tells it everything and answers nothing."""
+
+    def __init__(self, connection: "Connection[Report, Order]", order: RunTrial) -> None:
+        self._connection = connection
+        self._order = order
+
+    def trial_begins(self, plan: EpisodePlan) -> None:
+        """Say nothing: the driver has ordered it."""
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Tell of an action."""
+        del plan, step
+        self._connection.send(Acted())
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Tell how it ended."""
+        self._connection.send(Ended(ended.number, self._order.trial, ended.outcome))
+
+    def place(self, start: StartingPosition, problem: str) -> None:
+        """Accept at once.
+
+        Raises:
+            RobotError: something is wrong that only a person could put right.
+        """
+        if problem:
+            raise RobotError(f"starting position {start.number}: {problem}, and nobody is beside a worker's robot")
+
+    def judge(self, ended: EndedEpisode) -> Judgement | None:
+        """Say nothing."""
+        del ended
+        return None
