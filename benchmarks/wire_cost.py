@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from vsnbench.errors import ModelLostError
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.protocol.camera import Camera
@@ -36,7 +37,7 @@ class Model:
         return "TURN_LEFT"
 """
 ENCODINGS = {
-    "raw, float32 depth": "",
+    "raw, float32 depth": "rgb: raw",
     "raw, 16-bit depth": "depth: mm16",
     "JPEG, 16-bit depth": "rgb: jpeg\ndepth: mm16",
 }
@@ -80,7 +81,7 @@ def _connected(settings: Path) -> RemotePolicy:
     while True:
         try:
             return RemotePolicy(f"ws://127.0.0.1:{PORT}", settings)
-        except Exception:
+        except ModelLostError:
             if time.monotonic() > give_up:
                 raise
             time.sleep(0.1)

@@ -63,7 +63,7 @@ def serve(
     policy = create_policy(str(model), None, **options)
     try:
         serve_policy(
-            ServedPolicy(policy),
+            ServedPolicy(policy, str(model), options),
             host=host,
             port=port,
             certificate=str(certificate) if certificate else None,

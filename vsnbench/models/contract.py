@@ -28,6 +28,11 @@ class ModelCard:
     """JSON-serialisable: everything else that results depend on, precision among it. Part of the model's identity."""
     runs_on: Mapping[str, str | int | None] = field(default_factory=dict, compare=False)
     """Where and by what it runs (device, runtime, threads): kept as provenance, no part of the model's identity."""
+    code: Mapping[str, str] = field(default_factory=dict)
+    """For a model in another process: what its server says of its source. Part of the model's identity, as the source
+    of one in this process is."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """For a model in another process: SHA-256 of the files that it was handed there, by option."""
     stand_in: bool = False
     """Nobody named these weights: they only stand in for the model's own, and must not drive a real robot."""
 

@@ -25,7 +25,7 @@ _MOST_FILES = 10_000
 def files_handed_over(name: str, policy: Policy, options: Mapping[str, Any]) -> dict[str, str]:
     """Return the SHA-256 of every file or directory among the options of a third party's policy, by option.
 
-    Weights whose hash is on the card already are not repeated.
+    Weights whose hash is on the card already are not repeated. What a policy was handed elsewhere its card says.
 
     Args:
         name: how the model was named; in a process of its own it is third party's too.
@@ -35,9 +35,9 @@ def files_handed_over(name: str, policy: Policy, options: Mapping[str, Any]) -> 
     Raises:
         ModelError: one of them cannot be read.
     """
+    hashes = dict(policy.card.files)
     if not is_third_party(name):
-        return {}
-    hashes = {}
+        return hashes
     for option, value in sorted(options.items()):
         if isinstance(value, Path) and value.exists():
             try:
@@ -52,13 +52,15 @@ def files_handed_over(name: str, policy: Policy, options: Mapping[str, Any]) -> 
 def code_of(policy: Policy) -> dict[str, str]:
     """Return what a third party's policy was made from; nothing for vsnbench's own.
 
+    Of a policy in another process it is what its server says: the same for the same source.
+
     Returns:
         `class`; `sha256` of its source; `version` of its installed package, and the git `commit` of its source
         (`+changes` where it differs from that), as far as there are such.
     """
     made = type(policy)
     if made.__module__.partition(".")[0] == "vsnbench":
-        return {}
+        return dict(policy.card.code)
     found = {"class": f"{made.__module__}:{made.__qualname__}", "sha256": source_sha256(made)}
     if version := _package_version(made.__module__.partition(".")[0]):
         found["version"] = version

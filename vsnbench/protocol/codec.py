@@ -113,7 +113,7 @@ def _recorded_diagnostics(probabilities: object, details: object) -> Diagnostics
 def observation_to_message(
     observation: Observation, *, rgb: RgbEncoding = "raw", depth: DepthEncoding = "f32"
 ) -> dict[str, Any]:
-    """Return an observation as values that msgpack carries: those of JSON, and bytes for pixels.
+    """Return an observation as values that msgpack carries: those of JSON, and bytes or views of them for pixels.
 
     Args:
         observation: what is not shown in it is None in the message.
@@ -130,11 +130,10 @@ def observation_to_message(
     }
     if Sensor.RGB in there:
         pixels = observation.rgb
-        data = pixels.tobytes() if rgb == "raw" else encode_jpeg(pixels)
-        message["rgb"] = _image(rgb, pixels, data)
+        message["rgb"] = _image(rgb, pixels, _bytes_of(pixels, "u1") if rgb == "raw" else encode_jpeg(pixels))
     if Sensor.DEPTH in there and observation.depth_m is not None:
         metres = observation.depth_m
-        data = (metres.astype("<f4") if depth == "f32" else depth_millimetres(metres).astype("<u2")).tobytes()
+        data = _bytes_of(metres, "<f4") if depth == "f32" else _bytes_of(depth_millimetres(metres), "<u2")
         message["depth"] = _image(depth, metres, data)
     if Sensor.ODOMETRY in there:
         pose = observation.pose
@@ -237,9 +236,14 @@ def _map_from_json(kept: object) -> GridMap:
     return GridMap(cells, origin[0], origin[1], kept.get("resolution_m"))  # type: ignore[arg-type]
 
 
-def _image(encoding: str, pixels: npt.NDArray[Any], data: bytes) -> dict[str, Any]:
+def _image(encoding: str, pixels: npt.NDArray[Any], data: bytes | memoryview) -> dict[str, Any]:
     height, width = pixels.shape[:2]
     return {"encoding": encoding, "height": height, "width": width, "data": data}
+
+
+def _bytes_of(array: npt.NDArray[Any], kind: str) -> memoryview:
+    """Return an array's bytes as numbers of a kind, not copied where they lie so already."""
+    return np.ascontiguousarray(array, kind).data.cast("B")
 
 
 def _rgb_of(image: Mapping[str, Any]) -> npt.NDArray[np.uint8]:

@@ -305,6 +305,8 @@ def test_an_answer_of_a_gigabyte_is_cut_off_early() -> None:
         ({"type": "card", "wire": 1, "card": {**CARD, "name": ""}}, "no name"),
         ({"type": "card", "wire": 1, "card": {**CARD, "sensors": ["instances"]}}, "sensors"),
         ({"type": "card", "wire": 1, "card": {**CARD, "goals": ["unicorn"]}}, "none of the goals"),
+        ({"type": "card", "wire": 1, "card": {**CARD, "runs_on": [1]}}, "runs_on"),
+        ({"type": "card", "wire": 1, "card": {**CARD, "code": {"class": []}}}, "code"),
         ({"type": "card", "wire": 1}, "no card"),
         ({"type": "error", "code": "busy", "message": "another client"}, "end the other run"),
         (b"\xc1", "does not speak the protocol"),

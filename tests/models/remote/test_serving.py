@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ import torch
 
 from tests.models.pirlnav.conftest import DATA
 from tests.models.remote.servers import PATIENCE_S, await_port, free_port, look
+from vsnbench.database.campaign_plan import content_sha256
 from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
@@ -58,6 +61,8 @@ def test_pirlnav_elsewhere_gives_the_same_logits_and_actions_to_the_bit(
     with served(*arguments, cwd=tmp_path) as url:
         there = create_policy(url)
         assert there.card == here.card
+        assert there.card.runs_on["runtime"] == "torch"
+        assert there.card.runs_on["device"] == "cpu"
         for number, frame in enumerate(frames):
             if number % 6 == 0:
                 here.reset("chair", number)
@@ -80,6 +85,7 @@ def test_an_upper_bound_and_a_model_that_needs_labels_are_not_served() -> None:
 CRASHES = """
 import os
 import signal
+import time
 
 class Model:
     card = {"name": "crashes", "sensors": ["rgb"]}
@@ -94,6 +100,8 @@ class Model:
             self.hoard = [bytearray(1 << 26) for _ in range(64)]
         if self.seed == 3:
             signal.raise_signal(signal.SIGSEGV)
+        if self.seed == 4:
+            time.sleep(3600)
         return "TURN_RIGHT"
 """
 
@@ -105,20 +113,36 @@ def models_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def isolated(memory_bytes: int | None = None) -> IsolatedPolicy:
-    return IsolatedPolicy("crashing:Model", {}, Isolation(Path(sys.executable), memory_bytes))
+def isolated(memory_bytes: int | None = None, **options: Any) -> IsolatedPolicy:
+    return IsolatedPolicy("crashing:Model", options, Isolation(Path(sys.executable), memory_bytes))
 
 
-@pytest.mark.parametrize(("seed", "how"), [(1, "exit code 3"), (3, "SIGSEGV")])
-def test_an_isolated_model_that_exits_is_lost_and_named(models_directory: Path, seed: int, how: str) -> None:
-    policy = isolated()
+@pytest.mark.parametrize(("seed", "how"), [(1, "exit code 3"), (3, "SIGSEGV"), (4, r"no answer .* within 0\.5 s")])
+def test_an_isolated_model_that_dies_or_hangs_is_lost_and_started_again(
+    models_directory: Path, seed: int, how: str
+) -> None:
+    policy = isolated(act_timeout=0.5)
     try:
+        first = policy.pid
+        policy.reset("chair", seed)
+        with pytest.raises(ModelLostError, match=f"act: .*{how}"):
+            policy.act(look())
         policy.reset("chair", 0)
         assert policy.act(look()).action.value == "TURN_RIGHT"
-        policy.reset("chair", seed)
+        with pytest.raises(ProcessLookupError):
+            os.kill(first, 0)
+    finally:
+        policy.close()
+
+
+def test_an_isolated_model_that_comes_back_as_another_is_lost(models_directory: Path) -> None:
+    policy = isolated()
+    try:
+        policy.reset("chair", 1)
         with pytest.raises(ModelLostError):
             policy.act(look())
-        with pytest.raises(ModelLostError, match=how):
+        (models_directory / "crashing.py").write_text(CRASHES.replace('"crashes"', '"mended"'))
+        with pytest.raises(ModelLostError, match=r"another one now .*'crashes' → 'mended'"):
             policy.reset("chair", 0)
     finally:
         policy.close()
@@ -207,4 +231,45 @@ def test_other_code_in_another_python_is_another_model(models_directory: Path) -
     (models_directory / "crashing.py").write_text(CRASHES.replace("TURN_RIGHT", "TURN_LEFT"))
     second = isolated()
     second.close()
-    assert first.card.settings["code"] != second.card.settings["code"]
+    assert first.card.code["class"] == second.card.code["class"] == "crashing:Model"
+    assert first.card.code["sha256"] != second.card.code["sha256"]
+
+
+OURS = """
+from vsnbench.models.contract import ModelCard
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision
+
+class Walker:
+    card = ModelCard("walker", settings={"pace": (1, 2)}, runs_on={"device": "abacus"})
+
+    def __init__(self, weights=None):
+        pass
+
+    def reset(self, goal, seed):
+        pass
+
+    def act(self, observation):
+        return Decision(Action.TURN_LEFT)
+"""
+
+
+@pytest.mark.parametrize("python", [None, Path(sys.executable)])
+def test_the_same_source_is_the_same_model_in_this_process_and_in_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, python: Path | None
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "walking", raising=False)
+    (tmp_path / "walking.py").write_text(OURS)
+    (tmp_path / "walker.bin").write_bytes(b"steps")
+    options = {} if python else {"weights": tmp_path / "walker.bin"}
+    here = create_policy("walking:Walker", None, **options)
+    there = create_policy("walking:Walker", Isolation(python), **options)
+    there.close()
+    assert code_of(there)["sha256"]
+    assert code_of(there) == code_of(here)
+    assert files_handed_over("walking:Walker", there, options) == files_handed_over("walking:Walker", here, options)
+    assert content_sha256([there.card.name, there.card.settings]) == content_sha256(["walker", here.card.settings])
+    assert there.card.runs_on["device"] == "abacus"
+    assert there.card.runs_on["host"]

@@ -5,7 +5,6 @@ more, dies with us, and what it writes on stderr goes to our log.
 """
 
 import contextlib
-import hashlib
 import logging
 import os
 import resource
@@ -17,15 +16,18 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from vsnbench.errors import ModelError, UsageError
+from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.models.remote import vsnbench_policy
+from vsnbench.models.remote.connection import Answer, Connection
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.workers import command_that_ends_with_parent
 
 logger = logging.getLogger(__name__)
 
@@ -33,7 +35,8 @@ START_TIMEOUT_S = 120.0
 """Loading a large checkpoint on a cold disk takes its time."""
 _TERMINATE_S = 3.0
 _LAST_LINES = 20
-_PR_SET_PDEATHSIG = 1
+_END_PATIENCE_S = 1.0
+"""A connection breaks a moment before its process is seen to have ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +51,7 @@ class Isolation:
 
 
 class IsolatedProcess:
-    """A running model server of our own; a context manager."""
+    """A running model server of our own."""
 
     def __init__(self, process: subprocess.Popen[bytes], directory: Path, name: str) -> None:
         self._process = process
@@ -83,14 +86,16 @@ class IsolatedProcess:
         try:
             command = _command(model, options, isolation.python, socket_file)
             process = subprocess.Popen(
-                command,
+                command_that_ends_with_parent(command),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 env=_environment(),
                 start_new_session=True,  # Ctrl-C is for the run, which ends the model when the robot stands
-                preexec_fn=_limits(isolation.memory_bytes),  # noqa: PLW1509 - two system calls, and no thread of ours holds a lock
             )
+            if isolation.memory_bytes is not None:
+                limit = (isolation.memory_bytes, isolation.memory_bytes)
+                resource.prlimit(process.pid, resource.RLIMIT_DATA, limit)
         except (OSError, UsageError) as error:
             shutil.rmtree(directory, ignore_errors=True)
             if isinstance(error, UsageError):
@@ -126,21 +131,27 @@ class IsolatedProcess:
         last = f", its last words: {self._last_lines[-1]}" if self._last_lines else ""
         return f"the process of model {self._name} has ended with {how}{last}"
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def wait_for_death(self) -> str | None:
+        """Return how the process ended, giving one that is just about to a moment; None where it lives on."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_PATIENCE_S)
+            self._reader.join(_END_PATIENCE_S)
+        return self.death
 
     def close(self) -> None:
         """End the process and everything that it started; returns when it is gone."""
-        for number, patience_s in ((signal.SIGTERM, _TERMINATE_S), (signal.SIGKILL, _TERMINATE_S)):
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(patience_s)
-                if number == signal.SIGKILL:
-                    break
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_TERMINATE_S)
+        self.kill()
+
+    def kill(self) -> None:
+        """End it without asking, as is right for one that does not answer."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_TERMINATE_S)
         self._reader.join(1.0)
         shutil.rmtree(self._directory, ignore_errors=True)
 
@@ -166,7 +177,11 @@ class IsolatedProcess:
 
 
 class IsolatedPolicy(RemotePolicy):
-    """A policy in a process of its own on this machine, which ends with it and is not started again when it dies."""
+    """A policy in a process of its own on this machine, which ends with it.
+
+    A process that hung or died is lost with its episode; before the next one it is killed and another one started,
+    which must have the same card.
+    """
 
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
@@ -180,23 +195,18 @@ class IsolatedPolicy(RemotePolicy):
             UsageError: the interpreter does not exist, or an option is not for it.
             ModelError: the model could not be started.
         """
-        own = {name: value for name, value in options.items() if name != "act_timeout"}
-        act_timeout = options.get("act_timeout")
         if model.startswith(("ws://", "wss://")):
             raise UsageError(f"model {model} is in a process of its own already", advice="leave --isolate away")
-        self._process = IsolatedProcess.start(model, own, isolation)
+        own = {name: value for name, value in options.items() if name != "act_timeout"}
+        self._start = partial(IsolatedProcess.start, model, own, isolation)
+        self._process = self._start()
         try:
-            super().__init__(model, act_timeout=act_timeout, token="", unix_path=self._process.socket_file)
+            super().__init__(
+                model, act_timeout=options.get("act_timeout"), token="", unix_path=self._process.socket_file
+            )
         except BaseException:
             self._process.close()
             raise
-        if isolation.python is not None:
-            # Nothing of it is loaded here: its source is known by where the other Python finds it first.
-            code = {"class": model, "sha256": _source_sha256(model)}
-            self.card = replace(self.card, settings={**self.card.settings, "code": code})
-
-    def _end_of_server(self) -> str | None:
-        return self._process.death
 
     @property
     def pid(self) -> int:
@@ -208,18 +218,25 @@ class IsolatedPolicy(RemotePolicy):
         super().close()
         self._process.close()
 
+    def _reconnect(self) -> Connection:
+        how = self._process.death or f"the process of model {self.card.name} did not answer"
+        logger.warning("%s: it is started again", how)
+        self._process.kill()
+        try:
+            self._process = self._start()
+            self._address = replace(self._address, unix_path=self._process.socket_file)
+            return self.connect()
+        except (ModelError, UsageError) as error:
+            raise ModelLostError(error.statement, advice=error.advice) from error
 
-def _source_sha256(model: str) -> str:
-    """Return the hash of a module's file, or its package's, in the working directory; empty where it is not there."""
-    top = Path.cwd() / model.partition(":")[0].split(".")[0]
-    files = sorted(top.rglob("*.py")) if top.is_dir() else [top.with_suffix(".py")]
-    digest = hashlib.sha256()
-    found = False
-    for file in files:
-        if file.is_file():
-            digest.update(f"{file.relative_to(top.parent)}\0".encode() + file.read_bytes())
-            found = True
-    return digest.hexdigest() if found else ""
+    def _ask(self, connection: Connection, question: Mapping[str, Any], wanted: str, timeout_s: float) -> Answer:
+        try:
+            return super()._ask(connection, question, wanted, timeout_s)
+        except ModelLostError as error:
+            broke = not isinstance(error.__cause__, TimeoutError)
+            if broke and (death := self._process.wait_for_death()):
+                raise ModelLostError(f"{question['type']}: {death}") from error
+            raise
 
 
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
@@ -249,23 +266,13 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
     found = shutil.which(str(python.expanduser()))
     if found is None:
         raise UsageError(f"there is no interpreter {python}", advice="give --python /path/to/env/bin/python")
-    return [found, str(Path(vsnbench_policy.__file__)), model, "--unix-path", str(socket_file)]
+    # A copy beside the socket: a script's own directory is looked into first, and ours is full of modules.
+    stub = socket_file.parent / "vsnbench_policy.py"
+    shutil.copyfile(vsnbench_policy.__file__, stub)
+    return [found, str(stub), model, "--unix-path", str(socket_file)]
 
 
 def _environment() -> dict[str, str]:
     """Return our environment without what belongs to our own interpreter and its record."""
     kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
     return {**kept, "PYTHONUNBUFFERED": "1"}
-
-
-def _limits(memory_bytes: int | None) -> Callable[[], None]:
-    import ctypes
-
-    libc = ctypes.CDLL(None)  # loaded before the fork: after it, nothing may be allocated
-
-    def limit() -> None:
-        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if memory_bytes is not None:
-            resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
-
-    return limit

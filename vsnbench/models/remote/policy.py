@@ -1,6 +1,7 @@
 """A policy that is served elsewhere, as a policy like any other: `--model ws://gpu-box:8765`."""
 
 import hashlib
+import logging
 import os
 import time
 from collections.abc import Mapping
@@ -13,13 +14,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard
-from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
-from vsnbench.models.remote.vsnbench_policy import SENSORS, TOKEN_VARIABLE
-from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.models.remote.card import card_of, difference
+from vsnbench.models.remote.connection import Address, Answer, Connection
+from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.protocol.codec import decision_from_message, observation_to_message
 from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.settings_file import read_settings
+
+logger = logging.getLogger(__name__)
 
 _RETRY_PERIOD_S = 0.5
 _WORDS_MAX = 500
@@ -76,7 +79,11 @@ class RemotePolicy:
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
         self._connection: Connection | None = self.connect()
-        self.card = self._card_of(self._connection)
+        try:
+            self.card = self._card_of(self._connection)
+        except ModelError:
+            self.close()
+            raise
         self.deterministic = self._connection.greeting.get("card", {}).get("deterministic", True) is not False
         """As the card says: the same seed and observations give the same actions."""
 
@@ -129,32 +136,42 @@ class RemotePolicy:
             self._connection.close()
             self._connection = None
 
-    def _end_of_server(self) -> str | None:
-        """Return how the server ended, where it is known that it is gone for good."""
-        return None
+    def _reconnect(self) -> Connection:
+        """Return a new conversation in place of the one that was lost, with patience: somebody starts it again.
+
+        Raises:
+            ModelLostError: nothing answers, or what answers refuses.
+        """
+        give_up = time.monotonic() + self.settings.patience_s
+        while True:
+            try:
+                return self.connect()
+            except (ModelLostError, ModelError) as error:  # it may still be at the question that it answered too late
+                if time.monotonic() > give_up:
+                    raise ModelLostError(error.statement, advice=error.advice) from error
+                time.sleep(_RETRY_PERIOD_S)
 
     def _connected(self) -> Connection:
-        give_up = time.monotonic() + self.settings.patience_s
-        while self._connection is None:
+        if self._connection is None:
+            connection = self._reconnect()
             try:
-                connection = self.connect()
-            except (ModelLostError, ModelBusyError):  # it may still be at the question that it answered too late
-                if (words := self._end_of_server()) is not None:
-                    raise ModelLostError(words) from None
-                if time.monotonic() > give_up:
-                    raise
-                time.sleep(_RETRY_PERIOD_S)
-                continue
-            card = self._card_of(connection)
-            if card != self.card:
+                self._recognise(self._card_of(connection))
+            except (ModelLostError, ModelError) as error:
                 connection.close()
-                raise ModelLostError(
-                    f"the model at {self._address} is another one now ({_difference(self.card, card)}): this campaign "
-                    "needs the one it began with",
-                    advice="start the same command again to run the other",
-                )
+                raise ModelLostError(error.statement, advice=error.advice) from error
             self._connection = connection
         return self._connection
+
+    def _recognise(self, card: ModelCard) -> None:
+        if different := difference(self.card, card):
+            raise ModelLostError(
+                f"the model at {self._address} is another one now ({different}): this campaign needs the one it "
+                "began with",
+                advice="start the same command again to run the other",
+            )
+        if card.runs_on != self.card.runs_on:
+            where = ", ".join(f"{name} {value}" for name, value in card.runs_on.items())
+            logger.warning("the model at %s no longer runs where this run found it, but on %s", self._address, where)
 
     def _ask(self, connection: Connection, question: Mapping[str, Any], wanted: str, timeout_s: float) -> Answer:
         try:
@@ -179,51 +196,20 @@ class RemotePolicy:
         Raises:
             ModelError: it is no card, or the server cannot decode what the settings send.
         """
-        card = connection.greeting.get("card")
-        if not isinstance(card, dict):
-            raise ModelError(f"the model at {self._address} has no card")
         if self.settings.rgb == "jpeg" and connection.greeting.get("jpeg") is not True:
             raise ModelError(
                 f"the model at {self._address} cannot decode JPEG", advice="install opencv or pillow there"
             )
-        name, goals, sensors = card.get("name"), card.get("goals"), card.get("sensors", [])
-        problem = ""
-        if not isinstance(name, str) or not name.strip() or len(name) > 100:
-            problem = "its card has no name"
-        elif goals is not None and not _are_words(goals):
-            problem = "its card's goals are no list of words"
-        elif goals is not None and not set(goals) & set(GOAL_CATEGORIES):
-            problem = f"it knows none of the goals {', '.join(GOAL_CATEGORIES)}"
-        elif not _are_words(sensors) or not set(sensors) <= set(SENSORS):
-            problem = f"its card's sensors are not of {', '.join(SENSORS)}"
-        elif not isinstance(card.get("settings", {}), dict):
-            problem = "its card's settings are no map"
-        if problem:
-            raise ModelError(f"the model at {self._address}: {problem}")
-        settings = dict(card.get("settings", {}))
         # What is lost on the way is part of what was tested.
+        lost: dict[str, str] = {}
         if self.settings.rgb != "raw":
-            settings["wire_rgb"] = self.settings.rgb
+            lost["wire_rgb"] = self.settings.rgb
         if self.settings.depth != "f32":
-            settings["wire_depth"] = self.settings.depth
-        return ModelCard(
-            name=str(name),
-            goals=None if goals is None else frozenset(goals),
-            sensors=frozenset(Sensor(sensor) for sensor in sensors),
-            weights_sha256=str(card.get("weights_sha256") or "")[:64],
-            weights_label=str(card.get("weights_label") or "")[:200],
-            settings=settings,
-            stand_in=card.get("stand_in") is True,
-        )
-
-
-def _are_words(value: object) -> bool:
-    return isinstance(value, list) and len(value) <= 1000 and all(isinstance(word, str) for word in value)
-
-
-def _difference(old: ModelCard, new: ModelCard) -> str:
-    names = [name for name in ModelCard.__dataclass_fields__ if getattr(old, name) != getattr(new, name)]
-    return ", ".join(f"{name} {str(getattr(old, name))[:40]!r} → {str(getattr(new, name))[:40]!r}" for name in names)
+            lost["wire_depth"] = self.settings.depth
+        try:
+            return card_of(connection.greeting, lost)
+        except ModelError as error:
+            raise ModelError(f"the model at {self._address}: {error}") from error
 
 
 def _decision(answer: Answer, act_timeout_s: float) -> Decision:

@@ -1,10 +1,12 @@
 """One of our own policies behind the wire, for `vsnbench models serve` and for a model that is isolated."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy, SurveyedPolicy
-from vsnbench.models.identity import code_of
+from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.remote import vsnbench_policy as wire
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.codec import decision_to_message
@@ -14,13 +16,19 @@ from vsnbench.protocol.pose import Pose
 
 
 class ServedPolicy:
-    """A policy as `vsnbench_policy.serve` wants it.
+    """A policy as `vsnbench_policy.serve` wants it."""
 
-    Raises:
-        UsageError: it is an upper bound that is handed the site, or needs the simulator's labels: neither is sent.
-    """
+    def __init__(self, policy: Policy, name: str = "", options: Mapping[str, Any] = MappingProxyType({})) -> None:
+        """Take a policy.
 
-    def __init__(self, policy: Policy) -> None:
+        Args:
+            policy: who answers.
+            name: how it was named, and
+            options: what it was handed: both as `create_policy` takes them, for its identity.
+
+        Raises:
+            UsageError: it is an upper bound that is handed the site, or needs the simulator's labels: neither is sent.
+        """
         card = policy.card
         if isinstance(policy, SurveyedPolicy):
             raise UsageError(
@@ -31,8 +39,6 @@ class ServedPolicy:
                 f"model {card.name} needs the simulator's own labels, which no wire carries",
                 advice="give it a real detector",
             )
-        # A commit that changes nothing of the source makes no other model.
-        code = {name: value for name, value in code_of(policy).items() if name != "commit"}
         self._policy = policy
         self._sensors = frozenset(card.sensors)
         self.card = {
@@ -41,8 +47,11 @@ class ServedPolicy:
             "sensors": sorted(sensor.value for sensor in card.sensors),
             "weights_sha256": card.weights_sha256,
             "weights_label": card.weights_label,
-            "settings": dict(card.settings) | ({"code": code} if code else {}),
+            "settings": dict(card.settings),
             "stand_in": card.stand_in,
+            "code": code_of(policy),
+            "files": files_handed_over(name, policy, options),
+            "runs_on": dict(card.runs_on),
         }
 
     def reset(self, goal: str, seed: int) -> None:

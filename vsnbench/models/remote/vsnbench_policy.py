@@ -27,6 +27,7 @@ Everything that crosses the wire is in vsnbench's docs/wire.md. Licence: Apache-
 from __future__ import annotations
 
 import argparse
+import hashlib
 import hmac
 import importlib
 import inspect
@@ -35,6 +36,7 @@ import json
 import logging
 import math
 import os
+import platform
 import random
 import signal
 import ssl
@@ -109,8 +111,9 @@ def serve(
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and, as
             far as they apply, `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"),
-            `weights_sha256`, `weights_label`, `settings` and `deterministic`. `act` returns the name of an action, or
-            a dict with `action` and, as far as wanted, `raw_action`, `probabilities`, `diagnostics`.
+            `weights_sha256`, `weights_label`, `settings`, `deterministic` and `runs_on` (device, threads, ...). `act`
+            returns the name of an action, or a dict with `action` and, as far as wanted, `raw_action`,
+            `probabilities`, `diagnostics`.
         host: address to listen on; another one than loopback needs a token.
         port: TCP port; 0 chooses a free one.
         token: what a client must say; $VSNBENCH_TOKEN when None.
@@ -158,7 +161,8 @@ def checked_card(policy: Any) -> dict[str, Any]:
     """
     given = getattr(policy, "card", None)
     if not isinstance(given, dict):
-        given = {name: getattr(given, name) for name in _CARD_FIELDS if hasattr(given, name)}
+        said = [name for name in _CARD_FIELDS if name not in ("code", "files")]
+        given = {name: getattr(given, name) for name in said if hasattr(given, name)}
     name = given.get("name")
     if not isinstance(name, str) or not name.strip():
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
@@ -179,12 +183,66 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "settings": plain(dict(given.get("settings") or {})),
         "deterministic": bool(given.get("deterministic", True)),
         "stand_in": bool(given.get("stand_in", False)),
+        "code": plain(dict(code_of(policy) if given.get("code") is None else given["code"])),
+        "files": plain(dict(given.get("files") or {})),
+        "runs_on": dict(_this_process(), **plain(dict(given.get("runs_on") or {}))),
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
+    *("code", "files", "runs_on"),
 )
+
+
+def code_of(policy: Any) -> dict[str, str]:
+    """Return what tells the policy's source from another: its class, the hash of its modules, its package's version.
+
+    The modules are those of its own package, or beside its own file, that are loaded by now.
+    """
+    made = type(policy.agent if isinstance(policy, HabitatAgent) else policy)
+    own = _file_of(sys.modules.get(made.__module__))
+    found = {"class": f"{made.__module__}:{made.__qualname__}"}
+    if own is None:
+        return found
+    if made.__module__ == "__main__":
+        return {"class": f"{own.stem}:{made.__qualname__}", "sha256": _hash_of([(own.stem, own)])}
+    top = made.__module__.partition(".")[0]
+    installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
+    alone = not installed and not hasattr(sys.modules.get(top), "__path__")
+    files = []
+    for name, module in list(sys.modules.items()):
+        file = None if name in ("__main__", "vsnbench_policy") else _file_of(module)
+        if file is not None and (name.partition(".")[0] == top or (alone and file.parent == own.parent)):
+            files.append((name, file))
+    found["sha256"] = _hash_of(sorted(files))
+    version = _version_of(top)
+    return dict(found, version=version) if version else found
+
+
+def _version_of(package: str) -> str:
+    try:
+        metadata = importlib.import_module("importlib.metadata")
+        names = metadata.packages_distributions().get(package, ())
+    except (ImportError, AttributeError):  # an older Python cannot tell
+        return ""
+    return str(metadata.version(names[0])) if names else ""
+
+
+def _file_of(module: Any) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(file) if isinstance(file, str) and Path(file).is_file() else None
+
+
+def _hash_of(files: list[tuple[str, Path]]) -> str:
+    digest = hashlib.sha256()
+    for name, file in files:
+        digest.update("{}\0{}\n".format(name, hashlib.sha256(file.read_bytes()).hexdigest()).encode())
+    return digest.hexdigest()
+
+
+def _this_process() -> dict[str, Any]:
+    return {"host": platform.node(), "python": platform.python_version()}
 
 
 def plain(value: Any, depth: int = 0) -> Any:
