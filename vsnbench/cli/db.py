@@ -1,4 +1,4 @@
-"""`vsnbench db`: where the results database is, its state, upgrade and backup."""
+"""`vsnbench db`: where the results database is, its state, upgrade and backup; and several records into one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -137,3 +137,45 @@ def backup(
     place = ResultsDirectory.locate(results, db)
     copy(place.database_url, target)
     typer.echo(f"{target}  ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command()
+def merge(
+    others: Annotated[
+        list[str], typer.Argument(metavar="OTHER...", help="Results directories, or database URLs.", show_default=False)
+    ],
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would come in; write nothing.")] = False,
+    without_images: Annotated[
+        bool, typer.Option("--without-images", help="Take in episodes whose images are not there.")
+    ] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Bring the campaigns and episodes of other records into this one, with their images; the others stay as they are.
+
+    The same condition and seed is one campaign. Episodes keep their UUID and get new numbers; what is here already is
+    passed over, verdicts that one side lacks are added, and a contradiction stops it before anything is written.
+
+    Example: [bold]vsnbench db merge /mnt/lab-b/results monday tuesday --results all[/bold]
+    """
+    from vsnbench.cli.merge_progress import MergeProgress, merge_fields, tell_merged
+    from vsnbench.exchange.merge import merge as merge_records
+    from vsnbench.exchange.merge import other_place
+    from vsnbench.record.results import ResultsDirectory
+
+    target = ResultsDirectory.locate(results, db)
+    with MergeProgress() as progress:
+        merged = merge_records(
+            target,
+            [other_place(other) for other in others],
+            without_images=without_images,
+            dry_run=dry_run,
+            told=progress.told,
+        )
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(merge_fields(merged, dry_run=dry_run), indent=2))
+    else:
+        tell_merged(merged, target, dry_run=dry_run)

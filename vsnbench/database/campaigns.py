@@ -1,5 +1,7 @@
 """Finds a campaign or makes it, and extends its plan; two who do it at once make one."""
 
+from collections.abc import Sequence
+
 from sqlalchemy import Connection, func, select
 
 from vsnbench.database.campaign_plan import (
@@ -39,7 +41,7 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
     before = _trials(connection, there)
     new = [trial for trial in plan.trials if trial not in before]
     if new:
-        _plan(connection, there, new)
+        extend_plan(connection, there, new)
     known = _trials(connection, there) if new else before
     return OpenCampaign(
         id=there,
@@ -61,7 +63,8 @@ def _trials(connection: Connection, campaign_id: int) -> dict[PlannedTrial, Know
     return {PlannedTrial(row.goal, row.start, row.repetition): KnownTrial(*row) for row in rows}
 
 
-def _plan(connection: Connection, campaign_id: int, new: list[PlannedTrial]) -> None:
+def extend_plan(connection: Connection, campaign_id: int, new: Sequence[PlannedTrial]) -> None:
+    """Plan trials that a campaign does not have, in this order, after those that it has."""
     highest = connection.execute(select(func.max(Trial.rank)).where(Trial.campaign_id == campaign_id)).scalar()
     first = 0 if highest is None else highest + 1
     connection.execute(

@@ -68,7 +68,7 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockPatience | N
             engine = create_engine(parsed, pool_pre_ping=True, **options)
             return engine.execution_options(postgresql_readonly=True) if read_only else engine
         if read_only and parsed.database:
-            options["creator"] = _sqlite_reader(Path(parsed.database))
+            options["creator"] = sqlite_reader(Path(parsed.database))
         engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, **options)
     except ArgumentError as error:  # an SQLite URL with a host, a list of hosts with a port that is none
         raise UsageError(f"{shown_url(url)} names no database ({str(error).splitlines()[0]})") from error
@@ -89,14 +89,20 @@ def opened_urls() -> tuple[str, ...]:
     return tuple(_opened)
 
 
-def _sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
+def sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
+    """Return what opens an SQLite file for reading, and leaves it as it is.
+
+    Raises:
+        RecordError: there is no such file.
+    """
     if not path.is_file():
         raise RecordError(
             f"there is no record at {path}", advice="`vsnbench run` makes one, --results says where to look"
         )
-    # An archive on a read-only disk has no place for the files that share a WAL; nobody can be writing it either.
+    # An archive on a read-only disk has no place for the files that share a WAL; nobody can be writing it either. A
+    # reader that could write would fold a WAL that a killed process left into the file when it closes.
     wal = path.with_name(path.name + "-wal")
-    mode = "rw" if os.access(path.parent, os.W_OK) else "ro" if wal.exists() else "ro&immutable=1"
+    mode = "ro" if wal.exists() else "rw" if os.access(path.parent, os.W_OK) else "ro&immutable=1"
     uri = f"file:{quote(str(path.resolve()))}?mode={mode}"
     return lambda: sqlite3.connect(uri, uri=True, timeout=_READER_TIMEOUT_S, check_same_thread=False)
 

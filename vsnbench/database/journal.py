@@ -1,6 +1,6 @@
 """The one place that writes the record: campaigns, episodes, steps, verdicts, events; each committed as it happens."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from types import TracebackType
@@ -15,12 +15,15 @@ from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, R
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.database.insertion import insert_row
 from vsnbench.database.judging import end_episode, judge
+from vsnbench.database.merge_plan import MergePlan, OtherRecord, plan_merge
+from vsnbench.database.merging import PlaceFiles, carry_out, lock_merges
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
 from vsnbench.database.row_encoding import process_row, text
 from vsnbench.database.tables import Event, Process
+from vsnbench.errors import RecordError
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.step_record import StepRecord
@@ -208,6 +211,30 @@ class Journal:
         """
         with _transaction(self.engine) as connection:
             return withdraw(connection, campaign_id, author=author, note=note)
+
+    def merge(
+        self, others: Sequence[OtherRecord], expected: Collection[str], with_files: Collection[str], place: PlaceFiles
+    ) -> MergePlan:
+        """Take in what other records have and this one lacks: all of it or nothing.
+
+        Args:
+            others: the other records, as `expected` was read from them.
+            expected: UUIDs of the episodes that are to come in.
+            with_files: of these, the episodes whose files come along.
+            place: called for each of them; it puts the files where they belong before anything is committed.
+
+        Raises:
+            RecordError: the records contradict each other, or this one was changed since `expected` was read.
+        """
+        with _transaction(self.engine) as connection:
+            lock_merges(connection)
+            plan = plan_merge(connection, others, thorough=False)
+            if {arrival.uuid for arrival in plan.arrivals} != set(expected):
+                raise RecordError(
+                    "another merge came between", advice="nothing was written; run the same command again"
+                )
+            carry_out(connection, others, plan, with_files, place)
+            return plan
 
     def add_event(
         self,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, Engine, inspect, or_, select, text
 
-from vsnbench.database.engine import open_engine, record_errors, shown_database
+from vsnbench.database.engine import open_engine, record_errors, shown_database, sqlite_reader
 from vsnbench.database.tables import Campaign, Model, Robot, Site
 from vsnbench.database_url import libpq_connection, sqlite_path
 from vsnbench.errors import RecordError
@@ -235,7 +235,7 @@ def _raw(connection: Connection) -> sqlite3.Connection:
 def _copy_sqlite(source: Path, target: Path) -> None:
     if not source.is_file():
         raise RecordError(f"there is no record at {source}: nothing to back up")
-    with closing(sqlite3.connect(source)) as database, closing(sqlite3.connect(target)) as copy:
+    with closing(sqlite_reader(source)()) as database, closing(sqlite3.connect(target)) as copy:
         database.backup(copy)
         # One file, complete in itself: a copy in WAL mode would want its companions.
         copy.execute("PRAGMA journal_mode = DELETE")

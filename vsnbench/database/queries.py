@@ -1,6 +1,6 @@
 """What others read from the record: listings, one episode whole, its steps, the state of campaigns."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -191,6 +191,25 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
     )
     with _reader(engine) as connection:
         return tuple(CampaignState(*row) for row in connection.execute(query))
+
+
+def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
+    """Return, of these episodes, where the images of those lie that are in the record.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    wanted = sorted(uuids)
+    found: dict[str, str] = {}
+    with _reader(engine) as connection:
+        for first in range(0, len(wanted), _AT_ONCE):
+            some = Episode.uuid.in_(wanted[first : first + _AT_ONCE])
+            found |= {row.uuid: row.images_directory for row in connection.execute(_PLACES.where(some))}
+    return found
+
+
+_AT_ONCE = 500
+_PLACES = select(Episode.uuid, Episode.images_directory)
 
 
 @contextmanager

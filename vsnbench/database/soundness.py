@@ -36,7 +36,7 @@ from vsnbench.database.column_types import UtcDateTime
 from vsnbench.database.engine import open_engine, opened_urls
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.tables import Base
-from vsnbench.database_url import shown_url
+from vsnbench.database_url import shown_url, sqlite_path
 from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import PoseSource
@@ -70,6 +70,9 @@ _CONTENT: dict[str, type[BaseModel]] = {
 def fault_of_opened_records() -> str:
     """Return, in a line, what is wrong with a record that this process has opened; empty when nothing is."""
     for url in opened_urls():
+        file = sqlite_path(url)
+        if file is not None and not file.exists():
+            continue  # a copy that was looked into and is gone
         try:
             if fault := record_fault(url):
                 return (

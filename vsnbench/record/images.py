@@ -14,6 +14,7 @@ from vsnbench.errors import RecordError
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pictures import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.protocol.pose import Pose
+from vsnbench.record.arrivals import clear_unfinished
 from vsnbench.whole_files import write_whole
 
 
@@ -56,6 +57,7 @@ class EpisodeImages:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        clear_unfinished(directory)
         try:
             for folder in ("rgb", "depth"):
                 (directory / folder).mkdir(parents=True, exist_ok=True)
