@@ -2,7 +2,6 @@ import json
 import random
 import shutil
 import sqlite3
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -47,7 +46,7 @@ def lab(results: Path, *plans: CampaignPlan, seed: int = 1) -> Path:
     chance = random.Random(seed)
     results.mkdir()
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
-        for given in plans or (plan(goals=GOALS), plan(goals=GOALS, seed=8)):
+        for given in plans:
             for trial in journal.find_or_create_campaign(given).trials:
                 if chance.random() < 0.3:
                     run(journal, trial, void(), steps=1)
@@ -58,6 +57,22 @@ def lab(results: Path, *plans: CampaignPlan, seed: int = 1) -> Path:
                         journal.judge(episode.id, Verdict(EndReason.STOP, False, "the tape says 1.20 m"), author="ada")
     draw(results)
     return results
+
+
+@pytest.fixture(scope="module")
+def lab_a(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record of one campaign; tests take copies of it."""
+    return lab(tmp_path_factory.mktemp("lab") / "a", plan())
+
+
+@pytest.fixture(scope="module")
+def two_campaigns(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lab(tmp_path_factory.mktemp("lab") / "b", plan(goals=GOALS), plan(goals=GOALS, seed=8))
+
+
+def copy_of(results: Path, there: Path) -> Path:
+    shutil.copytree(results, there)
+    return there
 
 
 def split(results: Path, into: Path, parts: int, seed: int) -> list[Path]:
@@ -115,8 +130,10 @@ def everything(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
 
 
-def test_a_record_that_was_split_in_five_is_whole_again_with_an_equal_report(tmp_path: Path) -> None:
-    whole = lab(tmp_path / "whole")
+def test_a_record_that_was_split_in_five_is_whole_again_with_an_equal_report(
+    tmp_path: Path, two_campaigns: Path
+) -> None:
+    whole = two_campaigns
     parts = split(whole, tmp_path, 5, seed=3)
     before = [everything(part) for part in parts]
     merged = merged_into(tmp_path / "again", *parts)
@@ -128,8 +145,8 @@ def test_a_record_that_was_split_in_five_is_whole_again_with_an_equal_report(tmp
     assert not list((tmp_path / "again").rglob(".arriv*"))
 
 
-def test_one_part_after_another_is_the_same_and_twice_is_the_same_as_once(tmp_path: Path) -> None:
-    whole = lab(tmp_path / "whole")
+def test_one_part_after_another_is_the_same_and_twice_is_the_same_as_once(tmp_path: Path, two_campaigns: Path) -> None:
+    whole = two_campaigns
     parts = split(whole, tmp_path, 3, seed=4)
     for part in parts:
         merged_into(tmp_path / "again", part)
@@ -147,3 +164,175 @@ def test_one_part_after_another_is_the_same_and_twice_is_the_same_as_once(tmp_pa
 def dumped(results: Path) -> list[str]:
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
         return [line for line in database.iterdump() if 'INTO "process"' not in line and "sqlite_sequence" not in line]
+
+
+def test_two_records_of_one_condition_become_one_campaign_and_the_first_result_of_a_trial_counts(
+    tmp_path: Path,
+) -> None:
+    monday, tuesday = lab(tmp_path / "monday", plan(), seed=1), lab(tmp_path / "tuesday", plan(), seed=2)
+    merged = merged_into(monday, tuesday)
+    with Journal.open(sqlite_url(monday / "vsnbench.db")) as journal:
+        assert len(campaign_states(journal.engine)) == 1
+        results = [one for one in list_episodes(journal.engine, EpisodeFilter()) if one.success is not None]
+        counted = [one for one in results if episode_details(journal.engine, one.id).counts]
+    assert merged.plan.second_results == len(results) - len(counted) > 0
+    assert merged.plan.campaigns == 0
+
+
+def test_verdicts_that_one_side_lacks_are_added_and_move_the_episode_on(tmp_path: Path, lab_a: Path) -> None:
+    here, there = copy_of(lab_a, tmp_path / "here"), copy_of(lab_a, tmp_path / "there")
+    with Journal.open(sqlite_url(there / "vsnbench.db")) as journal:
+        judged = next(one for one in list_episodes(journal.engine, EpisodeFilter()) if one.success)
+        journal.judge(judged.id, Verdict(EndReason.ABORTED, None, "the door was shut"), author="ada")
+    assert len(merged_into(here, there).plan.additions) == 1
+    assert content(here)["episodes"] == content(there)["episodes"]
+    assert content(here)["episodes"][judged.uuid][0].outcome == "void"
+    assert not merged_into(here, there).plan.changes
+    assert not merged_into(there, here).plan.additions
+
+
+def change(results: Path, statement: str) -> None:
+    with closing(sqlite3.connect(results / "vsnbench.db")) as database:
+        database.execute("PRAGMA ignore_check_constraints = ON")
+        database.execute(statement)
+        database.commit()
+
+
+@pytest.mark.parametrize(
+    ("statement", "line"),
+    [
+        ("UPDATE step SET action = 'STOP' WHERE episode_id = 1 AND number = 1", "its steps are others"),
+        ("UPDATE episode SET actions = 9 WHERE id = 1", "its actions is another"),
+        ("UPDATE process SET command = 'other'", "another process ran it"),
+        ("UPDATE verdict SET success = 1 - success WHERE episode_id = 1 OR success IS NOT NULL", "judged differently"),
+        ("UPDATE campaign SET seed = seed + 1", "the campaign .* of .* is another than that of the same hash"),
+        ("UPDATE site SET content = replace(content, '0.1', '0.2')", "the site .* is another"),
+        ("UPDATE episode SET state = 'finished' WHERE id = 1", "is damaged"),
+        ("UPDATE episode SET images_directory = '../../etc'", "leads out of it"),
+    ],
+)
+def test_a_contradiction_is_named_and_nothing_is_written(
+    tmp_path: Path, lab_a: Path, statement: str, line: str
+) -> None:
+    here, there = copy_of(lab_a, tmp_path / "here"), copy_of(lab_a, tmp_path / "there")
+    with Journal.open(sqlite_url(there / "vsnbench.db")) as journal:
+        run(journal, journal.find_or_create_campaign(plan(seed=9)).trials[0], stopped(success=True))
+    draw(there)
+    change(there, statement)
+    before = dumped(here), everything(here / "episodes")
+    with pytest.raises(RecordError, match=line) as caught:
+        merged_into(here, there)
+    assert "\n" not in str(caught.value)
+    assert (dumped(here), everything(here / "episodes")) == before
+
+
+def test_what_still_runs_there_is_left_out_and_said(tmp_path: Path, lab_a: Path) -> None:
+    there = copy_of(lab_a, tmp_path / "there")
+    with Journal.open(sqlite_url(there / "vsnbench.db")) as journal:
+        begun(journal, journal.find_or_create_campaign(plan(seed=9)).trials[0])
+        merged = merged_into(tmp_path / "here", there)
+    assert merged.plan.active == [1]
+    said = vsnbench(tmp_path, "db", "merge", str(there), "--results", str(tmp_path / "further"))
+    assert "1 episode still running, left out" in said.stdout
+    with Journal.open(sqlite_url(tmp_path / "here" / "vsnbench.db")) as journal:
+        assert {one.outcome for one in list_episodes(journal.engine, EpisodeFilter())} <= {"success", "failure", "void"}
+        assert len(campaign_states(journal.engine)) == 2
+
+
+def test_images_that_are_not_there_are_named_and_only_left_behind_when_asked(tmp_path: Path, lab_a: Path) -> None:
+    there = copy_of(lab_a, tmp_path / "there")
+    shutil.rmtree(there / "episodes")
+    with pytest.raises(
+        RecordError, match=r"has no images of \d+ of its episodes, the first of them 1 .*--without-images"
+    ):
+        merged_into(tmp_path / "here", there)
+    assert not (tmp_path / "here").exists()
+    merged = merged_into(tmp_path / "here", there, without_images=True)
+    assert merged.without_files == len(merged.plan.arrivals)
+    with Journal.open(sqlite_url(tmp_path / "here" / "vsnbench.db")) as journal:
+        assert {one.images_directory for one in list_episodes(journal.engine, EpisodeFilter())} == {""}
+
+
+def test_links_out_of_the_other_directory_are_not_followed(tmp_path: Path, lab_a: Path) -> None:
+    there = copy_of(lab_a, tmp_path / "there")
+    secret = tmp_path / "secret"
+    secret.write_text("a key")
+    first = there / "episodes" / "000001"
+    (first / "rgb" / "0009.jpg").symlink_to(secret)
+    (first / "depth").symlink_to(tmp_path)
+    merged_into(tmp_path / "here", there)
+    assert b"a key" not in everything(tmp_path / "here" / "episodes").values()
+    assert not any(path.is_symlink() for path in (tmp_path / "here").rglob("*"))
+
+
+def test_a_dry_run_says_what_would_come_and_writes_nothing(tmp_path: Path, lab_a: Path) -> None:
+    there = copy_of(lab_a, tmp_path / "there")
+    words = ("db", "merge", str(there), "--results", str(tmp_path / "here"))
+    told = vsnbench(tmp_path, *words, "--dry-run", "--json")
+    assert not (tmp_path / "here").exists()
+    assert told.returncode == 0, told.stderr
+    done = vsnbench(tmp_path, *words, "--json")
+    assert {**json.loads(done.stdout), "dry_run": True} == json.loads(told.stdout)
+    assert json.loads(done.stdout)["new_episodes"] == len(content(there)["episodes"])
+    assert "nothing to do" in vsnbench(tmp_path, *words).stdout
+
+
+@pytest.mark.parametrize(
+    ("other", "line"),
+    [
+        ("{here}", "is this very record"),
+        ("{here}/vsnbench.db", "is this very record"),
+        ("{link}", "is this very record"),
+        ("{nowhere}", "there is no record at"),
+        ("{empty}", "there is no record in"),
+        ("{newer}", "{newer} was written by a newer vsnbench"),
+        ("{shopping}", "is not a database"),
+        ("nonsense://x", "names no database"),
+    ],
+)
+def test_what_cannot_be_merged_is_one_line(tmp_path: Path, lab_a: Path, other: str, line: str) -> None:
+    names = {name: tmp_path / name for name in ("here", "link", "nowhere", "empty", "newer", "shopping")}
+    copy_of(lab_a, names["here"])
+    names["link"].symlink_to(names["here"])
+    for name in ("empty", "newer", "shopping"):
+        names[name].mkdir()
+    (names["empty"] / "vsnbench.db").touch()
+    (names["shopping"] / "vsnbench.db").write_text("milk, bread and a longer list than that" * 30)
+    Journal.open(sqlite_url(names["newer"] / "vsnbench.db")).close()
+    change(names["newer"], "UPDATE alembic_version SET version_num = '9999'")
+    before = dumped(names["here"])
+    done = vsnbench(tmp_path, "db", "merge", other.format(**names), "--results", str(names["here"]))
+    assert done.returncode in (1, 2)
+    assert done.stderr.count("\n") == 1
+    assert line.format(**names) in done.stderr
+    assert dumped(names["here"]) == before
+
+
+def test_a_record_of_the_oldest_schema_is_upgraded_on_a_copy(tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    there.mkdir()
+    written = Path(__file__).parents[1] / "data" / "records" / "0001.sql"
+    with closing(sqlite3.connect(there / "vsnbench.db")) as database:
+        database.executescript(written.read_text(encoding="utf-8"))
+    before = everything(there)
+    merged = merged_into(tmp_path / "here", there, without_images=True)
+    assert merged.plan.arrivals
+    assert everything(there) == before
+    assert report(tmp_path / "here")["models"]
+
+
+def test_a_file_becomes_part_of_a_servers_record_and_comes_back(
+    tmp_path: Path, postgresql: str, two_campaigns: Path
+) -> None:
+    there = two_campaigns
+    files = ResultsDirectory.locate(tmp_path / "server", postgresql, {})
+    merge(files, [other_place(str(there))])
+    with Journal.open(postgresql) as journal:
+        assert len(list_episodes(journal.engine, EpisodeFilter())) == len(content(there)["episodes"])
+        with journal.engine.begin() as connection:
+            assert connection.execute(text("SELECT max(number) FROM step")).scalar_one() == 3
+    assert not merge(files, [other_place(str(there))]).plan.changes
+    with pytest.raises(UsageError, match="is this very record"):
+        merge(files, [other_place(postgresql)])
+    merge(ResultsDirectory.locate(tmp_path / "back", None, {}), [other_place(postgresql)], without_images=True)
+    assert report(tmp_path / "back") == report(there)

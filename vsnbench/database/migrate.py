@@ -241,7 +241,7 @@ def _copy_sqlite(source: Path, target: Path) -> None:
         copy.execute("PRAGMA journal_mode = DELETE")
         (verdict,) = copy.execute("PRAGMA quick_check").fetchone()
     if verdict != "ok":
-        raise RecordError(f"the database {source} is damaged ({verdict}): the backup was not kept")
+        raise RecordError(f"the database {source} is damaged ({verdict}): no copy was made of it")
 
 
 def _dump_postgresql(url: str, target: Path) -> None:

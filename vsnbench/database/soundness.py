@@ -60,11 +60,12 @@ _WORDS: dict[str, type[StrEnum]] = {
     "distance_source": PoseSource,
     "collision_source": CollisionSource,
 }
-_CONTENT: dict[str, type[BaseModel]] = {
-    "site.content": Site,
-    "robot.profile": RobotProfile,
-    "campaign.protocol": ProtocolParameters,
+_CONTENT: dict[str, tuple[type[BaseModel], Callable[[Any], object]]] = {
+    "site.content": (Site, Site.model_validate),
+    "robot.profile": (RobotProfile, RobotProfile.model_validate),
+    "campaign.protocol": (ProtocolParameters, ProtocolParameters.from_record),
 }
+"""Columns that hold a whole value, and how it is read back from a record of any age."""
 
 
 def fault_of_opened_records() -> str:
@@ -154,18 +155,19 @@ def _json_fault(value: Any, table: str, column: str) -> str:
         content = None
     if not isinstance(content, dict | list):
         return f"{_shown(value)}, no JSON of ours"
-    model = _CONTENT.get(f"{table}.{column}")
-    # An imported place or agent is known by its name alone.
-    if model is not None and not (isinstance(content, dict) and content.keys() <= {"name", "title"} | _empty(content)):
+    model, read = _CONTENT.get(f"{table}.{column}", (None, None))
+    if model is not None and read is not None and not (isinstance(content, dict) and _known_by_name(content, model)):
         try:
-            model.model_validate(content)
-        except (ValidationError, RecursionError) as error:
+            read(content)
+        except (ValidationError, RecursionError, AttributeError) as error:
             return f"none that can be used ({str(error).partition(chr(10))[0]})"
     return ""
 
 
-def _empty(content: dict[str, Any]) -> set[str]:
-    return {name for name, value in content.items() if value in ([], {}, "", None)}
+def _known_by_name(content: dict[str, Any], model: type[BaseModel]) -> bool:
+    """Say whether a place or an agent was imported, of which its name alone is known."""
+    needed = {name for name, field in model.model_fields.items() if field.is_required()} - {"name", "title"}
+    return bool(needed) and not any(content.get(name) for name in needed)
 
 
 def _moment_fault(value: Any) -> str:
