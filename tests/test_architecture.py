@@ -37,6 +37,7 @@ GROUND = {
     "git_checkout",
     "harmless_text",
     "loopback",
+    "machine_cache",
     "plugins",
     "resources",
     "whole_files",

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.machine_cache import code_key, kept_array, key_of
+from vsnbench.simulator import mesh as mesh_module
 from vsnbench.simulator.furniture.canvas import extents, rotation_matrix
 from vsnbench.simulator.mesh import Floats, Mesh, linear
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
@@ -40,9 +42,9 @@ class LightMaps:
     """(N, 4) linear RGB and padding; 1 shows a surface in its own colour."""
 
 
-def bake_light(scene: Scene, mesh: Mesh) -> LightMaps:
-    """Compute the light of a scene."""
-    from vsnbench.simulator.light_rays import fill_buried, light_points
+def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
+    """Return the light of a scene, computed once a machine."""
+    from vsnbench.simulator import light_rays
 
     shown = [primitive for primitive in scene.primitives if primitive.visible]
     size = _grid_sizes(mesh, shown)
@@ -51,6 +53,24 @@ def bake_light(scene: Scene, mesh: Mesh) -> LightMaps:
     spans = np.maximum(mesh.extent[:, 1::2] - mesh.extent[:, ::2], 1e-9)
     scale = (size - 1) / spans
     place = np.stack([scale[:, 0], -mesh.extent[:, 0] * scale[:, 0], scale[:, 1], -mesh.extent[:, 2] * scale[:, 1]], 1)
+    key = key_of(code_key(__file__, light_rays.__file__, mesh_module.__file__), scene)
+    values = kept_array(
+        "light", key, np.float32, (int(cells.sum()), 4), lambda: _baked(scene, mesh, shown, size, start, cells)
+    )
+    return LightMaps(start, size, place, values)
+
+
+def _baked(
+    scene: Scene,
+    mesh: Mesh,
+    shown: list[Primitive],
+    size: npt.NDArray[np.int32],
+    start: npt.NDArray[np.int64],
+    cells: npt.NDArray[np.int64],
+) -> npt.NDArray[np.float32]:
+    """Compute the light of all cells, (N, 4)."""
+    from vsnbench.simulator.light_rays import fill_buried, light_points
+
     points, normals, owners = _samples(mesh, size, start, cells)
     x, y, z = _SUN[:3]
     length = math.sqrt(x * x + y * y + z * z)
@@ -83,7 +103,7 @@ def bake_light(scene: Scene, mesh: Mesh) -> LightMaps:
         list(pool.map(light_part, [slice(k, k + step) for k in range(0, len(first), step)]))
     values = lit[copies.reshape(-1)]
     fill_buried(start, size, values)
-    return LightMaps(start, size, place, values)
+    return values
 
 
 def _grid_sizes(mesh: Mesh, shown: list[Primitive]) -> npt.NDArray[np.int32]:

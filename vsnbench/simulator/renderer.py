@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
-from vsnbench.simulator.light import LightMaps, bake_light
+from vsnbench.simulator.light import LightMaps, light_of
 from vsnbench.simulator.mesh import Mesh, build_mesh
 from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.textures import SKY, texture_atlas
@@ -122,7 +122,7 @@ class Renderer:
 @lru_cache(maxsize=8)
 def _prepared(scene: Scene) -> tuple[Mesh, LightMaps]:
     mesh = build_mesh(scene)
-    return mesh, bake_light(scene, mesh)
+    return mesh, light_of(scene, mesh)
 
 
 def _surface(mesh: Mesh, light: LightMaps) -> tuple[npt.NDArray[Any], ...]:

@@ -11,6 +11,8 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.machine_cache import code_key, kept_array
+
 SIZE = 256
 """Pixels along a side of a texture."""
 LEVELS = 9
@@ -269,6 +271,12 @@ def texture_atlas() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     """
     sizes = [SIZE >> level for level in range(LEVELS)]
     starts = np.cumsum([0, *(size * size for size in sizes)])[:-1]
+    shape = (len(TEXTURES) * sum(size * size for size in sizes), 4)
+    return kept_array("textures", code_key(__file__), np.uint8, shape, _drawn), starts.astype(np.int64)
+
+
+def _drawn() -> npt.NDArray[np.uint8]:
+    """Draw every texture in every size."""
     layers = []
     for number, style in enumerate(TEXTURES.values()):
         image = style.draw(np.random.default_rng(number))
@@ -280,4 +288,4 @@ def texture_atlas() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
             layers.append(stored)
             if len(image) > 1:
                 image = (image[::2, ::2] + image[1::2, ::2] + image[::2, 1::2] + image[1::2, 1::2]) / 4
-    return np.concatenate(layers), starts.astype(np.int64)
+    return np.concatenate(layers)

@@ -2,7 +2,6 @@
 
 import io
 import logging
-import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsnbench.errors import ModelError
+from vsnbench.machine_cache import cache_directory
 from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.whole_files import write_whole
@@ -23,11 +23,6 @@ _INPUTS = ("image", "gps", "compass", "goal", "previous", "mask", "hidden")
 _OUTPUTS = ("logits", "value", "hidden_after")
 
 
-def cache_directory() -> Path:
-    """Return where exported graphs are kept: under $XDG_CACHE_HOME, else ~/.cache."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "vsnbench" / "onnx"
-
-
 def exported_graph(network: PIRLNavNetwork, weights_sha256: str) -> Path:
     """Return the file with the network's ONNX graph, exporting it on first use.
 
@@ -38,7 +33,7 @@ def exported_graph(network: PIRLNavNetwork, weights_sha256: str) -> Path:
     Raises:
         ModelError: the cache cannot be written.
     """
-    path = cache_directory() / f"pirlnav-{weights_sha256}-v{_EXPORT_FORMAT}.onnx"
+    path = cache_directory() / "onnx" / f"pirlnav-{weights_sha256}-v{_EXPORT_FORMAT}.onnx"
     if not path.is_file():
         logger.info("exporting the network to %s", path)
         write_whole(path, _export(network), ModelError)
