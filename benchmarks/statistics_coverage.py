@@ -3,6 +3,7 @@
     python benchmarks/statistics_coverage.py                     15 starting positions, 2,000 samples a line: minutes
     python benchmarks/statistics_coverage.py --samples 200       rougher, for a look
     python benchmarks/statistics_coverage.py --write             puts the tables into docs/statistics.md
+    python benchmarks/statistics_coverage.py --only several      one of coverage, several, powered
     python benchmarks/statistics_coverage.py --twin DIR          prediction-powered, on a record: one model with and
                                                                  without noise, the noisy campaigns playing "real"
 
@@ -11,6 +12,7 @@ two models have chances of their own. What took every episode for a place of its
 """
 
 import argparse
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -92,23 +94,65 @@ def table(samples: int) -> list[str]:
     return lines
 
 
-def powered_line(rate: float, alike: float, trust: float, samples: int) -> str:
-    """Return a line of the table of prediction-powered estimates: 75 cells, 25 of them driven for real."""
-    random = np.random.default_rng([int(100 * rate), int(alike), int(100 * trust)])
+def several_line(starts: int, goals: int, alike: float, samples: int) -> str:
+    """Return a line of the table of several goals from few positions: the shares at each rate."""
+    spread, shares = 1 / alike - 1, []
+    for rate in RATES:
+        random = np.random.default_rng([starts, goals, int(100 * alike), int(100 * rate)])
+        other = rate + 0.25 if rate <= 0.5 else rate - 0.25
+        counts = np.zeros(3)
+        for _ in range(samples):
+            a, b, c = (
+                Outcomes(tuple(Cell(s, int(won), 1) for s, row in enumerate(wins) for won in row))
+                for each in (rate, rate, other)
+                for wins in [
+                    random.random((starts, goals)) < random.beta(spread * each, spread * (1 - each), starts)[:, None]
+                ]
+            )
+            counts += (
+                rate in rate_interval(a),
+                rate - other in paired_interval(paired(a, c)),
+                paired_test(paired(a, b)) < 0.05,
+            )
+        shares.append(100 * counts / samples)
+    columns = " | ".join(" ".join(f"{each[which]:.1f}" for each in shares) for which in range(3))
+    return f"| {starts} | {goals} | {alike} | {columns} |"
+
+
+def several_table(samples: int) -> list[str]:
+    """Return the table of several goals from few positions as lines of Markdown."""
+    lines = [
+        "| positions | goals | resemblance | **rate** | **paired** | **signs flipped** |",
+        "| ---: | ---: | ---: | --- | --- | --- |",
+    ]
+    for starts, goals in ((5, 2), (5, 5), (8, 5), (15, 5)):
+        for alike in (0.02, 0.1, 0.2, 0.5):
+            lines.append(several_line(starts, goals, alike, samples))
+            print(lines[-1], flush=True)
+    return lines
+
+
+def powered_line(positions: int, rate: float, alike: float, trust: float, samples: int) -> str:
+    """Return a line of the table of prediction-powered estimates: 75 cells, some of them driven for real.
+
+    25 cells anywhere, or, where `positions` is not 0, all cells of so many starting positions.
+    """
+    random = np.random.default_rng([positions, int(100 * rate), int(alike), int(100 * trust)])
     starts = np.repeat(np.arange(STARTS), 5)
     held = plain = 0
     widths = np.zeros(3)
     for _ in range(samples):
         real = random.random(75) < random.beta(alike * rate, alike * (1 - rate), STARTS)[starts]
         twin = np.where(random.random(75) < trust, real, random.random(75) < 0.5)
-        driven = np.zeros(75, bool)
-        driven[random.permutation(75)[:25]] = True
+        driven = np.isin(np.arange(75), random.permutation(75)[:25])
+        if positions:
+            driven = np.isin(starts, random.permutation(STARTS)[:positions])
         found = powered(
             [PredictedCell(Cell(int(starts[n]), int(real[n]), 1), float(twin[n])) for n in np.flatnonzero(driven)],
             [OnlyPredicted(int(starts[n]), float(twin[n])) for n in np.flatnonzero(~driven)],
         )
         if found is None:
-            raise SystemExit("25 cells of 15 positions are enough")
+            raise SystemExit("25 cells of 5 positions are enough")
         held += rate in found.interval
         plain += rate in found.plain_interval
         widths += (
@@ -117,33 +161,32 @@ def powered_line(rate: float, alike: float, trust: float, samples: int) -> str:
             found.saved,
         )
     width, plain_width, saved = widths / samples
+    where = f"all of {positions} positions" if positions else "25 anywhere"
     return (
-        f"| {rate} | {1 / (1 + alike):.2f} | {trust} | {100 * plain / samples:.1f} | {100 * held / samples:.1f} "
-        f"| {100 * plain_width:.0f} | {100 * width:.0f} | {saved:.0f} |"
+        f"| {where} | {rate} | {1 / (1 + alike):.2f} | {trust} | {100 * plain / samples:.1f} "
+        f"| {100 * held / samples:.1f} | {100 * plain_width:.0f} | {100 * width:.0f} | {saved:.0f} |"
     )
 
 
 def powered_table(samples: int) -> list[str]:
     """Return the table of prediction-powered estimates as lines of Markdown."""
     lines = [
-        "| rate | resemblance | twin right by itself | plain | **powered** | width | **width** | cells saved |",
-        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| driven | rate | resemblance | twin right | plain | **powered** | width | **width** | cells saved |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for rate in RATES:
-        for alike in (4.0, 50.0):
-            for trust in (0.0, 0.6, 0.95):
-                lines.append(powered_line(rate, alike, trust, samples))
-                print(lines[-1], flush=True)
+    for positions, rate, alike, trust in itertools.product((0, 5), RATES, (4.0, 50.0), (0.0, 0.6, 0.95)):
+        lines.append(powered_line(positions, rate, alike, trust, samples))
+        print(lines[-1], flush=True)
     return lines
 
 
-def twin(directory: Path, samples: int) -> None:
+def twin(directory: Path, model: str, samples: int) -> None:
     """Draw few positions of the noisy campaigns as real trials, and all of the noiseless one as the twin's."""
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import read
     from vsnbench.report.record import Selection
 
-    record = read(ResultsDirectory.locate(directory, None).database_url, Selection())
+    record = read(ResultsDirectory.locate(directory, None).database_url, Selection(models=(model,)))
     noisy, clean = (next(one for one in record.conditions if one.noisy is noise) for noise in (True, False))
     rates = {
         one.number: record.counted(one).astype({"goal": str}).groupby(["goal", "start"])["success"].mean()
@@ -198,12 +241,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=2000)
     parser.add_argument("--write", action="store_true", help="put the tables into docs/statistics.md")
+    parser.add_argument("--only", choices=("coverage", "several", "powered"))
+    parser.add_argument("--model", default="pirlnav", help="of --twin")
     parser.add_argument("--twin", type=Path, metavar="DIR", help="a results directory")
     options = parser.parse_args()
     if options.twin:
-        twin(options.twin, options.samples)
+        twin(options.twin, options.model, options.samples)
         return
-    for name, make in (("coverage", table), ("powered", powered_table)):
+    tables = {"coverage": table, "several": several_table, "powered": powered_table}
+    for name, make in tables.items():
+        if options.only not in (None, name):
+            continue
         lines = make(options.samples)
         if options.write:
             write(name, lines)

@@ -38,6 +38,8 @@ PARTS = {
         "vsnbench.statistics.paired",
         "vsnbench.statistics.permutation",
         "vsnbench.statistics.power",
+        "vsnbench.statistics.power_independent",
+        "vsnbench.statistics.bootstrap",
         "vsnbench.statistics.multiple",
         "vsnbench.statistics.agreement",
         "vsnbench.statistics.equivalence",

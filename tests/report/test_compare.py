@@ -7,8 +7,9 @@ import pytest
 from tests.report.records import Attempt, Lab
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
+from vsnbench.protocol.site import load_site
 from vsnbench.report.build import read
-from vsnbench.report.compare import Comparison, compare
+from vsnbench.report.compare import EXCHANGED, Comparison, compare
 from vsnbench.report.comparison_tables import comparison_fields, comparison_sheets, contest_sheet
 from vsnbench.report.contest import contest_of
 from vsnbench.report.further_answers import Asked, answer_fields, answer_sheets
@@ -285,3 +286,50 @@ def test_the_sheets_leave_out_what_the_design_does_not_have() -> None:
     headings = [column.heading for column in sheet.columns]
     assert "Fisher p" in headings
     assert "McNemar p" not in headings
+
+
+def test_of_a_design_too_small_for_any_p_value_nothing_is_concluded(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    goals = ("chair", "bed")
+    lab.write([Attempt(goal, start) for goal in goals for start in (1, 2)], model="a")
+    lab.write([Attempt(goal, start, success=False) for goal in goals for start in (1, 2)], model="b")
+    record = read(lab.url, Selection())
+    (one,) = compare(record, summarise(record), ["a", "b"])
+    (rate,) = one.rates
+    assert rate.p == 0.5
+    (words,) = verdicts(one)
+    assert "with 2 starting positions no p-value is below 0.5" in words
+    assert "it takes 6 at the least" in words
+    assert "80 % power" not in words
+    assert not any(effect.interval.known for effect in one.effects)
+    fields = answer_fields([one], None, Asked(margin=0.1, posterior=True))["comparisons"][0]["rates"][0]
+    assert (fields["least_p"], fields["too_few"], fields["significant"]) == (0.5, True, False)
+    assert fields["equivalence"]["too_few"]
+    assert not fields["equivalence"]["differ_by_more"]
+    assert fields["probability_first_better"] is None
+    said = [
+        cell.text
+        for sheet in answer_sheets([one], None, Asked(margin=0.1, posterior=True))[-2:]
+        for cell in sheet.rows[0].cells
+    ]
+    assert "too few to say" in said
+    assert "99.9" not in " ".join(said)
+
+
+def test_two_positions_against_three_can_show_nothing_and_what_it_takes_is_said(tmp_path: Path) -> None:
+    lab, elsewhere = Lab(tmp_path), Lab(tmp_path, load_site("apartment").model_copy(update={"name": "other"}))
+    lab.write([Attempt(goal, start) for goal in ("chair", "bed") for start in (1, 2)], model="a")
+    elsewhere.write(
+        [Attempt(goal, start, success=False) for goal in ("chair", "bed") for start in (1, 2, 3)], model="b"
+    )
+    record = read(lab.url, Selection())
+    (one,) = compare(record, summarise(record), ["a", "b"])
+    (rate,) = one.rates
+    assert rate.test == EXCHANGED
+    assert rate.p == pytest.approx(0.1, abs=0.01)
+    assert rate.outlook is not None
+    assert rate.outlook.detectable is None
+    (words,) = verdicts(one)
+    assert "with 2 against 3 starting positions no p-value is below 0.1" in words
+    assert "it takes 4 of each model at the least" in words
+    assert "starting positions a model in place of 2" in words

@@ -16,7 +16,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.build import read
 from vsnbench.report.record import Selection, soft_spl_of, spl_of
 from vsnbench.report.summary import Results, summarise
-from vsnbench.report.tables import goal_sheet
+from vsnbench.report.tables import end_sheet, goal_sheet
 
 
 @pytest.fixture
@@ -186,3 +186,22 @@ def test_a_failure_counts_0_in_spl_whatever_is_known_of_its_path(lab: Lab) -> No
     assert "SPL is over 2 episodes: the path lengths of 1 successes are unknown" in notes
     assert "SoftSPL is over the 1 episodes" in notes
     assert "1 episodes are trivial" in notes
+
+
+def test_failures_alone_do_not_make_a_path_efficiency(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    lab.write([Attempt(path_m=None), Attempt(start=2, success=False)])
+    (one,) = summarise(read(lab.url, Selection())).conditions
+    assert math.isnan(one.total.spl)
+    assert "SPL is not known: the path length of no success is (1 of them)." in goal_sheet(one).notes
+    lab.write([Attempt(start=s, success=False, path_m=None) for s in (1, 2)], model="failing")
+    failing = summarise(read(lab.url, Selection())).conditions[1]
+    assert failing.total.spl == 0
+
+
+def test_what_never_counts_has_no_share_of_what_counts(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    lab.write([void(), Attempt()])
+    rows = {row.cells[1].text: [cell.text for cell in row.cells] for row in end_sheet(results_of(lab)).rows}
+    assert rows["motion_failed"][2:5] == ["1", "0", "–"]
+    assert rows["stop"][2:5] == ["1", "1", "100.00"]

@@ -36,17 +36,26 @@ def test_totals_over_other_goals_are_not_compared(lab: Lab) -> None:
     assert "-11.11" in [cell.text for cell in sheet.rows[0].cells]
 
 
-def test_the_twin_says_how_true_it_is_and_what_it_saves(lab: Lab) -> None:
-    record = read(lab.url, Selection())
-    (twin,) = twins(summarise(record))
-    like, ranks, gain = twin.agreement, twin.ranks, twin.powered
+def test_the_twin_says_how_true_it_is(lab: Lab) -> None:
+    (twin,) = twins(summarise(read(lab.url, Selection())))
+    like, ranks = twin.agreement, twin.ranks
     assert like is not None
     assert ranks is not None
-    assert gain is not None
     assert (like.same, like.bias) == pytest.approx((8 / 9, 1 / 9))
     assert ranks.rho > 0.5
-    assert gain.plain_rate == pytest.approx(5 / 9)
-    assert gain.cells == 9
+
+
+def test_a_true_twin_saves_real_trials(tmp_path: Path) -> None:
+    lab, hard, goals = Lab(tmp_path), {2, 3, 8, 11, 14}, ("chair", "bed", "sofa")
+    lab.write([Attempt(g, s, success=s not in hard) for g in goals for s in range(1, 16)])
+    real = [Attempt(g, s, success=s not in hard) for g in goals for s in range(1, 7)]
+    lab.write([*real[:4], Attempt("chair", 5, success=False), *real[5:]], simulated=False)
+    record = read(lab.url, Selection())
+    (twin,) = twins(summarise(record))
+    gain = twin.powered
+    assert gain is not None
+    assert gain.plain_rate == pytest.approx(11 / 18)
+    assert gain.cells == 18
     assert gain.tuning > 0
     assert gain.saved > 0
     assert gain.rate in gain.interval

@@ -1,5 +1,6 @@
 """Intervals for episodes that resemble each other: what they reduce to, what copies change, and their coverage."""
 
+import itertools
 import math
 
 import numpy as np
@@ -9,9 +10,7 @@ from hypothesis import strategies as st
 
 from vsnbench.statistics.clustered import (
     Cell,
-    ClusterSums,
     Outcomes,
-    clustered_bootstrap,
     effective_sample,
     independent_difference,
     independent_outcomes,
@@ -76,13 +75,35 @@ def test_the_variance_is_that_of_a_regression_with_clustered_errors() -> None:
     assert effective_sample(outcomes(cells)).variance == pytest.approx(float(fit.cov_params()[0, 0]))
 
 
-def test_where_all_outcomes_are_alike_each_cell_counts_once() -> None:
+def test_where_all_outcomes_are_alike_each_cell_counts_once_and_those_of_a_position_are_half_alike() -> None:
     assert effective_sample(outcomes([(start, 0, 5) for start in range(15)])).trials == pytest.approx(15)
-    # Six goals from each position, once each: ninety cells.
-    assert effective_sample(outcomes([(start, 0, 1) for start in range(15)] * 6)).trials == pytest.approx(90)
+    # Five goals from each position, once each: 75 cells whose resemblance nobody knows. 75 / (1 + 4 * 0.5).
+    assert effective_sample(outcomes([(start, 0, 1) for start in range(15)] * 5)).trials == pytest.approx(25)
     assert effective_sample(outcomes([(1, 3, 5)])).trials == 1  # one cell alone
     assert rate_interval(Outcomes(())) is UNKNOWN
     assert independent_difference(Outcomes(()), outcomes([(1, 1, 1)])) is UNKNOWN
+
+
+def test_fewer_failures_never_lower_the_bound_by_more_than_rounding() -> None:
+    bounds = []
+    for failures in range(8, -1, -1):
+        cells = [(start, int(goal * 15 + start >= failures), 1) for goal in range(5) for start in range(15)]
+        bounds.append(rate_interval(outcomes(cells)).low)
+    assert all(after > before - 0.005 for before, after in itertools.pairwise(bounds))
+
+
+@pytest.mark.parametrize(("starts", "alike"), [(5, 0.1), (5, 0.5), (8, 0.2), (15, 0.02), (15, 0.5)])
+def test_few_positions_of_several_goals_are_covered_as_often_as_promised(starts: int, alike: float) -> None:
+    random, samples = np.random.default_rng(13), 300
+    sums = 1 / alike - 1
+    for rate in (0.1, 0.5, 0.8):
+        held = 0
+        for _ in range(samples):
+            chances = random.beta(sums * rate, sums * (1 - rate), starts)
+            wins = random.random((5, starts)) < chances
+            cells = [(start, int(wins[goal, start]), 1) for goal in range(5) for start in range(starts)]
+            held += rate in rate_interval(outcomes(cells))
+        assert held / samples >= 0.91  # 93 %, less what 300 samples leave to chance
 
 
 @pytest.mark.parametrize(("concentration", "rate"), [(1.0, 0.3), (1.0, 0.8), (4.0, 0.3), (4.0, 0.5), (1e6, 0.5)])
@@ -97,34 +118,6 @@ def test_fifteen_positions_under_five_seeds_are_covered_as_often_as_promised(con
     assert held / samples >= 0.925  # 93 %, less what 600 samples leave to chance
     if concentration <= 4:
         assert plain / samples < 0.89  # what taking each episode for a place of its own would do
-
-
-def test_the_bootstrap_covers_the_difference_of_clustered_means() -> None:
-    random = np.random.default_rng(7)
-    clusters, episodes, held = 15, 5, 0
-    samples = 300
-    for sample in range(samples):
-        place = random.normal(50, 15, clusters)  # hard positions are hard for both
-        first = ClusterSums(
-            (place[:, None] + 5 + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
-        )
-        second = ClusterSums(
-            (place[:, None] + random.normal(0, 10, (clusters, episodes))).sum(1), np.full(clusters, episodes)
-        )
-        interval = clustered_bootstrap(first, second, shared_clusters=True, resamples=1000, seed=sample)
-        held += 5 in interval
-    assert 0.89 < held / samples < 0.98  # the percentile bootstrap of 15 clusters is a little short
-
-
-def test_the_bootstrap_repeats_itself_and_knows_when_it_knows_nothing() -> None:
-    few = ClusterSums(np.array([10.0]), np.array([2]))
-    some = ClusterSums(np.array([10.0, 30.0, 20.0]), np.array([2, 2, 2]))
-    assert clustered_bootstrap(few, some, shared_clusters=False) is UNKNOWN
-    first = clustered_bootstrap(some, some, shared_clusters=False, seed=3)
-    assert first == clustered_bootstrap(some, some, shared_clusters=False, seed=3)
-    assert 0.0 in first
-    with pytest.raises(ValueError, match="listed alike"):
-        clustered_bootstrap(few, some, shared_clusters=True)
 
 
 def test_counts_that_cannot_be_are_refused() -> None:

@@ -4,27 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.stats import binom
 from statsmodels.stats.power import TTestPower
 
 from vsnbench.statistics.clustered import Cell
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes
+from vsnbench.statistics.permutation import sign_flip
 from vsnbench.statistics.power import (
     Design,
     Resemblance,
     design_of,
     detectable,
-    independent_detectable,
-    independent_power,
-    independent_trials_needed,
+    fewest_starts,
+    least_p,
     power,
     resemblance,
     starts_needed,
     trials_needed,
 )
-from vsnbench.statistics.rates import Proportion, fisher, mcnemar_exact
+from vsnbench.statistics.rates import mcnemar_exact
 
 PLAIN = Design(starts=40, cells=1, trials=1, rate=0.4, resemblance=Resemblance(0.0, 0.0, 0.0))
 
@@ -94,25 +92,10 @@ def test_the_resemblance_of_simulated_outcomes_is_found_again() -> None:
     assert (once.starts, once.cells, once.trials) == (1, 1, 1)
 
 
-@settings(deadline=None, max_examples=25)
-@given(st.integers(2, 14), st.integers(2, 14), st.floats(0.05, 0.95), st.floats(0.05, 0.95))
-def test_power_of_independent_samples_counts_every_table(n: int, m: int, first: float, second: float) -> None:
-    expected = sum(
-        float(binom.pmf(a, n, first) * binom.pmf(b, m, second))
-        for a in range(n + 1)
-        for b in range(m + 1)
-        if fisher(Proportion(a, n), Proportion(b, m)) <= 0.05
-    )
-    assert independent_power(n, m, first, second, 0.05) == pytest.approx(expected, abs=1e-9)
-
-
-def test_independent_trials_needed_give_the_exact_power_asked_for() -> None:
-    for first, second in [(0.3, 0.2), (0.29, 0.21), (0.6, 0.2)]:
-        needed = independent_trials_needed(first, second, 0.05)
-        assert needed is not None
-        assert independent_power(needed, needed, first, second, 0.05) == pytest.approx(0.80, abs=0.04)
-    assert independent_trials_needed(0.3, 0.3, 0.05) is None
-    assert independent_trials_needed(float("nan"), 0.3, 0.05) is None
-    shown = independent_detectable(75, 90, 0.25, 0.05)
-    assert shown is not None
-    assert independent_power(75, 90, 0.25 + shown / 2, 0.25 - shown / 2, 0.05) >= 0.8
+def test_the_least_p_value_is_that_of_the_most_one_sided_outcome() -> None:
+    for starts in (1, 4, 5, 6, 11):
+        assert least_p(starts) == pytest.approx(sign_flip([1.0] * starts))
+    assert fewest_starts(0.05) == 6
+    assert least_p(fewest_starts(0.01)) < 0.01 <= least_p(fewest_starts(0.01) - 1)
+    five = Design(starts=5, cells=3, trials=1, rate=0.5, resemblance=Resemblance(0.1, 0.5, 0.0))
+    assert detectable(five) is None

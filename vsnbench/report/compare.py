@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 from vsnbench.errors import UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.conditions import Condition
-from vsnbench.report.outlook import Outlook, outlook_of
+from vsnbench.report.effects import MEASURED, EffectComparison, effects
+from vsnbench.report.outlook import Outlook, Reach, outlook_of, reach_of
 from vsnbench.report.pairing import Matches, Pairing, match, pair, same_places, seeded
 from vsnbench.report.record import Record, empty_record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
-from vsnbench.statistics.clustered import ClusterSums, Outcomes, clustered_bootstrap, independent_difference
+from vsnbench.statistics.clustered import Outcomes, independent_difference
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import paired_interval, paired_test
 from vsnbench.statistics.permutation import exchange_clusters, fisher_effective, stratified_permutation
@@ -105,6 +106,11 @@ class RateComparison:
         return independent_difference(self.first.outcomes, self.second.outcomes)
 
     @property
+    def reach(self) -> Reach:
+        """How small a p-value these numbers of starting positions, or of trials, can give at all."""
+        return reach_of(self.pairing, self.first.outcomes, self.second.outcomes, by_start=self.test == EXCHANGED)
+
+    @property
     def covered(self) -> bool:
         """Whether enough of the planned trials of both are done to name a winner."""
         return min(self.first.coverage, self.second.coverage) >= ENOUGH_COVERAGE
@@ -123,22 +129,6 @@ class RateComparison:
 
 
 @dataclass(frozen=True, slots=True)
-class EffectComparison:
-    """Two means of a measure on the shared goals, with an interval that respects the starting positions."""
-
-    measure: str
-    first: float
-    second: float
-    interval: Interval
-    """Of the difference; unknown where there is too little to resample."""
-
-    @property
-    def difference(self) -> float:
-        """First less second."""
-        return self.first - self.second
-
-
-@dataclass(frozen=True, slots=True)
 class Comparison:
     """Everything about one pair of conditions."""
 
@@ -148,6 +138,11 @@ class Comparison:
     effects: tuple[EffectComparison, ...]
     asked: int
     """How many p-values the Holm correction is over."""
+
+    @property
+    def level(self) -> float:
+        """Below which a p-value surely counts: 0.05 divided by the questions asked together."""
+        return (1 - CONFIDENCE) / max(1, self.asked)
 
 
 def compare(
@@ -183,17 +178,23 @@ def compare(
     family = [rate.p for one in raw for rate in one.rates if rate.scope != ALL]
     adjusted = iter(holm(family))
     finished = []
-    for one in raw:
-        rates = tuple(replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted)) for rate in one.rates)
-        level = (1 - CONFIDENCE) / max(1, len(family))
+    for pair_of in raw:
+        corrected = (
+            replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted)) for rate in pair_of.rates
+        )
+        one = replace(pair_of, rates=tuple(corrected), asked=len(family))
         rates = tuple(
-            replace(rate, outlook=outlook_of(rate.pairing, rate.first, rate.second, level))
+            replace(rate, outlook=_outlook(rate, one.level))
             if outlooks and rate.scope in (ALL, SHARED) and rate.covered and not rate.significant
             else rate
-            for rate in rates
+            for rate in one.rates
         )
-        finished.append(replace(one, rates=rates, asked=len(family)))
+        finished.append(replace(one, rates=rates))
     return tuple(finished)
+
+
+def _outlook(rate: RateComparison, level: float) -> Outlook | None:
+    return outlook_of(rate.pairing, rate.first, rate.second, level, by_start=rate.test == EXCHANGED)
 
 
 def find_condition(name: str, results: Results, published: Results | None) -> ConditionSummary:
@@ -231,7 +232,7 @@ class _Side:
 def _side(record: Record, one: ConditionSummary) -> _Side:
     if one.condition.published:
         record = empty_record()  # whose numbers are no condition's of the record
-    rows = record.counted(one.condition)[["goal", "start", "campaign", "repetition", "success", *_COLUMNS]]
+    rows = record.counted(one.condition)[["goal", "start", "campaign", "repetition", "success", *MEASURED]]
     return _Side(one, rows, seeded(rows, one.condition))
 
 
@@ -245,7 +246,11 @@ def _pair(one: _Side, other: _Side, *, by_goal: bool) -> Comparison:
     if by_goal and len(shared) > 1:
         scopes += [(goal, (goal,), (goal,)) for goal in shared]
     rates = tuple(_rate(scope, (one, own), (other, others)) for scope, own, others in scopes)
-    return Comparison(first.condition, second.condition, rates, _effects(one, other, shared), 0)
+    measured: tuple[EffectComparison, ...] = ()
+    if shared and not (first.condition.published or second.condition.published):
+        together = same_places(first.condition, second.condition)
+        measured = effects(one.rows, other.rows, shared, together=together)
+    return Comparison(first.condition, second.condition, rates, measured, 0)
 
 
 def _rate(scope: str, one: tuple[_Side, tuple[str, ...]], other: tuple[_Side, tuple[str, ...]]) -> RateComparison:
@@ -279,40 +284,3 @@ def over_goals(one: ConditionSummary, goals: Sequence[str]) -> Summary:
         planned=sum(each.planned for each in chosen),
         outcomes=Outcomes(tuple(cell for each in chosen for cell in each.outcomes.cells)),
     )
-
-
-MEASURES = {
-    "actions": "actions",
-    "actions of successful episodes": "actions",
-    "SPL": "spl",
-    "SoftSPL": "soft_spl",
-}
-
-
-_COLUMNS = list(dict.fromkeys(MEASURES.values()))
-
-
-def _effects(one: _Side, other: _Side, goals: Sequence[str]) -> tuple[EffectComparison, ...]:
-    first, second = one.summary, other.summary
-    if first.condition.published or second.condition.published or not goals:
-        return ()
-    sides = [each.rows[each.rows["goal"].isin(list(goals))] for each in (one, other)]
-    together = same_places(first.condition, second.condition)
-    effects = []
-    for measure, column in MEASURES.items():
-        chosen = [rows[rows["success"]] if "successful" in measure else rows for rows in sides]
-        # The same starting positions are drawn for both when they are the same places.
-        starts = sorted(set(sides[0]["start"]) | set(sides[1]["start"])) if together else None
-        a, b = (_by_start(rows, column, starts) for rows in chosen)
-        interval = clustered_bootstrap(a, b, shared_clusters=starts is not None)
-        effects.append(EffectComparison(measure, a.mean, b.mean, interval))
-    return tuple(effects)
-
-
-def _by_start(rows: "pd.DataFrame", column: str, starts: Sequence[int] | None) -> ClusterSums:
-    import numpy as np
-
-    grouped = rows.groupby("start")[column].agg(["sum", "count"])
-    if starts is not None:
-        grouped = grouped.reindex(list(starts), fill_value=0)
-    return ClusterSums(grouped["sum"].to_numpy(np.float64), grouped["count"].to_numpy(np.int64))

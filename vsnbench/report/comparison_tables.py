@@ -25,6 +25,7 @@ from vsnbench.report.sheets import (
     word,
 )
 from vsnbench.report.verdicts import compared, verdicts
+from vsnbench.statistics.bootstrap import FEWEST_CLUSTERS
 
 
 def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> list[Sheet]:
@@ -87,7 +88,10 @@ def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> lis
             for effect in comparison.effects
         ),
         notes=(
-            "Intervals by resampling starting positions as a whole: episodes from one position resemble each other.",
+            (
+                "Intervals by resampling starting positions as a whole: episodes from one position resemble each "
+                f"other. Fewer than {FEWEST_CLUSTERS} positions give none."
+            ),
         ),
     )
     return [kept(rates), effects]
@@ -169,7 +173,8 @@ def comparison_fields(comparison: Comparison) -> dict[str, Any]:
         "first": condition_fields(comparison.first),
         "second": condition_fields(comparison.second),
         "questions": comparison.asked,
-        "rates": [_rate_fields(rate) for rate in comparison.rates],
+        "level": comparison.level,
+        "rates": [_rate_fields(rate, comparison.level) for rate in comparison.rates],
         "effects": [
             {
                 "measure": effect.measure,
@@ -202,18 +207,18 @@ def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
         Cell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
         if matches and matches.pairs
         else unknown,
-        _p(rate.p),
+        p_cell(rate.p),
         word(rate.test),
-        _p(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
+        p_cell(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
         *(
-            (_p(others.fisher_p), _p(others.barnard_p), _p(others.mcnemar_p), _p(others.permutation_p))
+            (p_cell(others.fisher_p), p_cell(others.barnard_p), p_cell(others.mcnemar_p), p_cell(others.permutation_p))
             if others
             else ()
         ),
     )
 
 
-def _rate_fields(rate: RateComparison) -> dict[str, Any]:
+def _rate_fields(rate: RateComparison, level: float) -> dict[str, Any]:
     pairing, matches, (mine, theirs), outlook = rate.pairing, rate.matches, rate.compared, rate.outlook
     others = rate.others
     return {
@@ -240,6 +245,8 @@ def _rate_fields(rate: RateComparison) -> dict[str, Any]:
         "test": rate.test,
         "p": finite(rate.p),
         "adjusted_p": finite(rate.adjusted_p),
+        "least_p": rate.reach.p,
+        "too_few": rate.reach.too_few(level),
         "covered": rate.covered,
         "significant": rate.covered and rate.significant,
         "matched_pairs": matches.pairs if matches else None,
@@ -250,7 +257,8 @@ def _rate_fields(rate: RateComparison) -> dict[str, Any]:
     }
 
 
-def _p(value: float) -> Cell:
+def p_cell(value: float) -> Cell:
+    """A cell with a p-value."""
     if math.isfinite(value) and value < 0.001:
         return Cell("< 0.001", value)
     return decimal(value, 3)

@@ -43,7 +43,8 @@ class Summary:
     mean_actions_successful: float
     """Over the successful ones only."""
     spl: float
-    """Mean over the failures, which count 0, and the successes whose path lengths are known."""
+    """Mean over the failures, which count 0, and the successes whose path lengths are known; NaN where there are
+    successes and the length of none is known."""
     soft_spl: float
     """Mean over the episodes whose path lengths are known."""
     spl_episodes: int
@@ -208,9 +209,13 @@ def _of_start(start: int, episodes: EpisodeColumns, planned: int, cells: CellCou
 
 def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summary:
     """Condense episodes, whatever their states; the outcomes are of those that count."""
+    import numpy as np
+
     state = episodes.state
     counted = episodes[state.of(COUNTED)]
     spl, soft_spl = _known(counted.spl), _known(counted.soft_spl)
+    if counted.success.any() and not (~np.isnan(counted.spl[counted.success])).any():
+        spl = spl[:0]  # the failures' zeros alone would say that successes are worth nothing
     return Summary(
         successes=int(counted.success.sum()),
         episodes=len(counted.success),

@@ -117,7 +117,7 @@ def end_sheet(results: Results) -> Sheet:
             word(end.end_reason),
             count(end.attempts),
             count(end.counted),
-            percent(end.counted / one.total.episodes if one.total.episodes else float("nan")),
+            percent(end.counted / one.total.episodes if end.counted else float("nan")),
             word("result" if end.end_reason in _RESULTS else "void: run again"),
         )
         for one in results.conditions
@@ -161,7 +161,14 @@ def stability_sheet(robots: Sequence[RobotActivity]) -> Sheet:
             Column("failures/km"),
         ),
         rows=tuple(rows),
-        notes=("All attempts, void ones too: the robot drove in them.",),
+        notes=(
+            "All attempts, void ones too: the robot drove in them.",
+            *(
+                ["A simulated robot's clock is the simulation's: it can drive for more hours than elapse."]
+                if any(one.simulated for one in robots)
+                else []
+            ),
+        ),
     )
 
 
@@ -226,6 +233,8 @@ def _caveats(total: Summary) -> list[str]:
         notes.append("Incomplete: the rates are of the trials done.")
     if total.unjudged:
         notes.append(f"{total.unjudged} episodes await a verdict and are in no rate.")
+    if total.successes and not total.spl_episodes:
+        notes.append(f"SPL is not known: the path length of no success is ({total.successes} of them).")
     if 0 < total.spl_episodes < total.episodes:
         unknown = total.episodes - total.spl_episodes
         notes.append(f"SPL is over {total.spl_episodes} episodes: the path lengths of {unknown} successes are unknown.")

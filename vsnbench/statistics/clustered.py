@@ -3,16 +3,16 @@
 A **cell** is a goal from a starting position; the starting positions are the **clusters**. Five seeds of a policy that
 repeats itself are one fact five times, and an interval that takes them for five is too short. Here the variance is the
 largest of three: as if all episodes were independent, between cells, between clusters. What it is worth in independent
-trials (Kish's effective sample size) goes into Wilson's interval, with Student's t where the variance was estimated.
+trials (Kish's effective sample size) goes into Wilson's interval, with Student's t where the variance was estimated:
+wherever clusters hold several cells, also where they happen to show no more than chance (Korn and Graubard), for of few
+clusters that says little.
 
-Coverage by simulation is in `docs/statistics.md`. Sources: Kish (1965); Korn and Graubard (1998); Cameron, Gelbach and
-Miller (2008) for resampling whole clusters.
+Coverage by simulation is in `docs/statistics.md`. Sources: Kish (1965); Korn and Graubard (1998).
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,8 @@ from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval, Proportion,
 
 Floats = npt.NDArray[np.float64]
 _SAME = 1e-9
+_ASSUMED = 0.5
+"""How much the cells of a cluster are taken to resemble each other where all outcomes are alike: a correlation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,8 @@ def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveS
     """Return what the outcomes are worth in independent trials.
 
     With one cluster alone its cells take the clusters' place, and one cell alone counts as one trial: how much its
-    episodes resemble each other cannot be known. Where all outcomes are the same, each cell counts as one trial.
+    episodes resemble each other cannot be known. Where all outcomes are the same, neither can it of the cells of a
+    cluster, and they are taken for half alike: all of 15 cells in 15 clusters are worth 15 trials, all of 75 are 25.
 
     Args:
         outcomes: at least one cell.
@@ -126,18 +129,19 @@ def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveS
     if clusters.max() == 0:
         clusters = np.arange(len(trials))
     rate = float(weights @ means)
+    rate = min(1.0, rate) if rate < 1 - _SAME else 1.0
     spread = rate * (1 - rate)
+    by_cluster = np.bincount(clusters, weights=weights)
+    alike = _ASSUMED / (1 + len(trials) * min(rate, 1 - rate))
+    least = 1 - alike + alike * float((by_cluster @ by_cluster) / (weights @ weights))
     if spread < _SAME or len(trials) == 1:
-        return EffectiveSample(rate, float(1 / (weights @ weights)), math.inf)
+        return EffectiveSample(rate, 1 / (least * float(weights @ weights)), math.inf)
     alone = spread * float(weights**2 @ (1 / trials))
     between_cells, between_clusters = residual_variances(clusters, weights, means - rate)
-    if _all_agree(means) and between_clusters <= max(alone, between_cells) + _SAME * spread:
-        freedom = math.inf  # every cell is one fact, and the clusters show no more
-    else:
-        sums = np.bincount(clusters, weights=weights)
-        by_cluster = np.bincount(clusters, weights=weights * means) / sums
-        freedom = math.inf if _all_agree(by_cluster) else float(clusters.max())
-    return EffectiveSample(rate, spread / max(alone, between_cells, between_clusters), freedom)
+    # Where each cluster is one fact, nothing had to be estimated.
+    agree = _all_agree(np.bincount(clusters, weights=weights * means) / by_cluster)
+    freedom = math.inf if agree else float(clusters.max())
+    return EffectiveSample(rate, spread / max(least * max(alone, between_cells), between_clusters), freedom)
 
 
 def arrays(cells: Iterable[Cell]) -> tuple[npt.NDArray[np.int64], Floats, Floats]:
@@ -163,74 +167,3 @@ def residual_variances(clusters: npt.NDArray[np.int64], weights: Floats, residua
 
 def _all_agree(means: Floats) -> bool:
     return bool(np.all((means < _SAME) | (means > 1 - _SAME)))
-
-
-@dataclass(frozen=True, slots=True)
-class ClusterSums:
-    """A measure summed within each cluster (starting position): `totals[i]` over `counts[i]` episodes."""
-
-    totals: Floats
-    counts: npt.NDArray[np.int64]
-
-    @property
-    def mean(self) -> float:
-        """Mean over all episodes; NaN for none."""
-        episodes = int(self.counts.sum())
-        return float(self.totals.sum()) / episodes if episodes else math.nan
-
-
-def clustered_bootstrap(
-    first: ClusterSums,
-    second: ClusterSums,
-    *,
-    shared_clusters: bool,
-    confidence: float = CONFIDENCE,
-    resamples: int = 10_000,
-    seed: int = 0,
-) -> Interval:
-    """Return the percentile interval of the difference of means `first - second`, resampling whole clusters.
-
-    Episodes from one starting position resemble each other; resampling them one by one would pretend to know more.
-    With 15 clusters it covers about 93 %.
-
-    Args:
-        first: sums of one model by cluster.
-        second: sums of the other.
-        shared_clusters: the i-th cluster of both is the same starting position, and is drawn for both together.
-        confidence: of the interval.
-        resamples: how many times the clusters are drawn.
-        seed: makes the answer repeatable.
-
-    Returns:
-        The interval; unknown when either has fewer than two clusters with episodes.
-    """
-    if shared_clusters and len(first.counts) != len(second.counts):
-        raise ValueError("shared clusters must be listed alike for both models")
-    if min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)) < 2:
-        return UNKNOWN
-    drawn, drawn_second = _draws(len(first.counts), None if shared_clusters else len(second.counts), resamples, seed)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        differences = (drawn @ first.totals) / (drawn @ first.counts) - (drawn_second @ second.totals) / (
-            drawn_second @ second.counts
-        )
-    differences = differences[np.isfinite(differences)]  # a draw may hold no episode of one model
-    tail = (1 - confidence) / 2
-    low, high = np.quantile(differences, [tail, 1 - tail])
-    return Interval(float(low), float(high))
-
-
-@lru_cache(maxsize=1)
-def _draws(first: int, second: int | None, resamples: int, seed: int) -> tuple[Floats, Floats]:
-    """Return how often each cluster was drawn, (resamples, clusters), of two samples; None: the first's for both.
-
-    Kept for the next measure of the same clusters: drawing takes longer than all the rest.
-    """
-    random = np.random.default_rng(seed)
-
-    def draw(clusters: int) -> Floats:
-        drawn = random.multinomial(clusters, np.full(clusters, 1 / clusters), size=resamples).astype(np.float64)
-        drawn.setflags(write=False)
-        return drawn
-
-    mine = draw(first)
-    return mine, mine if second is None else draw(second)

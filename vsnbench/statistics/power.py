@@ -2,7 +2,7 @@
 
 Never the "observed power" of the difference that was seen, which only restates its p-value (Hoenig and Heisey 2001).
 For paired designs the test in use, flipping the signs of whole starting positions, is run on simulated outcomes at the
-level in force; for two independent samples Fisher's test is counted out exactly.
+level in force. Two independent samples are in `vsnbench.statistics.power_independent`.
 
 Simulated outcomes follow a threshold model: an episode succeeds where a normal variable exceeds what its rate asks for,
 made up of a part common to the starting position, one common to the cell, and chance; both common parts are correlated
@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.clustered import arrays
+from vsnbench.statistics.clustered import Outcomes, arrays
 from vsnbench.statistics.paired import PairedOutcomes
 from vsnbench.statistics.rates import POWER
 
 Floats = npt.NDArray[np.float64]
 MOST_STARTS = 1000
 MOST_TRIALS = 20
-_SAMPLES = 600
+SAMPLES = 600
 _FLIPS = 1999
 _ASSUMED = 0.5
 
@@ -41,6 +41,12 @@ class Resemblance:
     """Of what is common to a cell, between the two models."""
     assumed: bool = False
     """`cell` is a guess: no cell was tried twice."""
+
+    @property
+    def of_normals(self) -> tuple[float, float]:
+        """Correlations of the normal variables behind the outcomes, of a starting position and of a cell."""
+        of_cell = math.sin(math.pi / 2 * self.cell)
+        return min(of_cell, math.sin(math.pi / 2 * self.start)), of_cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,22 +83,31 @@ def design_of(outcomes: PairedOutcomes, level: float) -> Design:
 
 def resemblance(outcomes: PairedOutcomes) -> Resemblance:
     """Estimate the correlations of outcomes by their moments; where no cell was tried twice, one half is assumed."""
-    clusters, mine, trials = arrays(outcomes.first.cells)
-    _, theirs, other_trials = arrays(outcomes.second.cells)
+    alone = own_resemblance(outcomes.first, outcomes.second)
+    mine, theirs = (arrays(side.cells)[1] for side in (outcomes.first, outcomes.second))
+    total = sum(float(side.mean()) * (1 - float(side.mean())) for side in (mine, theirs)) / 2
+    if total <= 0 or alone.cell <= 0:
+        return alone
+    common = float(np.mean((mine - mine.mean()) * (theirs - theirs.mean()))) / total
+    return replace(alone, models=min(1.0, max(0.0, common / alone.cell)))
+
+
+def own_resemblance(*sides: Outcomes) -> Resemblance:
+    """Estimate how each model's outcomes resemble its own, averaged over the models; between them it says nothing."""
     cell, start, spread = [], [], []
-    for means, times in ((mine, trials), (theirs, other_trials)):
+    for side in sides:
+        clusters, means, times = arrays(side.cells)
         rate = float(means.mean())
         spread.append(rate * (1 - rate))
         cell += list(_within(means, times, rate))
         start += list(_across(clusters, means, rate))
-    total = sum(spread) / 2
+    total = sum(spread) / len(spread)
     if total <= 0:
         return Resemblance(0.0, _ASSUMED, 0.0, assumed=True)
     repeated = bool(cell)
     of_start = min(1.0, max(0.0, float(np.mean(start)) / total)) if start else 0.0
     of_cell = min(1.0, max(of_start, float(np.mean(cell)) / total)) if repeated else max(of_start, _ASSUMED)
-    common = float(np.mean((mine - mine.mean()) * (theirs - theirs.mean()))) / total
-    return Resemblance(of_start, of_cell, min(1.0, max(0.0, common / of_cell)) if of_cell > 0 else 0.0, not repeated)
+    return Resemblance(of_start, of_cell, 0.0, not repeated)
 
 
 def _within(means: Floats, trials: Floats, rate: float) -> Floats:
@@ -123,21 +138,31 @@ def power(design: Design, difference: float, seed: int = 0) -> float:
 
 def detectable(design: Design, wanted: float = POWER) -> float | None:
     """Return the smallest difference of rates that the design shows with this power, to a point; None for none."""
-    points = _least(lambda step: power(design, step / 100) >= wanted, 1, 99)
+    points = least(lambda step: power(design, step / 100) >= wanted, 1, 99)
     return None if points is None else points / 100
 
 
 def starts_needed(design: Design, difference: float, wanted: float = POWER) -> int | None:
     """Return how many starting positions in all would show the difference; None beyond 1,000."""
-    return _least(lambda starts: power(replace(design, starts=starts), difference) >= wanted, 2, MOST_STARTS)
+    return least(lambda starts: power(replace(design, starts=starts), difference) >= wanted, 2, MOST_STARTS)
 
 
 def trials_needed(design: Design, difference: float, wanted: float = POWER) -> int | None:
     """Return how many episodes a cell, of each model, would show it; None where 20 would not: new starts would."""
-    return _least(lambda trials: power(replace(design, trials=trials), difference) >= wanted, 1, MOST_TRIALS)
+    return least(lambda trials: power(replace(design, trials=trials), difference) >= wanted, 1, MOST_TRIALS)
 
 
-def _least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
+def least_p(starts: int) -> float:
+    """Return the least two-sided p-value that flipping the signs of so many starting positions can reach."""
+    return float(min(1.0, 2.0 ** (1 - starts)))
+
+
+def fewest_starts(level: float) -> int:
+    """Return how many starting positions it takes for a p-value below this level at all."""
+    return next(starts for starts in range(1, 1100) if least_p(starts) < level)
+
+
+def least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
     """Return the least whole number of low to high that is enough, by doubling and halving."""
     top = low
     while not enough(top):
@@ -152,25 +177,37 @@ def _least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
 
 def _simulate(random: np.random.Generator, design: Design, first: float, second: float) -> Floats:
     """Return (samples, starts): sum over the cells of the first's rate less the second's."""
-    from scipy.stats import norm
-
     alike = design.resemblance
-    shape = (_SAMPLES, design.starts, design.cells)
-    of_cell = math.sin(math.pi / 2 * alike.cell)
-    of_start = min(of_cell, math.sin(math.pi / 2 * alike.start))
+    shape = (SAMPLES, design.starts, design.cells)
+    of_start, of_cell = alike.of_normals
     models = math.sin(math.pi / 2 * alike.models)
-    shared = _common(random, shape, of_start, of_cell)
+    shared = common_parts(random, shape, of_start, of_cell)
     sums = np.zeros(shape[:2])
     for rate, sign in ((first, 1), (second, -1)):
-        own = _common(random, shape, of_start, of_cell)
+        own = common_parts(random, shape, of_start, of_cell)
         common = math.sqrt(models) * shared + math.sqrt(1 - models) * own
-        ahead = common + norm.ppf(rate)
-        chance = norm.cdf(ahead / math.sqrt(max(1e-9, 1 - of_cell)))
-        sums += sign * random.binomial(design.trials, chance).sum(2) / design.trials
+        sums += sign * drawn_rates(random, rate, common, of_cell, design.trials)
     return sums
 
 
-def _common(random: np.random.Generator, shape: tuple[int, int, int], of_start: float, of_cell: float) -> Floats:
+def drawn_rates(random: np.random.Generator, rate: float, common: Floats, of_cell: float, trials: int) -> Floats:
+    """Return (samples, starts): the sum over the cells of one model's success rate.
+
+    Args:
+        random: where the chances come from.
+        rate: the true success rate.
+        common: (samples, starts, cells) what is common to a cell, of variance `of_cell`.
+        of_cell: correlation of the normal variables of two episodes of a cell.
+        trials: episodes a cell.
+    """
+    from scipy.special import ndtr, ndtri
+
+    chance = ndtr((common + ndtri(rate)) / math.sqrt(max(1e-9, 1 - of_cell)))
+    return np.asarray(random.binomial(trials, chance).sum(2) / trials, np.float64)
+
+
+def common_parts(random: np.random.Generator, shape: tuple[int, int, int], of_start: float, of_cell: float) -> Floats:
+    """Return what is common to each cell of (samples, starts, cells), part of it common to the starting position."""
     start = math.sqrt(of_start) * random.standard_normal((*shape[:2], 1))
     return np.asarray(start + math.sqrt(of_cell - of_start) * random.standard_normal(shape), np.float64)
 
@@ -190,64 +227,3 @@ def _p_values(random: np.random.Generator, sums: Floats) -> Floats:
     signs = random.integers(0, 2, (_FLIPS, starts)) * 2.0 - 1.0
     beyond = np.abs(signs @ sums.T) >= observed - 1e-9
     return np.asarray((1 + beyond.sum(0)) / (_FLIPS + 1), np.float64)
-
-
-def independent_power(first_trials: int, second_trials: int, first: float, second: float, level: float) -> float:
-    """Return the exact power of Fisher's test for two independent samples of these sizes and true rates."""
-    return _fisher_power(_fisher_rejects(first_trials, second_trials, level), first, second)
-
-
-def independent_detectable(
-    first_trials: int, second_trials: int, rate: float, level: float, wanted: float = POWER
-) -> float | None:
-    """Return the smallest difference around a mean rate that Fisher's test shows with this power, to a point."""
-    rejects = _fisher_rejects(first_trials, second_trials, level)
-
-    def enough(points: int) -> bool:
-        first = min(1.0, max(points / 100, rate + points / 200))
-        return _fisher_power(rejects, first, first - points / 100) >= wanted
-
-    points = _least(enough, 1, 100)
-    return None if points is None else points / 100
-
-
-def independent_trials_needed(first: float, second: float, level: float, wanted: float = POWER) -> int | None:
-    """Return the trials that each of two independent samples needs for Fisher's test to tell the rates apart.
-
-    Normal approximation with the correction for continuity (Casagrande, Pike and Smith 1978), which follows the exact
-    power closely. None for equal rates.
-    """
-    if not (math.isfinite(first) and math.isfinite(second)) or first == second:
-        return None
-    from scipy.stats import norm
-
-    mean, apart = (first + second) / 2, abs(first - second)
-    spread = float(norm.isf(level / 2)) * math.sqrt(2 * mean * (1 - mean)) + float(norm.ppf(wanted)) * math.sqrt(
-        first * (1 - first) + second * (1 - second)
-    )
-    plain = (spread / apart) ** 2
-    return math.ceil(plain / 4 * (1 + math.sqrt(1 + 4 / (plain * apart))) ** 2)
-
-
-def _fisher_rejects(first: int, second: int, level: float) -> npt.NDArray[np.bool_]:
-    """Return (first + 1, second + 1): whether Fisher's test rejects these successes."""
-    from scipy.stats import hypergeom
-
-    rejects = np.zeros((first + 1, second + 1), bool)
-    for successes in range(first + second + 1):
-        mine = np.arange(max(0, successes - second), min(first, successes) + 1)
-        chances = hypergeom(first + second, successes, first).pmf(mine)
-        order = np.argsort(chances)
-        summed = np.cumsum(chances[order])
-        # As likely as this one counts as extreme too: take the sum at the last of the ties.
-        last = np.searchsorted(chances[order], chances * (1 + 1e-7), side="right") - 1
-        rejects[mine, successes - mine] = summed[last] <= level
-    return rejects
-
-
-def _fisher_power(rejects: npt.NDArray[np.bool_], first: float, second: float) -> float:
-    from scipy.stats import binom
-
-    trials = rejects.shape[0] - 1, rejects.shape[1] - 1
-    mine, theirs = (binom.pmf(np.arange(n + 1), n, rate) for n, rate in zip(trials, (first, second), strict=True))
-    return float(mine @ rejects @ theirs)

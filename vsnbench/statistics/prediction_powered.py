@@ -10,7 +10,6 @@ rates near 0 or 1: the variance is that of whole starting positions, never less 
 real, and goes into Wilson's interval with Student's t. Coverage by simulation is in `docs/statistics.md`.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -82,33 +81,22 @@ def powered(
     elsewhere = np.array([each.predicted for each in others])
     starts = [*(each.real.cluster for each in driven), *(each.cluster for each in others)]
     _, clusters = np.unique(starts, return_inverse=True)
-    mine = clusters[: len(driven)]
-    tuning = best_tuning(real, predicted, elsewhere)
-    rate = min(1.0, max(0.0, point(real, predicted, elsewhere, tuning)))
     plain = effective_sample(outcomes, by_cell=True)
-    plain_interval = plain.interval(confidence)
-    if tuning <= 0:
-        return Powered(plain.rate, plain_interval, plain.rate, plain_interval, 0.0, len(driven), len(driven))
-    # Cells with and without real trials may lie at one position: what they add is summed up before it is squared.
-    parts = np.concatenate([_parts(real - tuning * predicted), _parts(tuning * elsewhere)])
-    variance = _variance(parts, clusters)
-    spread = rate * (1 - rate)
+    tuning = best_tuning(real, predicted, elsewhere)
+    left = _variance_left(real, predicted, elsewhere, clusters, tuning)
     everything = len(driven) + len(others)
-    # As if each cell had been driven once is the most that any simulator can be worth.
-    trials = min(float(everything), spread / variance) if variance > 0 and spread > 0 else float(everything)
-    trials = max(1.0, trials)
-    if spread <= 0:
-        trials = plain.trials  # at 0 or 1 the simulator's own spread says nothing
-    alone = _variance(_parts(real), mine)
-    return Powered(
-        rate=rate,
-        interval=wilson_at(rate, trials, confidence, float(len(set(mine.tolist())) - 1)),
-        plain_rate=plain.rate,
-        plain_interval=plain_interval,
-        tuning=tuning,
-        cells=len(driven),
-        worth=min(float(everything), len(driven) * alone / variance) if variance > 0 else float(everything),
-    )
+    # As if each cell had been driven is the most that any simulator can be worth.
+    gain = min(everything / len(driven), 1 / left) if left > 0 else everything / len(driven)
+    freedom = min(plain.freedom, float(len(driven) - 1))
+
+    def at(rate: float) -> Interval:
+        return wilson_at(rate, plain.trials * gain, confidence, freedom)
+
+    plain_interval, shorter = plain.interval(confidence), at(plain.rate)
+    if shorter.high - shorter.low >= plain_interval.high - plain_interval.low:
+        return Powered(plain.rate, plain_interval, plain.rate, plain_interval, 0.0, len(driven), len(driven))
+    rate = min(1.0, max(0.0, point(real, predicted, elsewhere, tuning)))
+    return Powered(rate, at(rate), plain.rate, plain_interval, tuning, len(driven), len(driven) * gain)
 
 
 def point(real: Floats, predicted: Floats, elsewhere: Floats, tuning: float) -> float:
@@ -133,10 +121,28 @@ def best_tuning(real: Floats, predicted: Floats, elsewhere: Floats) -> float:
     return min(1.0, max(0.0, together / ((1 + len(real) / len(elsewhere)) * spread)))
 
 
+def _variance_left(
+    real: Floats, predicted: Floats, elsewhere: Floats, clusters: npt.NDArray[np.int64], tuning: float
+) -> float:
+    """Return the share of the plain estimate's variance that is left, each the larger of what cells and clusters tell.
+
+    What fitting the tuning to so few clusters (or cells) hides is added, as to an adjusted R squared: a simulator that
+    is worth nothing leaves 1 on average.
+    """
+    mine = clusters[: len(real)]
+    plain = _variance(_parts(real), mine)
+    if plain <= 0 or tuning <= 0:
+        return 1.0
+    # Cells with and without real trials may lie at one position: what they add is summed up before it is squared.
+    parts = np.concatenate([_parts(real - tuning * predicted), _parts(tuning * elsewhere)])
+    whole_clusters = plain > _variance(_parts(real), np.arange(len(real)))
+    facts = len(set(mine.tolist())) if whole_clusters else len(real)
+    return _variance(parts, clusters) / plain * (facts - 1) / (facts - 2)
+
+
 def _parts(values: Floats) -> Floats:
     """Return what each value adds to the deviation of their mean."""
-    apart = (values - values.mean()) / len(values)
-    return np.asarray(apart * math.sqrt(len(values) / (len(values) - 1)) if len(values) > 1 else apart, np.float64)
+    return np.asarray((values - values.mean()) / len(values), np.float64)
 
 
 def _variance(parts: Floats, clusters: npt.NDArray[np.int64]) -> float:
