@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
 _PURE = {"protocol", "statistics"}
 _MACHINERY = {"motion", "sensing", "simulator", "ros1"}
-_RESOURCES = {"models", "robots", "database", "record"}
+_RESOURCES = {"models", "robots", "database", "record", "study"}
 
 MAY_IMPORT: dict[str, set[str]] = {
     "protocol": set(),
@@ -23,8 +23,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "record": {"protocol"},
     "models": {"protocol"},
     "robots": {"protocol"} | _MACHINERY,
+    "study": _PURE,
     "viewer": {"protocol", "database", "record"},
-    "report": _PURE | {"database", "record"},
+    "report": _PURE | {"database", "record", "study"},
     "exchange": {"protocol", "database", "record"},
     "runner": {"protocol"} | _MACHINERY | _RESOURCES,
     "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},

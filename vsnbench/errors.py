@@ -80,3 +80,9 @@ class RecordError(VsnbenchError):
 
 class EpisodeClosedError(RecordError):
     """The episode is not this process's to write to: it has ended, or another process has it."""
+
+
+class StudyError(VsnbenchError):
+    """A study file that breaks its format, or is not what was locked; exit code 2."""
+
+    exit_code = 2

@@ -17,6 +17,7 @@ from vsnbench.errors import VsnbenchError
 
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.run", "Run a campaign: one model, its goals, every starting position; resumes by itself."),
+    "study": ("vsnbench.cli.study", "An experiment: several models, a locked plan, run blind, judged as said before."),
     "report": ("vsnbench.cli.report", "Success rates with intervals, from the database."),
     "compare": ("vsnbench.cli.compare", "Compare two models with honest statistics."),
     "view": ("vsnbench.cli.view", "Open an episode in Rerun."),

@@ -8,7 +8,7 @@ from typing import Self
 
 from sqlalchemy import Connection, Engine, insert
 
-from vsnbench.database import campaigns, claims
+from vsnbench.database import campaigns, claims, studies
 from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
 from vsnbench.database.engine import LockPatience, open_engine, reading, record_errors
 from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode
@@ -22,6 +22,8 @@ from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
 from vsnbench.database.row_encoding import process_row, text
+from vsnbench.database.study_entries import RecordedStudy, StudyChange, StudyLock, StudyTrialStanding
+from vsnbench.database.study_queries import read_study, session_of_another, study_standing
 from vsnbench.database.tables import Event, Process
 from vsnbench.errors import RecordError
 from vsnbench.protocol.fix import Fix
@@ -251,6 +253,45 @@ class Journal:
         where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
         with _transaction(self.engine) as connection:
             connection.execute(insert(Event), said | where)
+
+    def lock_study(self, lock: StudyLock) -> RecordedStudy:
+        """Write a study with its campaigns, trials and schedule: all of it or nothing.
+
+        Raises:
+            StudyError: its trials are another study's, or were begun before the plan was locked.
+        """
+        with _transaction(self.engine) as connection:
+            number = studies.lock_study(connection, lock, self._process_id)
+            return read_study(connection, number)
+
+    def amend_study(self, study_id: int, change: StudyChange) -> None:
+        """Let another text be a study's plan; what changed, who changed it, when and why is kept."""
+        with _transaction(self.engine) as connection:
+            studies.amend_study(connection, study_id, self._process_id, change)
+
+    def unblind_study(self, study_id: int, reason: str) -> None:
+        """Give a study's arms their names back, for everybody and for ever.
+
+        Raises:
+            StudyError: it is not blind.
+        """
+        with _transaction(self.engine) as connection:
+            studies.unblind_study(connection, study_id, self._process_id, reason=reason)
+
+    def note_in_study(self, study_id: int, kind: str, words: str = "") -> None:
+        """Append to what was done to a study."""
+        with _transaction(self.engine) as connection:
+            studies.add_entry(connection, study_id, self._process_id, kind, words=words)
+
+    def study_standing(self, study_id: int) -> tuple[StudyTrialStanding, ...]:
+        """Say what has become of every scheduled trial of a study, in the order of its schedule."""
+        with _transaction(reading(self.engine)) as connection:
+            return study_standing(connection, study_id, self._process_id)
+
+    def who_else_runs(self, study_id: int) -> str:
+        """Name another living process that runs a study, with its operator; empty for none."""
+        with _transaction(reading(self.engine)) as connection:
+            return session_of_another(connection, study_id, self._process_id)
 
     def recover(self) -> tuple[RecoveredEpisode, ...]:
         """Close, as `interrupted`, the running episodes whose process is dead; their steps stay as they are.

@@ -7,6 +7,14 @@ from typing import Any
 from sqlalchemy import Connection, Engine, Select, func, or_, select
 from sqlalchemy.orm import aliased
 
+from vsnbench.database.blinding import (
+    CAMPAIGN_KEY,
+    CAMPAIGN_NAME,
+    MODEL_NAME,
+    blind_episodes,
+    hide_details,
+    hide_steps,
+)
 from vsnbench.database.engine import reading, record_errors
 from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
 from vsnbench.database.read_model import (
@@ -99,7 +107,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
         counts, goal_instance = connection.execute(
             episodes_of_trials(COUNTS, GOAL_INSTANCE).where(Episode.id == episode_id)
         ).one()
-        return EpisodeDetails(
+        details = EpisodeDetails(
             summary=summary,
             seed=episode.seed,
             ended_with=episode.end_reason,
@@ -116,6 +124,7 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             events=tuple(RecordedEvent(*row) for row in events),
             provenance=_provenance(connection, episode_id),
         )
+        return hide_details(details) if blind_episodes(connection, [episode_id]) else details
 
 
 def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
@@ -128,7 +137,7 @@ def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
     latest = select(func.max(each.id)).where(each.episode_id == Episode.id, each.proposed.is_(True))
     query = (
         episodes_of_campaigns(
-            *(Episode.id, Model.name, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
+            *(Episode.id, MODEL_NAME, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
             *(Episode.end_reason, Episode.ended_at, proposal.reason, proposal.success),
         )
         .outerjoin(proposal, proposal.id == latest.scalar_subquery())
@@ -147,7 +156,8 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     """
     query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
     with _reader(engine) as connection:
-        return tuple(_step(row) for row in connection.execute(query))
+        steps = tuple(_step(row) for row in connection.execute(query))
+        return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
 
 
 def _step(row: Any) -> StepRecord:
@@ -175,10 +185,10 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
     query = (
         select(
             Campaign.id,
-            Campaign.key,
-            Campaign.name,
+            CAMPAIGN_KEY,
+            CAMPAIGN_NAME,
             Campaign.created_at,
-            Model.name,
+            MODEL_NAME,
             Robot.name,
             Site.name,
             planned,
@@ -224,8 +234,8 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
         Episode.id,
         Episode.uuid,
         Campaign.id,
-        Campaign.name,
-        Model.name,
+        CAMPAIGN_NAME,
+        MODEL_NAME,
         Robot.name,
         Site.name,
         Trial.goal,
@@ -250,15 +260,15 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
 
 def _restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[*tuple[Any, ...]]:
     if which.model:
-        query = query.where(Model.name == which.model)
+        query = query.where(which.model == MODEL_NAME)
     if which.goal:
         query = query.where(Trial.goal == which.goal)
     if which.campaign.isdecimal() and len(which.campaign) < _SHORTEST_KEY:
-        query = query.where(or_(Campaign.id == int(which.campaign), Campaign.name == which.campaign))
+        query = query.where(or_(Campaign.id == int(which.campaign), which.campaign == CAMPAIGN_NAME))
     elif which.campaign:
-        same = [Campaign.name == which.campaign]
+        same = [which.campaign == CAMPAIGN_NAME]
         if len(which.campaign) >= _SHORTEST_KEY:
-            same.append(Campaign.key.startswith(which.campaign, autoescape=True))
+            same.append(CAMPAIGN_KEY.startswith(which.campaign, autoescape=True))
         query = query.where(or_(*same))
     match which.outcome:
         case "":

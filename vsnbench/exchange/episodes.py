@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 
+from vsnbench.database.blinding import CODE, MODEL_NAME
 from vsnbench.database.engine import record_errors
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
@@ -78,7 +79,7 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
     query = (
         episodes_of_campaigns(
             *(Episode, Trial, Campaign, Model, Robot, Site),
-            *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value)),
+            *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value), CODE),
         )
         .where(Episode.end_reason.is_not(None))
         .order_by(Episode.id)
@@ -86,7 +87,7 @@ def read_episodes(engine: Engine, numbers: Sequence[int] = (), models: Sequence[
     if numbers:
         query = query.where(Episode.id.in_(numbers))
     if models:
-        query = query.where(Model.name.in_(models))
+        query = query.where(MODEL_NAME.in_(models))
     with record_errors(engine), Session(engine) as session:
         found = [_exported(*row) for row in session.execute(query)]
     there = {episode.id for episode in found}
@@ -108,10 +109,11 @@ def _exported(
     success: bool | None,
     distance_m: float | None,
     counts: bool,
+    code: str | None,
 ) -> ExportedEpisode:
     return ExportedEpisode(
         id=episode.id,
-        model=model.name,
+        model=code or model.name,
         robot=robot.name,
         simulated=robot.simulated,
         site=site.name,
@@ -131,10 +133,10 @@ def _exported(
         images_directory=episode.images_directory,
         camera=_camera(robot.profile),
         condition={
-            "model": model.name,
-            "weights": model.weights_label,
-            "weights_sha256": model.weights_sha256,
-            "settings": model.settings,
+            "model": code or model.name,
+            "weights": "" if code else model.weights_label,
+            "weights_sha256": "" if code else model.weights_sha256,
+            "settings": {} if code else model.settings,
             "robot": robot.name,
             "robot_sha256": robot.sha256,
             "environment": "simulated" if robot.simulated else "real",

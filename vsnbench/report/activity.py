@@ -85,7 +85,10 @@ def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...
         RecordError: the database cannot be used.
     """
     with record_errors(engine), engine.connect() as connection:
-        _, condition_of = read_conditions(connection, selection)
+        conditions, condition_of = read_conditions(connection, selection)
+        # What a model chooses tells which it is: of a blind arm no actions are counted.
+        seen = {one.number for one in conditions if not one.blind}
+        condition_of = {campaign: number for campaign, number in condition_of.items() if number in seen}
         if not condition_of:
             return ()
         return _actions(connection, condition_of, trial_filter(selection, condition_of))
@@ -114,7 +117,7 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
     )
     sums: dict[tuple[int, str, str, bool], int] = {}
     for campaign, raw_action, action, blocked, steps in rows:
-        if campaign is None:
+        if campaign not in condition_of:
             continue
         key = (condition_of[campaign], raw_action, action, bool(blocked))
         sums[key] = sums.get(key, 0) + int(steps)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, select
 
+from vsnbench.database.blinding import CODE, MODEL_NAME
 from vsnbench.database.engine import to_json
 from vsnbench.database.tables import Campaign, Model, Robot, Site
 
@@ -51,6 +52,8 @@ class Condition:
     """Every setting in which it differs from another condition of the same model, as `name=value`."""
     published: bool = False
     """Printed in the paper, not measured here."""
+    blind: bool = False
+    """An arm of a study that is blind: its model is a code, and what would tell which it is is not there."""
 
     @property
     def environment(self) -> str:
@@ -98,8 +101,8 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
     """Return the conditions and campaign id -> number of its condition."""
     rows = connection.execute(
         select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.conditions, Campaign.seed)
-        .add_columns(Model.id.label("model_id"), Model.name.label("model"), Model.weights_label, Model.weights_sha256)
-        .add_columns(Model.surveyed, Model.settings)
+        .add_columns(Model.id.label("model_id"), MODEL_NAME.label("model"), Model.weights_label, Model.weights_sha256)
+        .add_columns(Model.surveyed, Model.settings, CODE.label("code"))
         .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.kind, Robot.simulated)
         .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
         .join(Model, Model.id == Campaign.model_id)
@@ -110,7 +113,9 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
     ).all()
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
-        key = (row.model_id, row.robot_id, row.site_sha256, row.protocol_sha256, to_json(row.conditions, in_order=True))
+        # An arm of a blind study is pooled with nothing: whatever it was pooled with would name it.
+        who = row.code or row.model_id
+        key = (who, row.robot_id, row.site_sha256, row.protocol_sha256, to_json(row.conditions, in_order=True))
         groups.setdefault(key, []).append(row)
     conditions = []
     condition_of: dict[int, int] = {}
@@ -121,9 +126,9 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
             Condition(
                 number=number,
                 model=first.model,
-                weights_label=first.weights_label,
-                weights_sha256=first.weights_sha256,
-                surveyed=first.surveyed,
+                weights_label="" if first.code else first.weights_label,
+                weights_sha256="" if first.code else first.weights_sha256,
+                surveyed=first.surveyed and not first.code,
                 robot=first.robot,
                 robot_title=first.title,
                 kind=first.kind,
@@ -133,8 +138,9 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
                 campaigns=tuple(row.id for row in members),
                 seeds=tuple(row.seed for row in members),
                 protocol=first.protocol or {},
-                settings=first.settings or {},
+                settings={} if first.code else first.settings or {},
                 conditions=first.conditions or {},
+                blind=bool(first.code),
             )
         )
     return name_apart(conditions), condition_of
@@ -143,7 +149,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
 def _campaign_filter(chosen: "Selection") -> list[Any]:
     wanted: list[Any] = []
     if chosen.models:
-        wanted.append(Model.name.in_(chosen.models))
+        wanted.append(MODEL_NAME.in_(chosen.models))
     if chosen.sites:
         wanted.append(Site.name.in_(chosen.sites))
     if chosen.robots:

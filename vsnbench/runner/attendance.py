@@ -28,6 +28,8 @@ class Occasion:
     halt: Callable[[], None]
     """Stands the robot still, from any thread."""
     stop: Stopping
+    blind: bool = False
+    """Nobody is to see which model drives, nor what it chooses."""
 
 
 class Attendance(Protocol):
@@ -64,7 +66,8 @@ class TerminalAttendance:
     def oversee(self, occasion: Occasion) -> CampaignProgress:
         """Show progress."""
         return CampaignProgress(
-            occasion.label, occasion.trials, occasion.done, occasion.successes, occasion.parameters.max_actions
+            *(occasion.label, occasion.trials, occasion.done, occasion.successes, occasion.parameters.max_actions),
+            shows_actions=not occasion.blind,
         )
 
     @contextmanager

@@ -107,30 +107,44 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
         UsageError: something named does not exist or does not fit together.
         VsnbenchError: the model or the robot cannot be used.
     """
-    if is_simulated(plan.robot):
-        compute_with_one_thread()
+    settle_threads(plan.robot)
     policy = create_policy(plan.model, plan.isolation, **plan.model_options)
     try:
-        goals = choose_goals(plan.goals, plan.site, policy.card)
+        choose_goals(plan.goals, plan.site, policy.card)
         with open_robot(plan.robot, plan.site, plan.parameters, noise=plan.noise) as robot:
-            description = BenchDescription(
-                robot=identity_of(robot),
-                sensors=robot.sensors,
-                conditions=dict(robot.conditions),
-                card=policy.card,
-                model=_identity(plan, policy),
-                goals=goals,
-                needs_a_person=isinstance(robot, PlacedByHand) and robot.needs_a_person,
-            )
-            _check_sensors(description)
-            _check_weights(description)
-            limited = policy if plan.act_timeout_s is None else timed(policy, plan.act_timeout_s)
-            yield Bench(robot, limited, description)
+            yield on_bench(plan, policy, robot)
     finally:
-        _close(policy)
+        close_policy(policy)
 
 
-def _close(policy: Policy) -> None:
+def settle_threads(robot: str) -> None:
+    """Compute in simulation with one thread, wherever a trial is run: then it comes out the same."""
+    if is_simulated(robot):
+        compute_with_one_thread()
+
+
+def on_bench(plan: BenchPlan, policy: Policy, robot: Robot) -> Bench:
+    """Put a policy and a robot together and see that they fit.
+
+    Raises:
+        UsageError: the model does not know a goal, or the robot lacks what it needs.
+    """
+    description = BenchDescription(
+        robot=identity_of(robot),
+        sensors=robot.sensors,
+        conditions=dict(robot.conditions),
+        card=policy.card,
+        model=_identity(plan, policy),
+        goals=choose_goals(plan.goals, plan.site, policy.card),
+        needs_a_person=isinstance(robot, PlacedByHand) and robot.needs_a_person,
+    )
+    _check_sensors(description)
+    _check_weights(description)
+    limited = policy if plan.act_timeout_s is None else timed(policy, plan.act_timeout_s)
+    return Bench(robot, limited, description)
+
+
+def close_policy(policy: Policy) -> None:
     """Let the policy go; what it raises then changes no result."""
     try:
         getattr(policy, "close", lambda: None)()

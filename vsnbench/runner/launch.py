@@ -104,7 +104,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         tell_of_stand_in(described)
         profile = described.robot.profile
         if surveyed:
-            _heed(request.site, start_findings(site, free_space(site, profile.base.radius_m), parameters))
+            heed_survey(request.site, site, profile.base.radius_m, parameters)
         if described.needs_a_person:
             attendance.require(profile)
         plan = CampaignPlan(
@@ -155,3 +155,12 @@ def _heed(site: str, findings: Iterable[SiteFinding]) -> None:
         raise SiteError(f"site {site}: {errors[0].message}{more}; vsnbench sites check {site} tells everything")
     for finding in found:
         logger.warning("site %s: %s", site, finding.message)
+
+
+def heed_survey(name: str, site: Site, radius_m: float, parameters: ProtocolParameters) -> None:
+    """Refuse a site of one's own whose starts or goals a robot of this radius cannot use; pass its warnings on.
+
+    Raises:
+        SiteError: the first error found.
+    """
+    _heed(name, start_findings(site, free_space(site, radius_m), parameters))

@@ -27,10 +27,13 @@ _STYLE = {True: "green", False: "red", None: "yellow"}
 class CampaignProgress:
     """A progress bar on stderr; falls back to plain lines where stderr is no terminal."""
 
-    def __init__(self, label: str, trials: int, done: int, successes: int, max_actions: int) -> None:
+    def __init__(
+        self, label: str, trials: int, done: int, successes: int, max_actions: int, *, shows_actions: bool = True
+    ) -> None:
         self.console = Console(file=sys.stderr, highlight=False)
         self._done, self._successes = done, successes
         self._max_actions = max_actions
+        self._shows_actions = shows_actions
         self._bar = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=24),
@@ -65,7 +68,9 @@ class CampaignProgress:
     def step(self, goal: str, start: int, step: Step) -> None:
         """Show how far the episode has come."""
         action = step.decision.action.value.replace("_", " ").lower()
-        now = f"{goal} from {start}: {step.index}/{self._max_actions} {'blocked' if step.blocked else action}"
+        now = f"{goal} from {start}: {step.index}/{self._max_actions}"
+        if self._shows_actions:
+            now += " blocked" if step.blocked else f" {action}"
         self._bar.update(self._task, now=now)
 
     def episode_ended(self, ended: EndedEpisode) -> None:

@@ -109,24 +109,14 @@ def run_session(
     voids = VoidsInARow()
     because = ""
     wanted = [trial.id for trial in campaign.trials]
-    beside = _Beside(journal, attendant, operator)
+    beside = Judged(journal, attendant, operator)
     while (claim := journal.claim_next(campaign.id, wanted)) is not None:
         trial = claim.trial
         wanted = wanted[wanted.index(trial.id) + 1 :]
         plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
-        attendant.trial_begins(plan)
-        recorder = new_recorder(claim)
-        try:
-            with _kept(journal, claim):
-                outcome = run_episode(robot, policy, plan, recorder, beside, stop)
-        except EpisodeClosedError as closed:
-            logger.warning("%s", closed)
+        outcome = run_trial(journal, claim, plan, robot, policy, new_recorder, beside, stop)
+        if outcome is None:
             continue
-        finally:
-            stop.episode_is_over()
-            recorder.close()
-            journal.release(claim.id)
-        beside.has_ended(EndedEpisode(claim.id, plan, outcome))
         if because := voids.count(outcome):
             break
     standing = journal.standing(campaign)
@@ -135,7 +125,39 @@ def run_session(
     )
 
 
-class _Beside:
+def run_trial(
+    journal: Journal,
+    claim: Claim,
+    plan: EpisodePlan,
+    robot: Robot,
+    policy: Policy,
+    new_recorder: RecorderFactory,
+    beside: "Judged",
+    stop: Stopping,
+) -> EpisodeOutcome | None:
+    """Run one claimed trial with one policy, and have it judged; None where another process took this one for dead.
+
+    Raises:
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+        RecordError: the record cannot be written.
+    """
+    beside.trial_begins(plan)
+    recorder = new_recorder(claim)
+    try:
+        with _kept(journal, claim):
+            outcome = run_episode(robot, policy, plan, recorder, beside, stop)
+    except EpisodeClosedError as closed:
+        logger.warning("%s", closed)
+        return None
+    finally:
+        stop.episode_is_over()
+        recorder.close()
+        journal.release(claim.id)
+    beside.has_ended(EndedEpisode(claim.id, plan, outcome))
+    return outcome
+
+
+class Judged:
     """The attendant of a session, whose judgements and interventions are kept."""
 
     def __init__(self, journal: Journal, attendant: Attendant, operator: str) -> None:
@@ -144,7 +166,12 @@ class _Beside:
         self._operator = operator
         self._left_standing: EndedEpisode | None = None
 
+    def trial_begins(self, plan: EpisodePlan) -> None:
+        """Tell the attendant."""
+        self._attendant.trial_begins(plan)
+
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Tell the attendant."""
         self._attendant.step_taken(plan, step)
 
     def place(self, start: StartingPosition, problem: str) -> None:

@@ -1,0 +1,180 @@
+"""What others read of studies: the locked plan with what was done to it, and what has become of its trials."""
+
+from sqlalchemy import Connection, Engine, func, select
+
+from vsnbench.database.campaign_plan import Trial as KnownTrial
+from vsnbench.database.engine import reading, record_errors
+from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.provenance import ProcessIdentity, this_process
+from vsnbench.database.read_model import SUCCESS, standing_verdict_id
+from vsnbench.database.study_entries import (
+    SESSION,
+    SESSION_END,
+    RecordedArm,
+    RecordedStudy,
+    StudyEntryRow,
+    StudyTrialStanding,
+)
+from vsnbench.database.study_tables import Study, StudyArm, StudyEntry, StudyTrial
+from vsnbench.database.tables import Campaign, Episode, Model, Process, Trial, Verdict
+
+
+def find_study(engine: Engine, identity: str) -> RecordedStudy | None:
+    """Return the study of this identity; None where the record has no such.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    with record_errors(engine), reading(engine).begin() as connection:
+        number = connection.execute(select(Study.id).where(Study.uuid == identity)).scalar()
+        return None if number is None else read_study(connection, number)
+
+
+def studies(engine: Engine) -> tuple[RecordedStudy, ...]:
+    """Return every study of the record.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    with record_errors(engine), reading(engine).begin() as connection:
+        return tuple(read_study(connection, each) for each in connection.scalars(select(Study.id).order_by(Study.id)))
+
+
+def read_study(connection: Connection, study_id: int) -> RecordedStudy:
+    """Return a study that is there."""
+    row = connection.execute(select(Study.__table__).where(Study.id == study_id)).one()
+    arms = connection.execute(
+        select(
+            *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, Campaign.key),
+            *(Model.sha256, Model.name, Model.weights_label, Model.weights_sha256, Model.surveyed),
+        )
+        .join(Campaign, Campaign.id == StudyArm.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .where(StudyArm.study_id == study_id)
+        .order_by(StudyArm.code)
+    )
+    entries = connection.execute(
+        select(
+            StudyEntry.created_at,
+            StudyEntry.kind,
+            StudyEntry.author,
+            StudyEntry.reason,
+            StudyEntry.text,
+            StudyEntry.results,
+            StudyEntry.process_id,
+        )
+        .where(StudyEntry.study_id == study_id)
+        .order_by(StudyEntry.id)
+    )
+    return RecordedStudy(
+        id=row.id,
+        uuid=row.uuid,
+        title=row.title,
+        content=row.content,
+        sha256=row.sha256,
+        locked_sha256=row.locked_sha256,
+        schedule_sha256=row.schedule_sha256,
+        blind=row.blind,
+        locked_at=row.locked_at,
+        unblinded_at=row.unblinded_at,
+        arms=tuple(RecordedArm(*one) for one in arms),
+        entries=tuple(StudyEntryRow(*one) for one in entries),
+    )
+
+
+def study_standing(
+    connection: Connection, study_id: int, process_id: int | None = None
+) -> tuple[StudyTrialStanding, ...]:
+    """Say what has become of every scheduled trial, in the order of the schedule.
+
+    Args:
+        connection: a transaction that reads.
+        study_id: the study's number.
+        process_id: whose trials are `here`; nobody's when None.
+    """
+    first = (
+        select(func.min(Episode.id))
+        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state != EpisodeState.VOID.value)
+        .correlate(StudyTrial)
+        .scalar_subquery()
+    )
+    voids = (
+        select(func.count())
+        .select_from(Episode)
+        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state == EpisodeState.VOID.value)
+        .correlate(StudyTrial)
+        .scalar_subquery()
+    )
+    rows = connection.execute(
+        select(
+            *(StudyTrial.rank, StudyTrial.block, StudyArm.name),
+            *(Trial.id, Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
+            *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, Episode.started_at, Process.operator),
+        )
+        .select_from(StudyTrial)
+        .join(Trial, Trial.id == StudyTrial.trial_id)
+        .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
+        .outerjoin(Episode, Episode.id == first)
+        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .outerjoin(Process, Process.id == Episode.process_id)
+        .where(StudyTrial.study_id == study_id)
+        .order_by(StudyTrial.rank)
+    )
+    return tuple(
+        StudyTrialStanding(
+            rank=row[0],
+            block=row[1],
+            arm=row[2],
+            trial=KnownTrial(*row[3:8]),
+            episode_id=row[8],
+            state=None if row[9] is None else EpisodeState(row[9]),
+            success=row[10],
+            here=process_id is not None and row[11] == process_id,
+            voids=row[12],
+            started_at=row[13],
+            operator=row[14] or "",
+        )
+        for row in rows
+    )
+
+
+def trials_of(engine: Engine, study_id: int) -> tuple[StudyTrialStanding, ...]:
+    """Say what has become of every scheduled trial, in the order of the schedule.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    with record_errors(engine), reading(engine).begin() as connection:
+        return study_standing(connection, study_id)
+
+
+def session_of_another(connection: Connection, study_id: int, process_id: int) -> str:
+    """Name another living process that runs the study, with its operator; empty for none."""
+    over = select(StudyEntry.process_id).where(StudyEntry.study_id == study_id, StudyEntry.kind == SESSION_END)
+    rows = connection.execute(
+        select(Process)
+        .with_only_columns(
+            *(Process.host, Process.pid, Process.boot_id, Process.pid_namespace, Process.start_ticks),
+            *(Process.operator, StudyEntry.created_at),
+        )
+        .join(StudyEntry, StudyEntry.process_id == Process.id)
+        .where(
+            StudyEntry.study_id == study_id,
+            StudyEntry.kind == SESSION,
+            StudyEntry.process_id != process_id,
+            StudyEntry.process_id.not_in(over),
+        )
+        .order_by(StudyEntry.id.desc())
+    )
+    here = this_process()
+    for row in rows:
+        if ProcessIdentity(*row[:5]).is_alive(here):
+            return f"{row.operator} (process {row.pid} on {row.host}, since {row.created_at:%H:%M} UTC)"
+    return ""
+
+
+def study_of_campaign(engine: Engine, campaign_id: int) -> str:
+    """Return the title of the study that a campaign is an arm of; empty for none."""
+    with record_errors(engine), reading(engine).begin() as connection:
+        found = select(Study.title).join(StudyArm, StudyArm.study_id == Study.id)
+        return connection.execute(found.where(StudyArm.campaign_id == campaign_id)).scalar() or ""

@@ -1,0 +1,89 @@
+"""The lock of a study: the note beside its file that says what was frozen, and how a file differs from what was."""
+
+import difflib
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from vsnbench.errors import StudyError
+from vsnbench.whole_files import write_whole
+
+SUFFIX = ".lock"
+
+
+@dataclass(frozen=True, slots=True)
+class LockNote:
+    """What lies beside a locked file; the record itself is what counts."""
+
+    study: str
+    """The study's identity in the record (a UUID)."""
+    sha256: str
+    """Of the file as it was locked, or last amended."""
+    locked_at: str
+    database: str
+    """Where it was locked, without a password; for people."""
+
+
+def sha256_of(text: str) -> str:
+    """Return the hash of a file's text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def note_path(file: Path) -> Path:
+    """Return where the note of a study's file lies."""
+    return file.with_name(file.name + SUFFIX)
+
+
+def read_note(file: Path) -> LockNote | None:
+    """Return the note beside a file; None where there is none.
+
+    Raises:
+        StudyError: it cannot be read, or somebody wrote in it.
+    """
+    path = note_path(file)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return LockNote(**{name: str(content[name]) for name in LockNote.__dataclass_fields__})
+    except FileNotFoundError:
+        return None
+    except OSError as problem:
+        raise StudyError(f"cannot read {path}: {problem.strerror or problem}") from problem
+    except (ValueError, TypeError, KeyError) as problem:
+        raise StudyError(f"{path} is not what `vsnbench study lock` wrote: restore it, or remove it") from problem
+
+
+def write_note(file: Path, note: LockNote) -> None:
+    """Write the note beside a file, whole or not at all.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    write_whole(note_path(file), (json.dumps(asdict(note), indent=2) + "\n").encode())
+
+
+def changes(locked: str, now: str) -> tuple[str, ...]:
+    """Return the lines in which a text differs from the locked one, as `-old` and `+new`; empty where they are equal.
+
+    A difference that shows in no line (the end of the last one, a carriage return) is named in words.
+    """
+    if locked == now:
+        return ()
+    lines = difflib.unified_diff(locked.splitlines(), now.splitlines(), n=0, lineterm="")
+    told = tuple(line for line in lines if line[:1] in "+-" and line[:3] not in ("---", "+++"))
+    return told or ("invisible: the ends of lines",)
+
+
+def first_change(locked: str, now: str) -> str:
+    """Name the first line that differs, in a few words; empty for equal texts."""
+    if locked == now:
+        return ""
+    before, after = locked.splitlines(), now.splitlines()
+    for number, (old, new) in enumerate(zip(before, after, strict=False), start=1):
+        if old != new:
+            return f"line {number} is `{new.strip()}`, and was `{old.strip()}`"
+    if len(after) > len(before):
+        return f"line {len(before) + 1} is new: `{after[len(before)].strip()}`"
+    if len(after) < len(before):
+        return f"line {len(after) + 1} is gone: `{before[len(after)].strip()}`"
+    return "the ends of its lines"
