@@ -77,8 +77,8 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
         blind=row.blind,
         locked_at=row.locked_at,
         unblinded_at=row.unblinded_at,
-        arms=tuple(RecordedArm(*one) for one in arms),
-        entries=tuple(StudyEntryRow(*one) for one in entries),
+        arms=tuple(RecordedArm(*tuple(one)) for one in arms),
+        entries=tuple(StudyEntryRow(*tuple(one)) for one in entries),
     )
 
 

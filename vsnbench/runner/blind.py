@@ -15,7 +15,7 @@ from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.runner.attendant import Attendant, EndedEpisode, Judgement
-from vsnbench.runner.episode import EpisodePlan, Step, Timings
+from vsnbench.runner.episode import EpisodePlan, Step
 
 UNSAID = "[hidden]"
 """What stands in a line in place of a word that gives a model away; not a code, which would give it away too."""
@@ -39,7 +39,7 @@ class BlindAttendant:
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Pass on the action alone."""
-        said = replace(step, decision=Decision(step.decision.action), timings=Timings(0.0, 0.0, step.timings.move_s))
+        said = replace(step, decision=Decision(step.decision.action), timings=replace(step.timings, infer_s=None))
         self._attendant.step_taken(plan, said)
 
     def episode_ended(self, ended: EndedEpisode) -> None:
@@ -147,7 +147,7 @@ def words_hidden(words: Iterable[str]) -> Iterator[None]:
     streams = sys.stdout, sys.stderr
     for handler in handlers:
         handler.addFilter(unsaid)
-    sys.stdout, sys.stderr = (_StreamWithoutWords(stream, pattern) for stream in streams)  # type: ignore[assignment]
+    sys.stdout, sys.stderr = (_StreamWithoutWords(stream, pattern) for stream in streams)
     try:
         yield
     finally:

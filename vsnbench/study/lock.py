@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from vsnbench.errors import StudyError
+from vsnbench.harmless_text import harmless
 from vsnbench.whole_files import write_whole
 
 SUFFIX = ".lock"
@@ -80,10 +81,23 @@ def first_change(locked: str, now: str) -> str:
         return ""
     before, after = locked.splitlines(), now.splitlines()
     for number, (old, new) in enumerate(zip(before, after, strict=False), start=1):
+        if old != new and _short(old) == _short(new):
+            return f"line {number}, in its comment or blanks"
         if old != new:
-            return f"line {number} is `{new.strip()}`, and was `{old.strip()}`"
+            return f"line {number} is `{_short(new)}`, and was `{_short(old)}`"
     if len(after) > len(before):
-        return f"line {len(before) + 1} is new: `{after[len(before)].strip()}`"
+        return f"line {len(before) + 1} is new: `{_short(after[len(before)])}`"
     if len(after) < len(before):
-        return f"line {len(after) + 1} is gone: `{before[len(after)].strip()}`"
+        return f"line {len(after) + 1} is gone: `{_short(before[len(after)])}`"
     return "the ends of its lines"
+
+
+_LONGEST = 60
+
+
+def _short(line: str) -> str:
+    """Return a line's content; its comment only where there is nothing else."""
+    content = line.strip()
+    before, _, _ = content.partition(" #")
+    told = harmless(before.strip() or content)
+    return told if len(told) <= _LONGEST else f"{told[: _LONGEST - 1]}…"
