@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sqlalchemy import Connection, Engine, Select, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Engine, Select, func, or_, select
 from sqlalchemy.orm import aliased
 
 from vsnbench.database.blinding import (
@@ -260,13 +260,13 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
 
 def _restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[*tuple[Any, ...]]:
     if which.model:
-        query = query.where(which.model == MODEL_NAME)
+        query = query.where(MODEL_NAME.in_([which.model]))
     if which.goal:
         query = query.where(Trial.goal == which.goal)
     if which.campaign.isdecimal() and len(which.campaign) < _SHORTEST_KEY:
-        query = query.where(or_(Campaign.id == int(which.campaign), which.campaign == CAMPAIGN_NAME))
+        query = query.where(or_(Campaign.id == int(which.campaign), CAMPAIGN_NAME.in_([which.campaign])))
     elif which.campaign:
-        same = [which.campaign == CAMPAIGN_NAME]
+        same: list[ColumnElement[bool]] = [CAMPAIGN_NAME.in_([which.campaign])]
         if len(which.campaign) >= _SHORTEST_KEY:
             same.append(CAMPAIGN_KEY.startswith(which.campaign, autoescape=True))
         query = query.where(or_(*same))

@@ -45,8 +45,9 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
     row = connection.execute(select(Study.__table__).where(Study.id == study_id)).one()
     arms = connection.execute(
         select(
-            *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, Campaign.key),
-            *(Model.sha256, Model.name, Model.weights_label, Model.weights_sha256, Model.surveyed),
+            *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, Campaign.key.label("campaign_key")),
+            *(Model.sha256.label("model_sha256"), Model.name.label("model")),
+            *(Model.weights_label, Model.weights_sha256, Model.surveyed),
         )
         .join(Campaign, Campaign.id == StudyArm.campaign_id)
         .join(Model, Model.id == Campaign.model_id)
@@ -77,8 +78,8 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
         blind=row.blind,
         locked_at=row.locked_at,
         unblinded_at=row.unblinded_at,
-        arms=tuple(RecordedArm(*tuple(one)) for one in arms),
-        entries=tuple(StudyEntryRow(*tuple(one)) for one in entries),
+        arms=tuple(RecordedArm(**one) for one in arms.mappings()),
+        entries=tuple(StudyEntryRow(**one) for one in entries.mappings()),
     )
 
 
