@@ -1,6 +1,6 @@
 """How precisely discrete_move moves over a real ROS network, by odometry rate and dead time of the base.
 
-For each setting: a master, `vsnbench ros simulate` in an empty hall, `vsnbench ros discrete-move`, and random movements
+For each setting: a master, `vsnbench ros1 simulate` in an empty hall, `vsnbench ros1 discrete-move`, random movements
 through the service; what the odometry and the simulator's truth say afterwards becomes a line of the table.
 
     python benchmarks/discrete_move_over_ros.py --actions 300 --jobs 2 > docs/discrete-move-accuracy.md
@@ -200,7 +200,7 @@ def report(rows: list[dict], actions: int) -> str:
         "# Precision of discrete_move over ROS",
         "",
         f"{actions} random movements a setting (25 cm forward or backward, 30° left or right) through the ROS service,",
-        "against `vsnbench ros simulate` in an empty hall, everything in real time. Errors are the odometry's, turns",
+        "against `vsnbench ros1 simulate` in an empty hall, everything in real time. Errors are the odometry's, turns",
         'against the absolute heading held since the start, which is what is promised; "call to call" is the',
         'difference of two headings, the end of the move between them included. "true" is the simulator\'s own pose,',
         "which wheel slip and noise part from the odometry. The tolerances are 5 mm and 0.1°; True outside of them is",

@@ -1,6 +1,6 @@
 """What one step over ROS costs besides the motion, the model and the depth frames themselves.
 
-Starts a master, `vsnbench ros simulate` and `vsnbench ros discrete-move`, takes steps with the client, and splits each
+Starts a master, `vsnbench ros1 simulate` and `vsnbench ros1 discrete-move`, takes steps as the client does, splits each
 into its parts. Upstream's loop sleeps 1 to 1.5 s a step; ours waits for what it needs and no longer.
 
     python benchmarks/ros_step_cost.py --steps 40
@@ -56,7 +56,7 @@ def measure(name: str, steps: int) -> str:
     from vsnbench.protocol.actions import Action
     from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.robots.ros1 import RosRobot
+    from vsnbench.robots.ros_robot import RosRobot
     from vsnbench.ros1.interface import ros1_interface
 
     parts: dict[str, list[float]] = {part: [] for part in PARTS}

@@ -9,7 +9,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
 _PURE = {"protocol", "statistics"}
-_MACHINERY = {"motion", "sensing", "simulator", "ros1"}
+_MACHINERY = {"motion", "sensing", "simulator", "ros1", "ros2"}
 _RESOURCES = {"models", "robots", "database", "record", "study"}
 
 MAY_IMPORT: dict[str, set[str]] = {
@@ -19,6 +19,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sensing": {"protocol", "motion"},
     "simulator": {"protocol", "motion"},
     "ros1": {"protocol", "motion", "sensing", "simulator"},
+    "ros2": {"protocol", "motion", "sensing", "simulator"},
     "database": {"protocol"},
     "record": {"protocol"},
     "models": {"protocol"},
@@ -41,6 +42,7 @@ GROUND = {
     "machine_cache",
     "plugins",
     "resources",
+    "ros_generation",
     "whole_files",
     "workers",
 }

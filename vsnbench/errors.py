@@ -50,6 +50,10 @@ class NotPlacedError(RobotError):
     """The robot does not stand as it should at its start, and a person can put that right."""
 
 
+class NoAnswerError(RobotError):
+    """A part of the robot, or of its network, does not answer; it may come back."""
+
+
 class SensorLostError(RobotError):
     """A sensor of the robot went silent or sends what cannot be used."""
 

@@ -109,7 +109,7 @@ def test_a_wedged_server_is_noticed(patient) -> None:
     code, found = patient.findings()
     assert code == 1
     assert "did not answer" in found["/discrete_move"][1]
-    assert "vsnbench ros discrete-move" in found["/discrete_move"][2]
+    assert "vsnbench ros1 discrete-move" in found["/discrete_move"][2]
 
 
 @pytest.mark.ros

@@ -101,9 +101,9 @@ class ModelSettingsTarget(_SettingsFile):
         from vsnbench.errors import UsageError
         from vsnbench.models.pirlnav.settings import PIRLNavSettings
         from vsnbench.models.vlv.settings import VLVSettings
+        from vsnbench.motion.discrete_move_settings import motion_settings
         from vsnbench.protocol.settings_file import read_settings
         from vsnbench.robots.profiles import load_profile
-        from vsnbench.ros1.discrete_move_settings import motion_settings
 
         text = self.path.read_bytes()
         if b"decision" in text or b"compass" in text:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 
@@ -26,7 +26,7 @@ class Client:
     def __init__(self, network: RosNetwork, profile: Path = PROFILE, patience_s: float = 6.0) -> None:
         self.errors = (network.directory / "client.log").open("ab")
         self.popen = subprocess.Popen(
-            [sys.executable, str(HERE / "nodes" / "client.py"), str(profile), str(patience_s)],
+            [*PYTHON_OF_ROS1, str(HERE / "nodes" / "client.py"), str(profile), str(patience_s)],
             env=network.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

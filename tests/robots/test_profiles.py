@@ -9,12 +9,15 @@ from vsnbench.errors import RobotError, UsageError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.profiles import embedded_profiles, load_profile, parse_profile
 from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros2.interface import ros2_interface
 
+TURTLEBOT4 = embedded_profiles()["turtlebot4"].read_text(encoding="utf-8")
 TURTLEBOT2 = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
 
 
-def test_the_papers_two_robots_are_embedded_under_their_names() -> None:
-    assert sorted(embedded_profiles()) == ["lola2", "turtlebot2"]
+def test_the_papers_two_robots_and_three_of_ros_2_are_embedded_under_their_names() -> None:
+    kinds = {name: load_profile(name).interface.kind for name in embedded_profiles()}
+    assert kinds == {"lola2": "ros1", "turtlebot2": "ros1", "create3": "ros2", "stretch": "ros2", "turtlebot4": "ros2"}
     for name in embedded_profiles():
         assert load_profile(name).name == name
 
@@ -33,7 +36,7 @@ def test_a_labs_own_profile_is_read_by_its_path(tmp_path: Path) -> None:
 
 
 def test_an_unknown_profile_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(UsageError, match=r"no robot profile 'turtlebot3'.*lola2, turtlebot2"):
+    with pytest.raises(UsageError, match=r"'turtlebot3'.*create3, lola2, stretch, turtlebot2, turtlebot4"):
         load_profile("turtlebot3")
 
 
@@ -79,7 +82,7 @@ def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
 
 
 def test_an_interface_that_nobody_speaks_is_refused() -> None:
-    with pytest.raises(RobotError, match=r"mine.yaml:\d+: interface.kind: Input should be 'ros1'"):
+    with pytest.raises(RobotError, match=r"mine.yaml:\d+: interface: .*carrier-pigeon.*'ros1', 'ros2'"):
         parse_profile(TURTLEBOT2.replace("kind: ros1", "kind: carrier-pigeon"), origin="mine.yaml")
 
 
@@ -88,3 +91,31 @@ def test_a_robot_without_an_interface_can_be_simulated_and_not_be_reached() -> N
     assert profile.interface is None
     with pytest.raises(RobotError, match="turtlebot2 has no interface: over ROS 1 it needs one of `kind: ros1`"):
         ros1_interface(profile)
+
+
+@pytest.mark.parametrize(
+    ("broken", "expected"),
+    [
+        (TURTLEBOT2 + "ros: {command: /cmd_vel}\n", "it has both `ros:` and `interface:`"),
+        (
+            TURTLEBOT4.replace("  hazards:", "  cliff: x\n  hazards:"),
+            r"mine.yaml:\d+: interface.cliff: .*no such field",
+        ),
+        (TURTLEBOT4.replace("command: cmd_vel", "command: 9lives"), r"mine.yaml:\d+: interface.command: "),
+    ],
+)
+def test_a_profile_of_two_interfaces_is_refused_with_line_and_field(broken: str, expected: str) -> None:
+    with pytest.raises(RobotError, match=expected):
+        parse_profile(broken, origin="mine.yaml")
+
+
+def test_a_namespace_says_where_a_robot_is_and_not_which_robot_it_is() -> None:
+    one = load_profile("turtlebot4@robot1")
+    assert ros2_interface(one).odometry == "/robot1/odom"
+    assert ros2_interface(load_profile("turtlebot4")).odometry == "/odom"
+    assert one.sha256 == load_profile("turtlebot4").sha256
+    assert ros2_interface(load_profile("stretch@robot1")).command == "/stretch/cmd_vel"
+    with pytest.raises(RobotError, match="turtlebot2 is not one of ROS 2: only those have a namespace"):
+        load_profile("turtlebot2@robot1")
+    with pytest.raises(RobotError, match="'two words' is no namespace of ROS 2"):
+        load_profile("turtlebot4@two words")

@@ -160,7 +160,7 @@ def test_a_server_killed_during_a_movement_is_noticed_and_the_base_told_to_stand
     result = future.result(PATIENCE_S)
     assert "/discrete_move went away" in result["failure"]
     assert rig.stands_still_within(1.0, killed_s)
-    with pytest.raises(ClientError, match="vsnbench ros discrete-move"):
+    with pytest.raises(ClientError, match="vsnbench ros1 discrete-move"):
         rig.client("begin")
     rig.start_server()
     assert rig.client("begin")

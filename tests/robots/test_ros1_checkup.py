@@ -38,7 +38,7 @@ def test_a_turn_is_judged_by_the_odometry(turned_deg: float, answered: bool, hea
     ],
 )
 def test_on_one_machine_lateness_is_load_and_no_clock(late_s: float, remote: bool, what: str, says: str) -> None:
-    from vsnbench.ros1.topic_listener import Heard
+    from vsnbench.sensing.heard import Heard
 
     heard = {
         topic: Heard(arrivals=[100.0 + late_s], stamps=[100.0], senders={"/driver"})

@@ -107,7 +107,7 @@ ACTIONS = "select action from step order by episode_id, number"
 
 @pytest.mark.parametrize("robot", ["turtlebot2", "lola2"])
 def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_path, robot) -> None:
-    """`vsnbench ros simulate`, `vsnbench ros discrete-move` and `vsnbench run`, on a real master in real time."""
+    """`vsnbench ros1 simulate`, `vsnbench ros1 discrete-move` and `vsnbench run`, on a real master in real time."""
     with live_network(tmp_path) as network:
 
         def run(who: str) -> Process:

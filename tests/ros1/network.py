@@ -21,6 +21,8 @@ from vsnbench.ros1.master import Master, MasterError
 ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
 HERE = Path(__file__).parent
 PATIENCE_S = 30.0
+PYTHON_OF_ROS1 = (sys.executable, str(HERE / "speak_ros1.py"))
+"""What runs a Python file of ROS 1, also where ROS 2 has packages of the same names."""
 
 
 def wait_until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
@@ -98,7 +100,9 @@ class RosNetwork:
     def start(self, *command: str | Path, python: bool = True, **environment: str) -> Process:
         """Start a Python file, module (`-m`, name) or program on this network."""
         log = self.directory / f"{len(self.processes):02}.log"
-        words = [sys.executable, *map(str, command)] if python else list(map(str, command))
+        words = list(map(str, command))
+        if python:
+            words = [sys.executable, *words] if words[0] == "-m" else [*PYTHON_OF_ROS1, *words]
         with log.open("wb") as sink:
             popen = subprocess.Popen(
                 words,
@@ -140,7 +144,7 @@ class Probe:
 
     def __init__(self, network: RosNetwork) -> None:
         self._popen = subprocess.Popen(
-            [sys.executable, str(HERE / "nodes" / "probe.py")],
+            [*PYTHON_OF_ROS1, str(HERE / "nodes" / "probe.py")],
             env=network.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

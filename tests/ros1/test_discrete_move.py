@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest
 from vsnbench.ros1.service_call import ServiceClient
 
@@ -182,7 +182,7 @@ def test_a_new_request_pre_empts_the_one_that_runs(stand) -> None:
 
 def test_a_caller_that_is_killed_takes_its_movement_with_it(stand) -> None:
     caller = subprocess.Popen(
-        [sys.executable, str(HERE / "nodes" / "caller.py"), "Left", "360"], env=stand.network.environment
+        [*PYTHON_OF_ROS1, str(HERE / "nodes" / "caller.py"), "Left", "360"], env=stand.network.environment
     )
     wait_until(lambda: stand.probe.speed > 0.05, "the base moves")
     kill_s = time.monotonic()
@@ -206,7 +206,7 @@ def test_a_base_turned_by_hand_starts_afresh_from_where_it_is(stand) -> None:
 
 def test_a_plain_rospy_client_is_served(stand) -> None:
     plain = HERE / "nodes" / "caller.py"
-    done = subprocess.run([sys.executable, str(plain), "Forward", "0"], env=stand.network.environment, timeout=60)
+    done = subprocess.run([*PYTHON_OF_ROS1, str(plain), "Forward", "0"], env=stand.network.environment, timeout=60)
     assert done.returncode == 0
 
 
@@ -218,7 +218,7 @@ def test_the_tools_of_ros_see_upstreams_service(stand) -> None:
 
     def rosservice(*words: str) -> str:
         done = subprocess.run(
-            [sys.executable, tools, *words], env=environment, capture_output=True, text=True, timeout=60
+            [*PYTHON_OF_ROS1, tools, *words], env=environment, capture_output=True, text=True, timeout=60
         )
         assert done.returncode == 0, done.stderr
         return done.stdout

@@ -35,8 +35,8 @@ def test_a_ros_robot_without_ros_says_in_one_line_how_to_install_it() -> None:
 
 def test_the_rest_of_the_product_needs_no_ros() -> None:
     modules = (
-        "vsnbench.robots.registry, vsnbench.robots.ros1, vsnbench.robots.ros1_checkup, vsnbench.runner.launch, "
-        "vsnbench.cli.run, vsnbench.cli.robots, vsnbench.cli.doctor, vsnbench.cli.ros, vsnbench.ros1.service_call, "
+        "vsnbench.robots.registry, vsnbench.robots.ros_robot, vsnbench.robots.ros1_checkup, vsnbench.runner.launch, "
+        "vsnbench.cli.run, vsnbench.cli.robots, vsnbench.cli.doctor, vsnbench.cli.ros1, vsnbench.ros1.service_call, "
         "vsnbench.sensing.discrete_mover, vsnbench.simulator.simulated_base"
     )
     done = without_ros(f"import {modules}\nassert 'rospy' not in sys.modules")

@@ -26,7 +26,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
     "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),
     "models": ("vsnbench.cli.models", "List, show, check and fetch models."),
-    "ros": ("vsnbench.cli.ros", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
+    "ros1": ("vsnbench.cli.ros1", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
+    "ros2": ("vsnbench.cli.ros2", "The ROS 2 nodes: discrete_move, and a simulated robot to rehearse with."),
     "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
     "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
     "import": ("vsnbench.cli.import_", "Take in results of other tools."),
@@ -36,6 +37,9 @@ VERBS: dict[str, tuple[str, str]] = {
 
 A module offers `app` (a Typer with sub-commands) or `command` (a function that is the verb itself).
 """
+
+ALIASES = {"ros": "ros1"}
+"""Older name of a verb -> the verb; understood, and not shown."""
 
 EXAMPLES = """
 [bold]Does the model find chairs?[/bold]
@@ -75,22 +79,23 @@ def build_app(verb: str | None) -> typer.Typer:
     ) -> None:
         del version
 
+    shown = ALIASES.get(verb, verb) if verb else None
     for name, (module_name, summary) in VERBS.items():
-        if name != verb:
+        if name != shown:
             root.command(name, help=summary)(lambda: None)
             continue
         module = importlib.import_module(module_name)
         if hasattr(module, "app"):
-            root.add_typer(module.app, name=name, help=module.app.info.help or summary)
+            root.add_typer(module.app, name=verb, help=module.app.info.help or summary)
         else:
-            root.command(name)(module.command)
+            root.command(verb)(module.command)
     return root
 
 
 def main() -> None:
     """Run the command line; known errors become one line on stderr and their exit code."""
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
-    verb = next((word for word in sys.argv[1:] if word in VERBS), None)
+    verb = next((word for word in sys.argv[1:] if word in VERBS or word in ALIASES), None)
     try:
         app = build_app(verb)
         refuse_repeated(get_command(app), sys.argv[1:])

@@ -10,7 +10,9 @@ SIMULATED = "simulated"
 """The kind of our own simulated robot, within this process."""
 ROS1 = "ros1"
 """The kind of a robot at the other end of a ROS 1 network, real or played."""
-BUILT_IN_KINDS = frozenset({SIMULATED, ROS1})
+ROS2 = "ros2"
+"""The kind of a robot at the other end of a ROS 2 graph, real or played."""
+BUILT_IN_KINDS = frozenset({SIMULATED, ROS1, ROS2})
 
 
 def kind_of_class(robot_class: type) -> str:
@@ -28,7 +30,7 @@ class RobotIdentity:
 
     profile: RobotProfile
     kind: str
-    """`simulated`, `ros1`, or `package.module:Class` of a third party's robot."""
+    """`simulated`, `ros1`, `ros2`, or `package.module:Class` of a third party's robot."""
     simulated: bool
     site_sha256: str = ""
     """The content hash of the site that a simulated robot plays; empty for a real one, which is where it is."""

@@ -65,8 +65,16 @@ class RobotProfile(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _from_older_form(cls, content: Any) -> Any:
-        """Take the form in which files and records had `ros:`, before a profile could have another interface."""
-        if isinstance(content, Mapping) and "ros" in content and "interface" not in content:
+        """Take the form in which files and records had `ros:`, before a profile could have another interface.
+
+        Raises:
+            ValueError: the profile has both forms.
+        """
+        if isinstance(content, Mapping) and "ros" in content and "interface" in content:
+            raise ValueError(
+                "it has both `ros:` and `interface:`: a robot is reached by one of them; keep a profile for each"
+            )
+        if isinstance(content, Mapping) and "ros" in content:
             names = content["ros"]
             content = {key: value for key, value in content.items() if key != "ros"}
             content["interface"] = {"kind": "ros1", **names} if isinstance(names, Mapping) else names
@@ -83,6 +91,9 @@ class RobotProfile(BaseModel):
         Taken of the older form, so that a record knows a robot again that it knew by then.
         """
         content = self.content()
+        if self.interface is not None and self.interface.kind == "ros2":
+            # Where this one robot is reached, not what it is.
+            content["interface"].pop("namespace", None)
         if self.interface is not None and self.interface.kind == "ros1":
             names = content.pop("interface")
             content["ros"] = {name: value for name, value in names.items() if name != "kind"}

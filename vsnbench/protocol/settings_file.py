@@ -105,10 +105,11 @@ def _parse(text: str, origin: str, model: type[Settings], what: str) -> Settings
         worst_first = sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
         faults = [
             SettingsFault(
-                f"{origin}:{_line_of(tree, one['loc'])}: {'.'.join(str(part) for part in one['loc']) or what}",
+                f"{origin}:{_line_of(tree, path)}: {'.'.join(str(part) for part in path) or what}",
                 _words(one),
             )
             for one in worst_first
+            for path in [_written_path(tree, one["loc"])]
         ]
         raise _FaultyError(*faults) from problem
 
@@ -187,6 +188,16 @@ def _words(detail: ErrorDetails) -> str:
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
     return detail["msg"]
+
+
+def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """Return a location without the tag that chose between kinds, which is in no file: interface.ros2.odometry."""
+    if isinstance(node, MappingNode) and len(location) >= 3 and isinstance(location[1], str):
+        inner = next((value for key, value in node.value if key.value == location[0]), None)
+        values = {key.value: value.value for key, value in inner.value} if isinstance(inner, MappingNode) else {}
+        if location[1] not in values and location[1] in values.values():
+            return (location[0], *location[2:])
+    return location
 
 
 def _line_of(node: Node | None, location: tuple[int | str, ...]) -> int:

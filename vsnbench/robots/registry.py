@@ -6,7 +6,8 @@ Names on the command line (`--robot`):
 - `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
 - any entry point of the group `vsnbench.robots`, or `package.module:Class`.
 
-- `turtlebot2`, `lola2`, `path/to/profile.yaml`: the real robot of that profile over ROS 1, or whoever plays it.
+- `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the real robot of that profile over ROS 1 or ROS 2, or
+  whoever plays it; `turtlebot4@robot1` in a namespace.
 """
 
 import inspect
@@ -20,7 +21,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
-from vsnbench.robots.profiles import embedded_profiles, load_profile
+from vsnbench.robots.profiles import embedded_profiles, is_profile, load_profile
 
 ENTRY_POINT_GROUP = "vsnbench.robots"
 DEFAULT_ROBOT = "simulated"
@@ -64,8 +65,8 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
         return SimulatedRobot(site, profile, parameters, noise=NoiseSettings() if noise else None)
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
-    if name in embedded_profiles() or name.endswith((".yaml", ".yml")):
-        from vsnbench.robots.ros1 import RosRobot
+    if is_profile(name):
+        from vsnbench.robots.ros_robot import RosRobot
 
         return _in_its_site(RosRobot(load_profile(name), parameters), name, site)
     return _in_its_site(_plug_in_robot(name, site, parameters), name, site)

@@ -21,9 +21,10 @@ from vsnbench.ros1.graph_check import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
+from vsnbench.sensing.heard import Heard
 
 if TYPE_CHECKING:
-    from vsnbench.ros1.topic_listener import Heard, TopicListener
+    from vsnbench.ros1.topic_listener import TopicListener
 
 LISTEN_S = 2.0
 _SLOW = 0.8
@@ -221,7 +222,7 @@ def _service_results(profile: RobotProfile, master: Master) -> Iterator[CheckRes
         advice = error.advice or "another version of discrete_move/DiscreteServer serves it"
         yield CheckResult(name, Health.FAILED, error.statement, advice)
     except RobotError as error:
-        start = f"vsnbench ros discrete-move --robot {profile.name}"
+        start = f"vsnbench ros1 discrete-move --robot {profile.name}"
         yield CheckResult(name, Health.FAILED, error.statement, f"start it: {start}")
     else:
         yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
@@ -260,6 +261,6 @@ def judge_turn(what: str, asked_rad: float, turned_rad: float, *, answered: bool
         advice = "do the wheels turn? is it the same robot? see discrete_move's log"
         return CheckResult(what, Health.FAILED, seen, advice)
     if off_rad > _PAPER_OFF_RAD:
-        advice = "coarser than the paper's 0.1°, as upstream's server is: vsnbench ros discrete-move is not"
+        advice = "coarser than the paper's 0.1°, as upstream's server is: vsnbench ros1 discrete-move is not"
         return CheckResult(what, Health.WARNING, seen, advice)
     return CheckResult(what, Health.OK, seen)

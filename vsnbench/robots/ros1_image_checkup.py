@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.sensing.depth_filter import DepthImage, median_depth_m, share_invalid
+from vsnbench.sensing.heard import Heard
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth
-
-if TYPE_CHECKING:
-    from vsnbench.ros1.topic_listener import Heard
 
 _FOV_SHARE = 0.03
 _HOLES = 0.4

@@ -21,9 +21,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 
 from vsnbench.motion.controller import STANDSTILL, Command
+from vsnbench.motion.discrete_move_settings import motion_settings
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.ros1.discrete_move_settings import motion_settings
 from vsnbench.ros1.hazard_events import subscribe_hazard
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse

@@ -3,6 +3,7 @@
 import importlib.util
 
 from vsnbench.errors import RobotError
+from vsnbench.ros_generation import RosGeneration, speak
 
 NEEDED = (
     "rospy",
@@ -19,11 +20,16 @@ NEEDED = (
 
 
 def missing_packages() -> list[str]:
-    """Return the names in NEEDED that cannot be imported."""
-    return [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    """Return the names in NEEDED that cannot be imported; from then on this process speaks ROS 1.
+
+    Raises:
+        RobotError: it speaks ROS 2 already.
+    """
+    speak(RosGeneration.ROS1)
+    return [name for name in NEEDED if not _is_there(name)]
 
 
-def require_ros() -> None:
+def require_ros1() -> None:
     """Make sure that ROS 1 can be imported.
 
     Raises:
@@ -35,3 +41,10 @@ def require_ros() -> None:
             f"ROS 1 is not installed for this Python (no module {missing[0]})",
             advice="run scripts/install_ros.sh, or see docs/robot.md",
         )
+
+
+def _is_there(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False

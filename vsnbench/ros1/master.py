@@ -9,12 +9,12 @@ from typing import Any
 from urllib.parse import urlparse
 from xml.parsers.expat import ExpatError
 
-from vsnbench.errors import RobotError
+from vsnbench.errors import NoAnswerError
 
 DEFAULT_TIMEOUT_S = 2.0
 
 
-class MasterError(RobotError):
+class MasterError(NoAnswerError):
     """The ROS master does not answer, or ROS_MASTER_URI is wrong."""
 
 

@@ -4,13 +4,10 @@ Imported only where ROS is installed.
 """
 
 import json
-import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -21,41 +18,41 @@ from std_srvs.srv import Trigger
 
 from vsnbench.errors import RobotError
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import ROS1
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.hazard_events import subscribe_hazard
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
 from vsnbench.ros1.node import now_s, start_node
-from vsnbench.ros1.robot_snapshot import SOURCE_MEMORY_S, RobotSnapshot
+from vsnbench.ros1.readiness import missing_part
 from vsnbench.ros1.service_call import ServiceClient
-from vsnbench.ros1.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE, read_account
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
-from vsnbench.sensing.odometry import OdometryTracker, heading_of_quaternion
-from vsnbench.sensing.pairing import Stamped
-
-logger = logging.getLogger(__name__)
+from vsnbench.sensing.odometry import heading_of_quaternion
+from vsnbench.sensing.robot_reports import RobotReports
+from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES, PLACE
 
 NODE = "vsnbench"
 _COLOR_FRAMES = 6
 _IMAGE_BUFFER = 1 << 24
 
-Found = TypeVar("Found")
-
 
 class RobotLink:
     """Everything that a client hears from a robot and can ask of it; one a process.
 
-    Messages come in threads of ROS; each makes a new RobotSnapshot, and nothing else is shared.
+    Messages come in threads of ROS and go to its RobotReports.
     """
+
+    kind = ROS1
+    image_turns = 0
 
     def __init__(self, profile: RobotProfile) -> None:
         names = ros1_interface(profile)
-        self._changed = threading.Condition()
-        self._snapshot = RobotSnapshot()
-        self._tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
-        self._most_readings = max(10, round(2 * profile.base.odometry_rate_hz))
-
+        self._profile_name = profile.name
+        self._reports = RobotReports(profile)
+        self.snapshot = self._reports.snapshot
+        self.wait_for = self._reports.wait_for
+        self.clear_events = self._reports.clear_events
         self.master: Master = start_node(NODE)
         self.names = names
         self.discrete_move = ServiceClient(names.discrete_move, DiscreteServer, self.master, self.master.caller)
@@ -71,18 +68,23 @@ class RobotLink:
         time.sleep(0.05)
         rospy.signal_shutdown("closed")
 
-    def snapshot(self) -> RobotSnapshot:
-        """Return what has been reported until now."""
-        return self._snapshot
+    def image(self, payload: Any) -> Any:
+        """Return an image of a snapshot as a message: it is one."""
+        return payload
 
-    def wait_for(self, condition: Callable[[RobotSnapshot], Found], timeout_s: float) -> Found:
-        """Ask `condition` of the present snapshot and of every new one until it answers with something true.
+    def missing_part(self, warned: set[str]) -> RobotError | None:
+        """Return the first part that does not answer and what to do about it; None when all do.
 
-        Returns:
-            Its last answer: the first true one, or a false one when none came in time.
+        Raises:
+            RobotError: the master was restarted, which no patience heals.
         """
-        with self._changed:
-            return self._changed.wait_for(lambda: condition(self._snapshot), timeout_s)
+        return missing_part(self, self._profile_name, warned)
+
+    @property
+    def server(self) -> str:
+        """Whose discrete_move serves: `vsnbench` or `another`."""
+        ours = f"{self.names.discrete_move}/outcome" in self.master.state().publishers
+        return "vsnbench" if ours else "another"
 
     @property
     def can_be_placed(self) -> bool:
@@ -133,7 +135,7 @@ class RobotLink:
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Ask discrete_move for one movement and return its answer; see `ServiceClient.call` for what it raises."""
-        self._update(lambda _: {"outcome": None})
+        self._reports.take_outcome(None)
         request = DiscreteServerRequest(movement, angle_deg)
         return bool(self.discrete_move.call(request, timeout_s, watch).response)
 
@@ -152,16 +154,6 @@ class RobotLink:
         if f"{self.names.discrete_move}/reset" in self.master.state().services:
             self._reset.call(Trigger._request_class(), timeout_s)  # noqa: SLF001
 
-    def clear_events(self) -> None:
-        """Forget what has happened; what is pressed stays known."""
-        self._update(lambda _: {"hazard_events": (), "odometry_fault": None, "contact": ""})
-
-    def _update(self, changes: Callable[[RobotSnapshot], dict[str, Any]]) -> None:
-        """Replace the snapshot by one with `changes(present one)`, and wake who waits."""
-        with self._changed:
-            self._snapshot = replace(self._snapshot, **changes(self._snapshot))
-            self._changed.notify_all()
-
     def _subscribe(self) -> None:
         names = self.names
         rospy.Subscriber(names.odometry, Odometry, self._on_odometry, queue_size=20, tcp_nodelay=True)
@@ -170,31 +162,21 @@ class RobotLink:
         if names.depth:
             self._subscribe_image(names.depth, "depths", names.depth_frames + 2)
         for hazard in Hazard:
-            subscribe_hazard(names, hazard, self._on_hazard)
+            subscribe_hazard(names, hazard, self._reports.take_hazard)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
         )
 
     def _subscribe_image(self, topic: str, field: str, most: int) -> None:
         def on_image(message: Any) -> None:
-            image = Stamped(message, message.header.stamp.to_sec(), time.monotonic())
-            self._update(
-                lambda now: {field: (*getattr(now, field), image)[-most:], "sources": _heard(now, topic, message)}
-            )
+            stamp_s = message.header.stamp.to_sec()
+            self._reports.take_image(field, most, message, stamp_s, topic, _sender(message))
 
         rospy.Subscriber(topic, Image, on_image, queue_size=5, buff_size=_IMAGE_BUFFER, tcp_nodelay=True)
 
     def _on_odometry(self, message: Any) -> None:
-        pose, arrival_s = _planar(message), time.monotonic()
-
-        def changes(now: RobotSnapshot) -> dict[str, Any]:
-            sources = _heard(now, self.names.odometry, message)
-            fault = self._tracker.add(*pose, message.header.stamp.to_sec(), arrival_s)
-            if fault is not None:
-                return {"sources": sources, "odometry_fault": fault}
-            return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._most_readings :]}
-
-        self._update(changes)
+        stamp_s = message.header.stamp.to_sec()
+        self._reports.take_odometry(_planar(message), stamp_s, self.names.odometry, _sender(message))
 
     def _on_command(self, message: Any) -> None:
         node, moves = _sender(message), any((message.linear.x, message.linear.y, message.angular.z))
@@ -202,59 +184,27 @@ class RobotLink:
             return
         if moves and self._holding.is_set():
             self.stand_still()
-        self._update(
-            lambda _: {
-                "steered_s": time.monotonic(),
-                **({"driven_s": time.monotonic(), "driven_by": node} if moves else {}),
-            }
-        )
-
-    def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
-        if active:
-            self._update(
-                lambda now: {
-                    "pressed": now.pressed | {(hazard, sensor)},
-                    "hazard_events": (*now.hazard_events, (hazard, where)),
-                }
-            )
-        else:
-            self._update(lambda now: {"pressed": now.pressed - {(hazard, sensor)}})
+        self._reports.take_command(node, moves=moves)
 
     def _on_contact(self, message: Any) -> None:
-        if message.data:
-            self._update(lambda _: {"contact": message.data})
+        self._reports.take_contact(message.data)
 
     def _on_truth(self, message: Any) -> None:
-        truth = Stamped(Pose(*_planar(message)), message.header.stamp.to_sec(), time.monotonic())
-        self._update(lambda _: {"truth": truth})
+        self._reports.take_truth(_planar(message), message.header.stamp.to_sec())
 
     def _on_outcome(self, message: Any) -> None:
-        outcome = Outcome(**json.loads(message.data))
-        self._update(lambda _: {"outcome": outcome})
+        self._reports.take_outcome(Outcome(**json.loads(message.data)))
 
     def _on_categories(self, message: Any) -> None:
-        named = {int(number): str(name) for number, name in json.loads(message.data).items()}
-        self._update(lambda _: {"categories": MappingProxyType(named)})
+        self._reports.take_categories(message.data)
 
     def _on_account(self, message: Any) -> None:
-        try:
-            account = read_account(message.data)
-        except RobotError as error:
-            logger.warning("%s", error)
-            return
-        self._update(lambda _: {"simulation": account})
+        self._reports.take_account(message.data)
 
 
 def _sender(message: Any) -> str:
     """Return the node that published a message."""
     return str(message._connection_header.get("callerid", "?"))  # noqa: SLF001
-
-
-def _heard(now: RobotSnapshot, topic: str, message: Any) -> MappingProxyType[tuple[str, str], float]:
-    """Return who has published lately, this message included."""
-    at_s = time.monotonic()
-    lately = {source: heard_s for source, heard_s in now.sources.items() if at_s - heard_s < SOURCE_MEMORY_S}
-    return MappingProxyType(lately | {(topic, _sender(message)): at_s})
 
 
 def _planar(message: Any) -> tuple[float, float, float]:

@@ -13,7 +13,7 @@ from io import BytesIO
 from typing import Any, Self
 from urllib.parse import urlparse
 
-from vsnbench.errors import RobotError
+from vsnbench.errors import NoAnswerError
 from vsnbench.ros1.master import Master
 
 _STAGE_TIMEOUT_S = 2.0
@@ -22,7 +22,7 @@ _WATCH_PERIOD_S = 0.05
 _LARGEST_ANSWER = 1 << 20
 
 
-class ServiceError(RobotError):
+class ServiceError(NoAnswerError):
     """A service call that brought no answer."""
 
 

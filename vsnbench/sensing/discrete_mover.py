@@ -36,6 +36,7 @@ _MOVED_BY_HAND_RAD = math.radians(3)
 _SETTLING_READINGS = 2.5
 """Two fresh readings and some: a slow odometer repeats itself while the robot still rolls."""
 _LONGEST_SETTLING_S = 1.0
+_LONGEST_MOVE_M = 10.0
 
 
 class Hazard(StrEnum):
@@ -136,13 +137,16 @@ class DiscreteMover:
         with self._moving:
             self._send(STANDSTILL)
 
-    def carry_out(self, movement: str, angle_deg: int, caller_gone: Callable[[], bool]) -> Outcome:
+    def carry_out(
+        self, movement: str, angle_deg: int, caller_gone: Callable[[], bool], distance_m: float | None = None
+    ) -> Outcome:
         """Carry out one movement to its end.
 
         Args:
             movement: a word of MOVEMENTS.
             angle_deg: of a turn; 0 turns nothing.
             caller_gone: whether the one who asked is no longer there; nobody drives on for a dead caller.
+            distance_m: of a move; as configured when left out.
         """
         action = MOVEMENTS.get(movement)
         if action is None:
@@ -154,6 +158,12 @@ class DiscreteMover:
             action = Action.STOP
         elif action.turns:
             settings = settings.model_copy(update={"turn_rad": math.radians(angle_deg)})
+        elif distance_m is not None and action.translates:
+            if not 0 < distance_m <= _LONGEST_MOVE_M:
+                return Outcome(
+                    movement, False, f"{movement} {distance_m:g}: a move is up to {_LONGEST_MOVE_M:g} m long"
+                )
+            settings = settings.model_copy(update={"forward_m": distance_m})
         ticket = self._take_ticket(f"pre-empted by {movement}")
         with self._moving:
             try:

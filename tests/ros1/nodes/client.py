@@ -10,7 +10,7 @@ from vsnbench.errors import NotPlacedError, VsnbenchError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.profiles import load_profile
-from vsnbench.robots.ros1 import RosRobot
+from vsnbench.robots.ros_robot import RosRobot
 
 
 class Client:

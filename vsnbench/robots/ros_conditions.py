@@ -1,19 +1,16 @@
-"""What results on a ROS 1 network depend on: what a simulator plays, and whose discrete_move serves."""
+"""What results on a ROS network depend on: what a simulator plays, and whose discrete_move serves."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.ros1.graph_check import server_of
-from vsnbench.ros1.simulation import ACCOUNT, SimulationAccount
-
-if TYPE_CHECKING:
-    from vsnbench.robots.ros1_start import Patience
-    from vsnbench.ros1.robot_link import RobotLink
+from vsnbench.robots.ros_link import RobotLink
+from vsnbench.robots.ros_start import Patience
+from vsnbench.sensing.simulation import ACCOUNT, SimulationAccount
 
 
-def await_account(link: "RobotLink", profile: RobotProfile, patience: "Patience") -> SimulationAccount:
+def await_account(link: RobotLink, profile: RobotProfile, patience: Patience) -> SimulationAccount:
     """Return what the simulator says of itself.
 
     Raises:
@@ -28,24 +25,21 @@ def await_account(link: "RobotLink", profile: RobotProfile, patience: "Patience"
     if account.profile_sha256 != profile.sha256:
         raise RobotError(
             f"the simulator plays another robot than {profile.name}, by the content of its profile",
-            advice="start it with the profile of the run (vsnbench ros simulate --robot ...)",
+            advice=f"start it with the profile of the run (vsnbench {link.kind} simulate --robot ...)",
         )
     return account
 
 
-def conditions_of(link: "RobotLink", account: SimulationAccount | None, depth_frames: int) -> dict[str, Any]:
+def conditions_of(link: RobotLink, account: SimulationAccount | None, depth_frames: int) -> dict[str, Any]:
     """Return what results depend on: the depth filter, whose discrete_move it is, what a simulator says of itself."""
-    ours = f"{link.names.discrete_move}/outcome" in link.master.state().publishers
     return {
         "depth_frames": depth_frames,
-        "discrete_move": "vsnbench" if ours else "another",
+        "discrete_move": link.server,
         **(account.conditions if account else {}),
     }
 
 
-def require_same_conditions(
-    link: "RobotLink", account: SimulationAccount | None, conditions: Mapping[str, Any]
-) -> None:
+def require_same_conditions(link: RobotLink, account: SimulationAccount | None, conditions: Mapping[str, Any]) -> None:
     """Make sure that the network is still what the session began with: another would be another campaign.
 
     Raises:
@@ -60,12 +54,11 @@ def require_same_conditions(
         )
     served = conditions_of(link, account, conditions["depth_frames"])["discrete_move"]
     if served != conditions["discrete_move"]:
-        server = server_of(link.names.discrete_move, link.master.state())
         raise RobotError(
             f"{link.names.discrete_move} was served by {_WHOSE[conditions['discrete_move']]} when this session began, "
-            f"and {server} is {_WHOSE[served]}",
+            f"and now it is {_WHOSE[served]}",
             advice="start the session anew (another campaign), or the server as it was",
         )
 
 
-_WHOSE = {"vsnbench": "vsnbench's own server", "another": "another server"}
+_WHOSE = {"vsnbench": "vsnbench's own server", "another": "another server", "workstation": "this process"}

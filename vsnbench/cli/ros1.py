@@ -1,4 +1,4 @@
-"""`vsnbench ros`: the ROS 1 nodes of the stack: discrete_move, and a simulated robot to rehearse with."""
+"""`vsnbench ros1`, and `ros` as it was called: the ROS 1 nodes of the stack: discrete_move, and a simulated robot."""
 
 from pathlib import Path
 from typing import Annotated
@@ -26,19 +26,19 @@ def discrete_move(
 
     [bold]Examples[/bold]
 
-        vsnbench ros discrete-move --robot turtlebot2
+        vsnbench ros1 discrete-move --robot turtlebot2
 
-        vsnbench ros discrete-move --robot lola2 _timeout_s:=20 /odom:=/lola2/odom
+        vsnbench ros1 discrete-move --robot lola2 _timeout_s:=20 /odom:=/lola2/odom
 
         rosservice call /discrete_move Left 30
     """
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros1.installation import require_ros
+    from vsnbench.ros1.installation import require_ros1
     from vsnbench.ros1.interface import ros1_interface
 
     profile = load_profile(robot)
     served = ros1_interface(profile).discrete_move
-    require_ros()
+    require_ros1()
     from vsnbench.ros1.discrete_move_node import NODE, DiscreteMoveNode
     from vsnbench.ros1.node import run_node
 
@@ -69,20 +69,21 @@ def simulate(
 
     [bold]Examples[/bold]
 
-        vsnbench ros simulate --site apartment --robot turtlebot2
+        vsnbench ros1 simulate --site apartment --robot turtlebot2
 
-        vsnbench ros simulate --robot lola2 --noise --rate-factor 2
+        vsnbench ros1 simulate --robot lola2 --noise --rate-factor 2
     """
     from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros1.installation import require_ros
+    from vsnbench.ros1.installation import require_ros1
 
     profile, place = load_profile(robot), load_site(site)
-    require_ros()
+    require_ros1()
     from vsnbench.ros1.node import run_node
-    from vsnbench.ros1.simulated_robot_node import NODE, SimulatedRobotNode, SimulationOptions
-    from vsnbench.ros1.simulation import PLACE
+    from vsnbench.ros1.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.sensing.simulation import PLACE
     from vsnbench.simulator.noise import NoiseSettings
+    from vsnbench.simulator.robot_player import SimulationOptions
 
     options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate)
     run_node(

@@ -1,4 +1,4 @@
-"""The robot at the other end of a ROS 1 network: client of discrete_move, camera and odometry (paper, Section 3.1.4).
+"""The robot at the other end of a ROS network, 1 or 2: movements, camera and odometry (paper, Section 3.1.4).
 
 Every wait has an end, every way out commands zero velocity, and what discrete_move answers is checked against the
 odometry: upstream's server answers True whatever happened.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Self
 
-from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.errors import NoAnswerError, RobotError, SensorLostError
 from vsnbench.motion.law import ideal_duration_s
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
@@ -20,25 +20,24 @@ from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionRe
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import ROS1, RobotIdentity
+from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
-from vsnbench.robots.ros1_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
-from vsnbench.robots.ros1_conditions import await_account, conditions_of, require_same_conditions
-from vsnbench.robots.ros1_start import (
+from vsnbench.robots.ros_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
+from vsnbench.robots.ros_conditions import await_account, conditions_of, require_same_conditions
+from vsnbench.robots.ros_link import connect
+from vsnbench.robots.ros_start import (
     Patience,
     await_fresh_odometry,
     have_it_placed_by_the_simulator,
     require_it_stands,
     wait_until_ready,
 )
-from vsnbench.ros1.installation import require_ros
-from vsnbench.ros1.robot_snapshot import RobotSnapshot
-from vsnbench.ros1.service_call import ServiceError
-from vsnbench.ros1.simulation import SimulationAccount
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
 from vsnbench.sensing.movement_check import AskedMovement, distance_along
 from vsnbench.sensing.pairing import MotionEnd
+from vsnbench.sensing.robot_snapshot import RobotSnapshot
+from vsnbench.sensing.simulation import SimulationAccount
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +65,7 @@ class _AlarmError(Exception):
 
 
 class RosRobot:
-    """A real robot, or one that is played by `vsnbench ros simulate`: the code is the same.
+    """A real robot, or one that is played by `vsnbench ros1 simulate` or `ros2 simulate`: the code is the same.
 
     One a process. `halt` may be called from another thread.
     """
@@ -77,9 +76,6 @@ class RosRobot:
         parameters: ProtocolParameters | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        require_ros()
-        from vsnbench.ros1.robot_link import RobotLink
-
         self.profile = profile
         self._parameters = parameters if parameters is not None else ProtocolParameters()
         if self._parameters.turn_deg != round(self._parameters.turn_deg):
@@ -95,11 +91,11 @@ class RosRobot:
         self._end = MotionEnd(0.0, 0.0)
         self._moving = False
         self._asked_s = 0.0
-        self._link = RobotLink(profile)
+        self._link = connect(profile, self._parameters)
         self._simulation: SimulationAccount | None = None
         try:
             patience = Patience(patience_s)
-            wait_until_ready(self._link, profile, patience)
+            wait_until_ready(self._link, patience)
             self.needs_a_person = not self._link.can_be_placed
             if not self.needs_a_person:
                 self._link.join_simulation()
@@ -120,7 +116,7 @@ class RosRobot:
     def identity(self) -> RobotIdentity:
         """Who it is; whether it is simulated, and in which site, is what the other end says."""
         played = self._simulation.site_sha256 if self._simulation else ""
-        return RobotIdentity(self.profile, ROS1, simulated=self._simulation is not None, site_sha256=played)
+        return RobotIdentity(self.profile, self._link.kind, simulated=self._simulation is not None, site_sha256=played)
 
     def make_ready(self) -> None:
         """Wait until every part of the robot answers.
@@ -128,7 +124,7 @@ class RosRobot:
         Raises:
             RobotError: a part does not answer within the patience.
         """
-        wait_until_ready(self._link, self.profile, Patience(self._patience_s))
+        wait_until_ready(self._link, Patience(self._patience_s))
 
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Stand at `start`, where the simulator puts it or a person has, with every part of the robot answering.
@@ -142,7 +138,7 @@ class RosRobot:
         """
         self._start = None
         patience = Patience(self._patience_s)
-        wait_until_ready(self._link, self.profile, patience)
+        wait_until_ready(self._link, patience)
         patience.insist_on(lambda: require_same_conditions(self._link, self._simulation, self.conditions))
         if self._simulation is not None:
             have_it_placed_by_the_simulator(self._link, start, seed, patience)
@@ -192,7 +188,7 @@ class RosRobot:
             answered = self._ask(action, lambda: self._watch(asked, before))
         except _AlarmError as alarm:
             failure, sensor_lost = str(alarm), alarm.sensor_lost
-        except ServiceError as error:
+        except NoAnswerError as error:
             failure = str(error)
         if failure:
             self._force_standstill()
@@ -229,7 +225,9 @@ class RosRobot:
         now = self._link.snapshot()
         if self._simulation is not None:
             if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
-                raise SensorLostError("the simulator is silent", advice="is vsnbench ros simulate running?")
+                raise SensorLostError(
+                    "the simulator is silent", advice=f"is vsnbench {self._link.kind} simulate running?"
+                )
             return Fix(now.truth.payload, PoseSource.SIMULATED)
         assert self._start is not None  # noqa: S101  # _require_begun
         return Fix(self._start.compose(self._relative(now)), PoseSource.ESTIMATED)
@@ -243,7 +241,7 @@ class RosRobot:
             self._link.stand_still()
 
     def close(self) -> None:
-        """Halt and leave the ROS network."""
+        """Halt and leave the network."""
         self.halt()
         if self._link.holding:
             self._link.wait_for(self._undriven_at_rest, _LAST_HOLD_S)

@@ -1,4 +1,4 @@
-"""All that a robot on a ROS 1 network has reported by one moment, as one immutable value."""
+"""All that a robot on a network has reported by one moment, as one immutable value."""
 
 import math
 from collections.abc import Mapping
@@ -8,13 +8,15 @@ from typing import Any
 
 from vsnbench.errors import SensorLostError
 from vsnbench.protocol.pose import Pose
-from vsnbench.ros1.simulation import SimulationAccount
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
 from vsnbench.sensing.odometry import OdometryFault, OdometryReading
 from vsnbench.sensing.pairing import Stamped
+from vsnbench.sensing.simulation import SimulationAccount
 
 SOURCE_MEMORY_S = 2.0
 """A node that published on a topic within this time publishes on it."""
+AGE_LIMIT_S = 1.0
+"""A part whose last message is older does not answer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,10 +1,10 @@
-"""Images of a robot on a ROS 1 network, captured after a motion: colour, the median of several depths, labels."""
+"""Images of a robot on a ROS network, captured after a motion: colour, the median of several depths, labels."""
 
 import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,16 +12,14 @@ import numpy.typing as npt
 from vsnbench.errors import SensorLostError
 from vsnbench.protocol.observation import InstanceImage
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.ros1.interface import ros1_interface
-from vsnbench.ros1.robot_snapshot import RobotSnapshot
+from vsnbench.robots.ros_link import RobotLink, RobotTopics
 from vsnbench.sensing.depth_filter import median_depth_m, share_invalid
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth, decode_labels
 from vsnbench.sensing.pairing import MatchedImages, MotionEnd, Stamped, match_images
-
-if TYPE_CHECKING:
-    from vsnbench.ros1.robot_link import RobotLink
+from vsnbench.sensing.robot_snapshot import RobotSnapshot
 
 CAMERA_TIMEOUT_S = 3.0
+Pixels = TypeVar("Pixels", bound=npt.NDArray[Any])
 _MAX_SKEW_S = 0.1
 
 
@@ -65,14 +63,14 @@ class Images:
 class RosCamera:
     """Waits for images of one moment, taken after a motion, and decodes them."""
 
-    def __init__(self, link: "RobotLink", profile: RobotProfile) -> None:
+    def __init__(self, link: RobotLink, profile: RobotProfile) -> None:
         self._link = link
         self._profile = profile
-        self._names = ros1_interface(profile)
+        self._names: RobotTopics = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """How many depth images the median is taken of."""
         self.labelled = link.has_labels
-        """Whether a simulator labels the images; asked once, of the master, which may die in an episode."""
+        """Whether a simulator labels the images; asked once, for a master may die in an episode."""
 
     def capture(self, end: MotionEnd) -> Images:
         """Return images taken after `end`.
@@ -85,8 +83,8 @@ class RosCamera:
         got_s = time.monotonic()
         camera = self._profile.camera
         try:
-            rgb = decode_color(match.color.payload)
-            frames = [decode_depth(frame.payload) for frame in match.depths]
+            rgb = self._upright(decode_color(self._link.image(match.color.payload)))
+            frames = [self._upright(decode_depth(self._link.image(frame.payload))) for frame in match.depths]
         except ImageError as error:
             raise SensorLostError(f"{error}", advice="is the camera driver the one of the profile?") from error
         for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
@@ -129,8 +127,14 @@ class RosCamera:
         match, now = found
         for labels in now.labels if self.labelled else ():
             if labels.stamp_s == match.color.stamp_s:
-                return match, InstanceImage(ids=decode_labels(labels.payload), categories=now.categories)
+                ids = self._upright(decode_labels(self._link.image(labels.payload)))
+                return match, InstanceImage(ids=ids, categories=now.categories)
         return match, None
+
+    def _upright(self, pixels: Pixels) -> Pixels:
+        """Return an image as if the camera did not sit askew."""
+        turns = self._link.image_turns
+        return cast("Pixels", np.ascontiguousarray(np.rot90(pixels, -turns))) if turns else pixels
 
     def _missing_images(self, waited_s: float) -> SensorLostError:
         names, now, now_s = self._names, self._link.snapshot(), time.monotonic()

@@ -3,7 +3,7 @@
 import pytest
 
 from vsnbench.errors import RobotError
-from vsnbench.ros1.simulation import SimulationAccount, read_account
+from vsnbench.sensing.simulation import SimulationAccount, read_account
 from vsnbench.simulator.noise import NoiseSettings
 
 ACCOUNT = SimulationAccount(

@@ -8,17 +8,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vsnbench.errors import RobotError
 
 PLACE = "/simulation/place_robot"
-"""vsnbench/PlaceRobot: put the robot down at a starting position."""
+"""Put the robot down at a starting position."""
 GROUND_TRUTH = "/simulation/ground_truth"
-"""nav_msgs/Odometry: where the robot truly stands, in the site's frame."""
+"""Odometry: where the robot truly stands, in the site's frame."""
 CONTACT = "/simulation/contact"
-"""std_msgs/String, latched: what the robot touches; empty for nothing."""
+"""A latched string: what the robot touches; empty for nothing."""
 INSTANCES = "/simulation/instances/image_raw"
-"""sensor_msgs/Image 16UC1, stamped as its colour image: the 1-based index of the site's object; 0 for the building."""
+"""An image 16UC1, stamped as its colour image: the 1-based index of the site's object; 0 for the building."""
 CATEGORIES = "/simulation/instances/categories"
-"""std_msgs/String, latched: a JSON object, index -> category."""
+"""A latched string: a JSON object, index -> category."""
 ACCOUNT = "/simulation/account"
-"""std_msgs/String, latched: a SimulationAccount as JSON."""
+"""A latched string: a SimulationAccount as JSON."""
 
 
 class SimulationAccount(BaseModel):

@@ -1,0 +1,95 @@
+"""`vsnbench ros2`: the ROS 2 nodes: a simulated robot to rehearse with, and discrete_move beside a base."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+RobotOption = Annotated[
+    str, typer.Option("--robot", help="Profile: turtlebot4, create3, stretch, the path of your own; NAME@NAMESPACE.")
+]
+
+
+@app.command("simulate")
+def simulate(
+    site: Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")] = "apartment",
+    robot: RobotOption = "turtlebot4",
+    rate_factor: Annotated[
+        float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")
+    ] = 1.0,
+    noise: Annotated[bool, typer.Option("--noise", help="Odometry that drifts, depth with noise and holes.")] = False,
+    command_lag: Annotated[
+        float, typer.Option("--command-lag", min=0, max=1, help="Seconds from a command to its effect.")
+    ] = 0.0,
+    odometry_rate: Annotated[
+        float | None, typer.Option("--odometry-rate", min=1, max=50, help="Hz, instead of the profile's.")
+    ] = None,
+) -> None:
+    """Be the robot: base and camera on the topics of its profile, around the embedded world, in real time.
+
+    A lab rehearses with it: vsnbench run, and discrete_move where it is used, are what drives the real one.
+
+    [bold]Examples[/bold]
+
+        export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=42
+
+        vsnbench ros2 simulate --site apartment --robot turtlebot4
+
+        vsnbench ros2 simulate --robot turtlebot4@robot1 --noise --rate-factor 2
+    """
+    from vsnbench.protocol.site import load_site
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros2.interface import ros2_interface
+
+    profile, place = load_profile(robot), load_site(site)
+    names = ros2_interface(profile)
+    require_ros2()
+    from vsnbench.ros2.node import run_node
+    from vsnbench.ros2.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.simulator.noise import NoiseSettings
+    from vsnbench.simulator.robot_player import SimulationOptions
+
+    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate)
+    run_node(
+        NODE,
+        names.root,
+        lambda node: SimulatedRobotNode(node, place, profile, options),
+        f"playing {profile.title} in {place.name}",
+    )
+
+
+@app.command("discrete-move")
+def discrete_move(
+    robot: RobotOption = "turtlebot4",
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Your own discrete_move.yaml instead of the packaged one.")
+    ] = None,
+) -> None:
+    """Carry out movements beside the base, on the robot itself, for vsnbench run on the workstation.
+
+    Optional: without it vsnbench run steers the base over the network. With it the base also stands still when the
+    workstation falls silent.
+
+    [bold]Examples[/bold]
+
+        vsnbench ros2 discrete-move --robot turtlebot4
+    """
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros2.interface import ros2_interface
+
+    profile = load_profile(robot)
+    names = ros2_interface(profile)
+    require_ros2()
+    from vsnbench.ros2.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros2.node import run_node
+
+    run_node(
+        NODE,
+        names.root,
+        lambda node: DiscreteMoveNode(node, profile, config),
+        f"carrying out movements for {names.discrete_move}",
+    )

@@ -1,0 +1,154 @@
+"""Be a ROS 2 node without the traps: a context of one's own, a thread that spins and is joined, no signals taken.
+
+Shutting a context down under a spinning executor can abort the process: `close` stops and joins the thread first.
+Imported only where ROS 2 is installed.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+
+from vsnbench.errors import RobotError
+from vsnbench.ros2.installation import discovery
+
+SENSOR_DATA = QoSProfile(
+    depth=10,
+    history=QoSHistoryPolicy.KEEP_LAST,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+    durability=QoSDurabilityPolicy.VOLATILE,
+)
+"""What drivers publish sensors with, and what every publisher of sensors satisfies."""
+RELIABLE = QoSProfile(depth=10, history=QoSHistoryPolicy.KEEP_LAST, reliability=QoSReliabilityPolicy.RELIABLE)
+"""What commands and questions are sent with; satisfies a listener that asks for best effort, too."""
+LATCHED = QoSProfile(
+    depth=1,
+    history=QoSHistoryPolicy.KEEP_LAST,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""What comes again to whoever listens later."""
+
+_SPIN_S = 0.1
+
+
+class Ros2Node:
+    """A node that spins in a thread of its own until it is closed; callbacks come in that thread."""
+
+    def __init__(self, name: str, namespace: str = "") -> None:
+        # It would write a log file for every process; what matters goes through our own logging.
+        os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
+        quiet = ["--ros-args", "--log-level", "error", "--disable-external-lib-logs", "--disable-rosout-logs"]
+        self._context = rclpy.Context()
+        try:
+            rclpy.init(args=quiet, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+            self.rclpy = rclpy.create_node(
+                name,
+                context=self._context,
+                namespace=namespace or None,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+        except Exception as error:
+            first = str(error).partition("\n")[0]
+            raise RobotError(f"no ROS 2 node can be made here ({discovery()}): {first}") from error
+        self.full_name = self.rclpy.get_fully_qualified_name()
+        self.began_s = time.monotonic()
+        self._ended = threading.Event()
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.rclpy)
+        self._thread = threading.Thread(target=self._spin, name=f"ros2 {name}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the graph; may be called more than once."""
+        if self._ended.is_set():
+            return
+        self._ended.set()
+        self._thread.join(5.0)
+        with contextlib.suppress(Exception):
+            self._executor.remove_node(self.rclpy)
+        self._executor.shutdown(timeout_sec=1.0)
+        self.rclpy.destroy_node()
+        self._context.try_shutdown()
+
+    @property
+    def simulated_time(self) -> bool:
+        """Whether time is that of a simulator."""
+        return bool(self.rclpy.get_clock().ros_time_is_active)
+
+    def follow_simulated_time(self, *, simulated: bool) -> None:
+        """Take the time from /clock, or no longer."""
+        if simulated != self.simulated_time:
+            self.rclpy.set_parameters([Parameter("use_sim_time", value=simulated)])
+
+    def now_s(self) -> float:
+        """Return the time that control runs on: monotonic, or simulated where a simulator is the clock."""
+        if self.simulated_time:
+            return float(self.rclpy.get_clock().now().nanoseconds) * 1e-9
+        return time.monotonic()
+
+    def sleep_until(self, due_s: float, give_up_wall_s: float = 1.0) -> None:
+        """Sleep until `now_s()` reaches `due_s`; never longer than `give_up_wall_s` of real time."""
+        give_up_s = time.monotonic() + give_up_wall_s
+        while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
+            time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
+
+    def stamp(self) -> Any:
+        """Return the present as messages carry it."""
+        return self.rclpy.get_clock().now().to_msg()
+
+    def _spin(self) -> None:
+        while not self._ended.is_set():
+            try:
+                self._executor.spin_once(timeout_sec=_SPIN_S)
+            except ExternalShutdownException:
+                return
+
+
+class Closable(Protocol):
+    """A node's work: it runs in threads of its own until it is closed."""
+
+    def close(self) -> None:
+        """Stop, and leave the robot standing still."""
+        ...
+
+
+def run_node(name: str, namespace: str, make: Callable[[Ros2Node], Closable], what: str) -> None:
+    """Be a node until SIGINT, SIGTERM or SIGHUP.
+
+    Args:
+        name: the node's name.
+        namespace: its namespace, that of the robot.
+        make: what starts the node's work; may refuse.
+        what: what the node does, in words, for the terminal.
+
+    Raises:
+        RobotError: the work was refused.
+    """
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ended.set())
+    node = Ros2Node(name, namespace)
+    try:
+        work = make(node)
+        try:
+            sys.stderr.write(f"{what} ({discovery()}); Ctrl-C ends it\n")
+            ended.wait()
+        finally:
+            work.close()
+            # The last command leaves through the middleware's own threads.
+            time.sleep(0.1)
+    finally:
+        node.close()

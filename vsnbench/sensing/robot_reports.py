@@ -1,0 +1,140 @@
+"""Where everything is kept that a robot reports: each report makes a new RobotSnapshot, and nothing else is shared."""
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from vsnbench.errors import RobotError
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.sensing.discrete_mover import Hazard, Outcome
+from vsnbench.sensing.odometry import OdometryTracker
+from vsnbench.sensing.pairing import Stamped
+from vsnbench.sensing.robot_snapshot import SOURCE_MEMORY_S, RobotSnapshot
+from vsnbench.sensing.simulation import read_account
+
+logger = logging.getLogger(__name__)
+
+Found = TypeVar("Found")
+
+
+class RobotReports:
+    """Takes reports from threads of a middleware and shows them, consistent within themselves, to whoever asks."""
+
+    def __init__(self, profile: RobotProfile) -> None:
+        self._changed = threading.Condition()
+        self._snapshot = RobotSnapshot()
+        self._tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
+        self._most_readings = max(10, round(2 * profile.base.odometry_rate_hz))
+
+    def snapshot(self) -> RobotSnapshot:
+        """Return what has been reported until now."""
+        return self._snapshot
+
+    def wait_for(self, condition: Callable[[RobotSnapshot], Found], timeout_s: float) -> Found:
+        """Ask `condition` of the present snapshot and of every new one until it answers with something true.
+
+        Returns:
+            Its last answer: the first true one, or a false one when none came in time.
+        """
+        with self._changed:
+            return self._changed.wait_for(lambda: condition(self._snapshot), timeout_s)
+
+    def clear_events(self) -> None:
+        """Forget what has happened; what is pressed stays known."""
+        self._update(lambda _: {"hazard_events": (), "odometry_fault": None, "contact": ""})
+
+    def take_odometry(self, pose: tuple[float, float, float], stamp_s: float, topic: str, source: str) -> None:
+        """Take a measurement of the base: x and y in metres, heading in radians."""
+        arrival_s = time.monotonic()
+
+        def changes(now: RobotSnapshot) -> dict[str, Any]:
+            sources = _heard(now, topic, source)
+            fault = self._tracker.add(*pose, stamp_s, arrival_s)
+            if fault is not None:
+                return {"sources": sources, "odometry_fault": fault}
+            return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._most_readings :]}
+
+        self._update(changes)
+
+    def take_image(self, kept: str, most: int, message: Any, stamp_s: float, topic: str, source: str) -> None:
+        """Take an image that is not decoded yet.
+
+        Args:
+            kept: the field of the snapshot: `colors`, `depths` or `labels`.
+            most: how many of them are kept.
+            message: the image.
+            stamp_s: when it was taken, on the sender's clock.
+            topic: what it came on.
+            source: the node that sent it.
+        """
+        image = Stamped(message, stamp_s, time.monotonic())
+        self._update(lambda now: {kept: (*getattr(now, kept), image)[-most:], "sources": _heard(now, topic, source)})
+
+    def take_command(self, source: str, *, moves: bool) -> None:
+        """Take a velocity that somebody else commanded."""
+        now_s = time.monotonic()
+        self._update(lambda _: {"steered_s": now_s, **({"driven_s": now_s, "driven_by": source} if moves else {})})
+
+    def take_own_command(self) -> None:
+        """This process steers the base itself."""
+        now_s = time.monotonic()
+        self._update(lambda _: {"steered_s": now_s})
+
+    def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
+        """Take one sensor's change of state."""
+        if active:
+            self._update(
+                lambda now: {
+                    "pressed": now.pressed | {(hazard, sensor)},
+                    "hazard_events": (*now.hazard_events, (hazard, where)),
+                }
+            )
+        else:
+            self._update(lambda now: {"pressed": now.pressed - {(hazard, sensor)}})
+
+    def take_contact(self, touched: str) -> None:
+        """Take what a simulated robot touches; empty for nothing."""
+        if touched:
+            self._update(lambda _: {"contact": touched})
+
+    def take_truth(self, pose: tuple[float, float, float], stamp_s: float) -> None:
+        """Take where a simulated robot stands."""
+        truth = Stamped(Pose(*pose), stamp_s, time.monotonic())
+        self._update(lambda _: {"truth": truth})
+
+    def take_categories(self, text: str) -> None:
+        """Take a simulator's categories of its labels, as JSON."""
+        named = {int(number): str(name) for number, name in json.loads(text).items()}
+        self._update(lambda _: {"categories": MappingProxyType(named)})
+
+    def take_account(self, text: str) -> None:
+        """Take what a simulator says of itself, as JSON; what cannot be read is logged."""
+        try:
+            account = read_account(text)
+        except RobotError as error:
+            logger.warning("%s", error)
+            return
+        self._update(lambda _: {"simulation": account})
+
+    def take_outcome(self, outcome: Outcome | None) -> None:
+        """Take what became of a movement; None before the next one."""
+        self._update(lambda _: {"outcome": outcome})
+
+    def _update(self, changes: Callable[[RobotSnapshot], dict[str, Any]]) -> None:
+        """Replace the snapshot by one with `changes(present one)`, and wake who waits."""
+        with self._changed:
+            self._snapshot = replace(self._snapshot, **changes(self._snapshot))
+            self._changed.notify_all()
+
+
+def _heard(now: RobotSnapshot, topic: str, source: str) -> MappingProxyType[tuple[str, str], float]:
+    """Return who has published lately, this message included."""
+    at_s = time.monotonic()
+    lately = {key: heard_s for key, heard_s in now.sources.items() if at_s - heard_s < SOURCE_MEMORY_S}
+    return MappingProxyType(lately | {(topic, source): at_s})
