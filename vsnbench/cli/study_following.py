@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import RECORD_PANEL, Database, Results
+from vsnbench.cli.study_report import StudyFormat
 
 if TYPE_CHECKING:
     from vsnbench.cli.study_file import OpenedStudy
@@ -18,7 +19,7 @@ _DEFAULT = Path("study.yaml")
 
 def add_to(app: typer.Typer) -> None:
     """Give the verbs to `vsnbench study`."""
-    for function in (run, status, amend, unblind):
+    for function in (run, status, amend, unblind, report):
         app.command()(function)
 
 
@@ -205,3 +206,28 @@ def unblind(
     if early:
         typer.echo("vsnbench: warning: trials are left: the report says for ever that this was early", err=True)
     sys.stdout.flush()
+
+
+def report(
+    file: File = _DEFAULT,
+    form: Annotated[StudyFormat, typer.Option("--format", "-f", help="What to print on stdout.")] = StudyFormat.TABLE,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write every form into this directory.")] = None,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Report a study: its conclusion, the primary analysis, the locked plan, every deviation; the rest exploratory.
+
+    [bold]vsnbench study report study.yaml --output report/[/bold]
+    """
+    from vsnbench.cli.study_file import open_study
+    from vsnbench.cli.study_report import print_findings, write_findings
+    from vsnbench.report.study.findings import read_findings
+
+    study = open_study(file, results, db)
+    found = read_findings(study.results.database_url, study.recorded, study.plan, study.changed)
+    if output is not None:
+        for path in write_findings(found, output):
+            typer.echo(str(path))
+    else:
+        print_findings(form, found)
+    _tell_of_change(study)

@@ -39,9 +39,9 @@ def _model(one: ConditionSummary, actions: Sequence[ActionCount] | None) -> dict
         "campaigns": list(condition.campaigns),
         "seeds": list(condition.seeds),
         "differing": list(condition.differing),
-        "settings": _known(dict(condition.settings)),
-        "protocol": _known(dict(condition.protocol)),
-        "conditions": _known(dict(condition.conditions)),
+        "settings": known(dict(condition.settings)),
+        "protocol": known(dict(condition.protocol)),
+        "conditions": known(dict(condition.conditions)),
         "goals": [{"goal": goal.goal, **summary_fields(goal.summary)} for goal in one.goals],
         "total": summary_fields(one.total),
         "total_shared_goals": summary_fields(one.shared) if one.shared else None,
@@ -71,14 +71,14 @@ def _question(question: Question) -> dict[str, Any]:
 
 
 def _robot(one: RobotActivity) -> dict[str, Any]:
-    fields: dict[str, Any] = _known({**asdict(one), "failures_per_km": one.failures_per_km})
+    fields: dict[str, Any] = known({**asdict(one), "failures_per_km": one.failures_per_km})
     return fields
 
 
-def _known(value: Any) -> Any:
+def known(value: Any) -> Any:
     """Return a value from the record with null for numbers that JSON has no word for."""
     if isinstance(value, dict):
-        return {name: _known(each) for name, each in value.items()}
+        return {name: known(each) for name, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_known(each) for each in value]
+        return [known(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
