@@ -1,18 +1,11 @@
 """A real PostgreSQL on loopback, started once and stopped at the end."""
 
-import os
-import pwd
-import shutil
-import socket
-import subprocess
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from uuid import uuid4
 
 import pytest
-from sqlalchemy import create_engine, text
 
+from tests.database.postgresql_server import new_database, running_server
 from vsnbench.database_url import sqlite_url
 
 
@@ -24,42 +17,14 @@ def sqlite(tmp_path: Path) -> str:
 @pytest.fixture(scope="session")
 def postgresql_server() -> Iterator[str]:
     """The URL of a server without the name of a database."""
-    binaries = _binaries()
-    folder = Path(tempfile.mkdtemp(prefix="vsnbench-pg-", dir="/tmp"))
-    user = _server_user()
-    if user:
-        os.chown(folder, user.pw_uid, user.pw_gid)
-
-    def call(program: str, *words: str) -> None:
-        identity = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []} if user else {}
-        done = subprocess.run(
-            [binaries / program, *words], cwd=folder, capture_output=True, text=True, timeout=60, **identity
-        )
-        assert done.returncode == 0, f"{program}: {done.stdout}{done.stderr}"
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    data, log = str(folder / "data"), str(folder / "log")
-    call("initdb", "-D", data, "-U", "lab", "--auth=trust", "--encoding=UTF8", "--no-sync")
-    options = f"-p {port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={folder} -c fsync=off"
-    try:
-        call("pg_ctl", "-D", data, "-l", log, "-o", options, "-w", "start")
-        yield f"postgresql+psycopg://lab@127.0.0.1:{port}"
-    finally:
-        call("pg_ctl", "-D", data, "-m", "immediate", "-w", "stop")
-        shutil.rmtree(folder)
+    with running_server() as server:
+        yield server
 
 
 @pytest.fixture
 def postgresql(postgresql_server: str) -> str:
     """The URL of a fresh, empty database."""
-    name = f"test_{uuid4().hex}"
-    engine = create_engine(f"{postgresql_server}/postgres", isolation_level="AUTOCOMMIT")
-    with engine.connect() as connection:
-        connection.execute(text(f"CREATE DATABASE {name}"))
-    engine.dispose()
-    return f"{postgresql_server}/{name}"
+    return new_database(postgresql_server)
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -68,21 +33,3 @@ def url(request: pytest.FixtureRequest) -> str:
     found = request.getfixturevalue(request.param)
     assert isinstance(found, str)
     return found
-
-
-def _binaries() -> Path:
-    places = [*sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)]
-    if program := shutil.which("initdb"):
-        places.append(Path(program).resolve().parent)
-    for place in places:
-        if (place / "initdb").is_file() and (place / "pg_ctl").is_file():
-            return place
-    pytest.fail("these tests start a PostgreSQL of their own: apt-get install postgresql")
-
-
-def _server_user() -> pwd.struct_passwd | None:
-    """PostgreSQL refuses to run as root; any other user runs it as itself."""
-    if os.getuid():
-        return None
-    names = {entry.pw_name: entry for entry in pwd.getpwall()}
-    return names.get("postgres") or names["nobody"]

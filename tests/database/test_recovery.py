@@ -2,15 +2,16 @@ import os
 import signal
 import subprocess
 import sys
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 
+import pytest
 from sqlalchemy import text
 
 from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import ProcessIdentity, this_process
-from vsnbench.database.queries import episode_details, episode_steps, list_episodes
+from vsnbench.database.queries import campaign_states, episode_details, episode_steps, list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.database.recovery import dead_episodes, recover_one
 from vsnbench.protocol.fix import Fix, PoseSource
@@ -161,6 +162,29 @@ def test_a_claim_elsewhere_holds_while_it_is_renewed(postgresql: str) -> None:
         assert not journal.renew(episode.id)
 
 
+def test_leases_are_held_against_the_servers_clock_and_not_a_robots(
+    postgresql: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Behind(datetime):
+        """The clock of a robot that is an hour slow."""
+
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> "datetime":  # type: ignore[override]
+            return datetime.now(tz) - timedelta(hours=1)
+
+    with Journal.open(postgresql) as journal:
+        trial = journal.find_or_create_campaign(plan()).trials[0]
+        with monkeypatch.context() as patch:
+            patch.setattr("vsnbench.database.lifecycle.datetime", Behind)
+            episode = begun(journal, trial)
+            journal.append_step(episode.id, forward(1))
+            assert journal.renew(episode.id)
+        with journal.engine.begin() as connection:
+            connection.execute(text("UPDATE process SET boot_id = 'another kernel', host = 'another robot'"))
+            assert connection.execute(text("SELECT lease_until > now() FROM episode")).scalar_one()
+        assert journal.recover() == ()
+
+
 def test_a_process_is_told_from_a_later_one_with_the_same_number() -> None:
     here = this_process()
     assert here.is_alive(here) is True
@@ -172,3 +196,46 @@ def test_a_process_in_another_container_cannot_be_asked() -> None:
     here = this_process()
     elsewhere = ProcessIdentity(here.host, here.pid, here.boot_id, "pid:[1]", here.start_ticks)
     assert elsewhere.is_alive(here) is None
+
+
+DRIVER = """
+import sys
+from dataclasses import replace
+from tests.database.records_of_a_lab import finish, plan, stopped
+from vsnbench.database.campaign_plan import PlannedTrial
+from vsnbench.database.journal import Journal
+
+given = replace(plan(), trials=[PlannedTrial("chair", 1, repetition) for repetition in range(1, 41)])
+journal = Journal.open(sys.argv[1])
+campaign = journal.find_or_create_campaign(given)
+while (claim := journal.claim_next(campaign.id, [trial.id for trial in campaign.trials])) is not None:
+    print(claim.id, flush=True)
+    finish(journal, claim, stopped(success=True, actions=8), steps=8)
+"""
+
+
+def driver(url: str) -> "subprocess.Popen[str]":
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", DRIVER, url]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root, env=environment)
+
+
+def test_three_drivers_that_start_on_an_empty_record_and_are_killed_run_every_trial_once(url: str) -> None:
+    drivers = [driver(url) for _ in range(3)]
+    for killed in drivers[:2]:
+        assert killed.stdout is not None
+        for _ in range(4):
+            killed.stdout.readline()
+        killed.kill()
+        killed.communicate()
+    assert [drivers[2].wait(120), driver(url).wait(120)] == [0, 0]
+    for one in drivers[2:]:
+        one.communicate()
+    with Journal.open(url) as journal:
+        episodes = list_episodes(journal.engine, EpisodeFilter())
+        assert len(campaign_states(journal.engine)) == 1
+        assert all(len(episode_steps(journal.engine, one.id)) == one.actions for one in episodes)
+    done = [(one.goal, one.repetition) for one in episodes if one.success]
+    assert sorted(done) == [("chair", repetition) for repetition in range(1, 41)]
+    assert {one.outcome for one in episodes} <= {"success", "void"}

@@ -2,9 +2,13 @@
 
 import os
 import signal
+import socket
 import sqlite3
+import threading
+import time
 from contextlib import closing
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -301,3 +305,46 @@ def test_an_abort_without_an_event_counts_where_the_robot_is_real(
         void = Verdict(EndReason.ABORTED, None, "void")
         journal.end_episode(handle.id, EpisodeEnd(EndReason.ABORTED, 3, void))
     assert counted(results) == interventions
+
+
+def test_what_a_process_held_that_dies_meanwhile_is_taken_before_the_session_ends(results: ResultsDirectory) -> None:
+    class Dying(Person):
+        """The other driver dies while this one is at its first trial."""
+
+        def place(self, start: StartingPosition, problem: str) -> None:
+            super().place(start, problem)
+            with closing(sqlite3.connect(results.path / "vsnbench.db")) as connection:
+                connection.execute("UPDATE process SET start_ticks = 1 WHERE id = 1")
+                connection.commit()
+
+    with Journal.open(results.database_url) as other:
+        campaign = campaign_of(other, starts=2)
+        assert other.claim_next(campaign.id, [campaign.trials[0].id]) is not None
+        person = Dying(None, None)
+        result = drive(results, ByHand(), person, [Action.STOP], starts=2)
+    assert person.placed == [2, 1]
+    assert (result.episodes, result.left, result.elsewhere) == (2, 0, 0)
+
+
+def test_trials_elsewhere_are_told_from_done_ones_with_who_is_at_them(results: ResultsDirectory) -> None:
+    with Journal.open(results.database_url) as other:
+        campaign = campaign_of(other, starts=2)
+        assert other.claim_next(campaign.id, [campaign.trials[0].id]) is not None
+        result = drive(results, ByHand(), Person(None), [Action.STOP], starts=2)
+    assert (result.left, result.elsewhere, result.awaiting) == (0, 1, 1)
+    assert result.holders == (f"process {os.getpid()} on {socket.gethostname()}",)
+
+
+def test_a_claim_is_renewed_however_long_a_person_takes(
+    results: ResultsDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Slow(Person):
+        def place(self, start: StartingPosition, problem: str) -> None:
+            first = read(results, "SELECT lease_until FROM episode")
+            give_up_s = time.monotonic() + 20
+            while read(results, "SELECT lease_until FROM episode") == first and time.monotonic() < give_up_s:
+                threading.Event().wait(0.02)
+            assert read(results, "SELECT lease_until FROM episode") > first
+
+    monkeypatch.setattr("vsnbench.runner.session.LEASE", timedelta(seconds=0.15))
+    drive(results, ByHand(), Slow(None), [Action.STOP])

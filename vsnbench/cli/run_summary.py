@@ -70,7 +70,11 @@ def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
             f"{f' ({result.void} void)' if result.void else ''}: the same command goes on."
         )
     if result.elsewhere:
-        console.print(f"[yellow]{_trials(result.elsewhere)} run elsewhere[/yellow]: another process is at it.")
+        done = trials - result.left - result.elsewhere
+        console.print(
+            f"[green]{done} of {_trials(trials)} done[/green], [yellow]{result.elsewhere} run elsewhere[/yellow], by "
+            f"{escape(', '.join(result.holders))}: the same command tells when they are done, and takes what is left."
+        )
     if not result.left and not result.elsewhere:
         if result.episodes:
             console.print(f"[green]{_all(trials)} done[/green]; results in {escape(str(request.results.path))}")

@@ -143,6 +143,8 @@ class TrialStanding:
     """None unless it is judged."""
     here: bool
     """This process is at it, or has done it."""
+    holder: str = ""
+    """The process that is at it, or has done it, for people; empty while the trial is left."""
 
 
 @dataclass(frozen=True, slots=True)

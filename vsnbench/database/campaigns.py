@@ -16,7 +16,7 @@ from vsnbench.database.insertion import find_or_insert, insert_if_absent
 from vsnbench.database.lifecycle import EpisodeState
 from vsnbench.database.read_model import SUCCESS, standing_verdict_id
 from vsnbench.database.row_encoding import campaign_row, model_row, robot_row, site_row
-from vsnbench.database.tables import Campaign, Episode, Model, Robot, Site, Trial, Verdict
+from vsnbench.database.tables import Campaign, Episode, Model, Process, Robot, Site, Trial, Verdict
 
 
 def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
@@ -91,14 +91,16 @@ def standing(connection: Connection, campaign: OpenCampaign, process_id: int) ->
         .scalar_subquery()
     )
     rows = connection.execute(
-        select(Trial.id, Episode.id, Episode.state, SUCCESS, Episode.process_id)
+        select(Trial.id, Episode.id, Episode.state, SUCCESS, Episode.process_id, Process.pid, Process.host)
         .select_from(Trial)
         .join(Episode, Episode.id == first)
+        .join(Process, Process.id == Episode.process_id)
         .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
         .where(Trial.campaign_id == campaign.id)
     )
     taken = {
-        trial: (episode, EpisodeState(state), success, at == process_id) for trial, episode, state, success, at in rows
+        trial: (episode, EpisodeState(state), success, at == process_id, f"process {pid} on {host}")
+        for trial, episode, state, success, at, pid, host in rows
     }
     free = (None, None, None, False)
     return CampaignStanding(tuple(TrialStanding(trial, *taken.get(trial.id, free)) for trial in campaign.trials))

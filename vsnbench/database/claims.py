@@ -65,7 +65,6 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
             "process_id": process_id,
             "origin": origin,
             "state": EpisodeState.CLAIMED.value,
-            "lease_until": lease(),
             "seed": seed,
             "started_at": datetime.now(UTC),
             "error": "",
@@ -74,19 +73,20 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
         },
     )
     directory = images_directory(episode_id)
-    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
+    held = {"images_directory": directory, "lease_until": lease(connection)}
+    connection.execute(update(Episode).where(Episode.id == episode_id).values(held))
     return Claim(episode_id, identity, trial, seed, directory)
 
 
 def place(connection: Connection, process_id: int, episode_id: int, start: Fix) -> None:
     """Write down where the robot stands, and how that is known; it may be said again until the episode begins."""
-    values = {**placement_row(start), "lease_until": lease()}
+    values = {**placement_row(start), "lease_until": lease(connection)}
     advance(connection, episode_id, EpisodeState.PLACED, process_id=process_id, **values)
 
 
 def begin(connection: Connection, process_id: int, episode_id: int, entry: EpisodeBegin) -> None:
     """Let a placed episode run."""
-    values = {**episode_begin_row(entry), "lease_until": lease()}
+    values = {**episode_begin_row(entry), "lease_until": lease(connection)}
     advance(connection, episode_id, EpisodeState.RUNNING, process_id=process_id, **values)
 
 
@@ -101,15 +101,16 @@ def release(connection: Connection, episode_id: int) -> bool:
 
 def renew(connection: Connection, process_id: int, episode_id: int) -> bool:
     """Show a sign of life for a claim; False when it is this process's no more."""
-    found = connection.execute(_RENEW, {"episode": episode_id, "process": process_id, "until": lease()})
+    found = connection.execute(
+        _MINE.values(lease_until=lease(connection)), {"episode": episode_id, "process": process_id}
+    )
     return found.rowcount == 1
 
 
 _MINE = update(Episode).where(
     Episode.id == bindparam("episode"), Episode.process_id == bindparam("process"), Episode.end_reason.is_(None)
 )
-_RENEW = _MINE.values(lease_until=bindparam("until"))
-_RENEW_RUNNING = _RENEW.where(Episode.state == EpisodeState.RUNNING.value)
+_MINE_RUNNING = _MINE.where(Episode.state == EpisodeState.RUNNING.value)
 _INSERT_STEP = insert(Step)
 
 
@@ -120,7 +121,9 @@ def append_step(connection: Connection, process_id: int, episode_id: int, step: 
         EpisodeClosedError: it does not run here.
     """
     row = step_row(episode_id, step)
-    mine = connection.execute(_RENEW_RUNNING, {"episode": episode_id, "process": process_id, "until": lease()})
+    mine = connection.execute(
+        _MINE_RUNNING.values(lease_until=lease(connection)), {"episode": episode_id, "process": process_id}
+    )
     if mine.rowcount != 1:
         raise EpisodeClosedError(
             f"episode {episode_id} does not run here (any more), so its step {step.number} was not recorded: another "

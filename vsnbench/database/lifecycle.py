@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import Connection, select, update
+from sqlalchemy import Connection, DateTime, func, select, update
 
 from vsnbench.database.tables import Episode, Process
 from vsnbench.errors import EpisodeClosedError, UsageError
@@ -52,13 +52,25 @@ COMES_FROM: dict[EpisodeState, tuple[EpisodeState, ...]] = {
 }
 """State -> the states in which an episode may have been before."""
 
-LEASE = timedelta(minutes=15)
+LEASE = timedelta(seconds=60)
 """How long a claim holds without a sign of life; every step, and `Journal.renew`, is one."""
 
 
-def lease() -> datetime:
-    """Return until when a claim holds that shows a sign of life now."""
+def lease(connection: Connection) -> Any:
+    """Return until when a claim holds that shows a sign of life now, as a column takes it.
+
+    On a server it is the server's clock that counts: those of two robots may be minutes apart.
+    """
+    if connection.dialect.name == "postgresql":
+        return func.clock_timestamp(type_=DateTime(timezone=True)) + LEASE
     return datetime.now(UTC) + LEASE
+
+
+def moment(connection: Connection) -> datetime:
+    """Return what time it is, by the clock that leases are held against."""
+    if connection.dialect.name == "postgresql":
+        return connection.execute(select(func.clock_timestamp(type_=DateTime(timezone=True)))).scalar_one()
+    return datetime.now(UTC)
 
 
 def advance(

@@ -7,7 +7,7 @@ from sqlalchemy import Connection, Row, Select, func, insert, select, update
 
 from vsnbench.database.claims import UNBEGUN, release
 from vsnbench.database.episode_entries import RecoveredEpisode
-from vsnbench.database.lifecycle import ACTIVE, LEASE, EpisodeState
+from vsnbench.database.lifecycle import ACTIVE, LEASE, EpisodeState, moment
 from vsnbench.database.provenance import ProcessIdentity
 from vsnbench.database.row_encoding import verdict_row
 from vsnbench.database.tables import Episode, Event, Process, Step, Trial
@@ -17,7 +17,9 @@ from vsnbench.protocol.judge import EndReason, Verdict
 
 def dead_episodes(connection: Connection, here: ProcessIdentity) -> list[Row[*tuple[Any, ...]]]:
     """Return the open episodes whose process does not live, as far as the process `here` can know."""
-    return [row for row in connection.execute(_open_episodes()) if _is_dead(row, here, connection.dialect.name)]
+    rows = connection.execute(_open_episodes()).all()
+    now = moment(connection) if rows else None
+    return [row for row in rows if now is not None and _is_dead(row, here, connection.dialect.name, now)]
 
 
 def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEpisode | None:
@@ -112,7 +114,7 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
     )
 
 
-def _is_dead(running: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str) -> bool:
+def _is_dead(running: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str, now: datetime) -> bool:
     identity = ProcessIdentity(running.host, running.pid, running.boot_id, running.pid_namespace, running.start_ticks)
     alive = identity.is_alive(here)
     if alive is not None:
@@ -121,4 +123,4 @@ def _is_dead(running: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str
     if dialect == "sqlite" and identity.boot_id != here.boot_id:
         return True
     until: datetime = running.lease_until or (running.last_step_at or running.started_at) + LEASE
-    return datetime.now(UTC) > until
+    return now > until

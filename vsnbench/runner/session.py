@@ -2,12 +2,12 @@
 
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
-from vsnbench.database.campaign_plan import OpenCampaign
+from vsnbench.database.campaign_plan import CampaignStanding, OpenCampaign
 from vsnbench.database.episode_entries import INTERVENTION, Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.lifecycle import LEASE
@@ -45,21 +45,6 @@ class RecorderFactory(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class SessionResult:
-    """What a session achieved."""
-
-    episodes: int
-    void: int
-    left: int
-    """Trials that were asked for and that nobody has done or is at."""
-    elsewhere: int = 0
-    """Trials that another process is at."""
-    awaiting: int = 0
-    """Trials that await a person's judgement."""
-    stopped_because: str = ""
-
-
 @dataclass(slots=True)
 class VoidsInARow:
     """Counts episodes as they end, and knows when another attempt will mend nothing.
@@ -83,6 +68,36 @@ class VoidsInARow:
         if self._in_a_row < VOID_IN_A_ROW:
             return ""
         return f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
+
+
+@dataclass(frozen=True, slots=True)
+class SessionResult:
+    """What a session achieved."""
+
+    episodes: int
+    void: int
+    left: int
+    """Trials that were asked for and that nobody has done or is at."""
+    elsewhere: int = 0
+    """Trials that another process is at."""
+    awaiting: int = 0
+    """Trials that await a person's judgement."""
+    stopped_because: str = ""
+    holders: tuple[str, ...] = ()
+    """Who is at the trials elsewhere."""
+
+    @classmethod
+    def of(cls, voids: VoidsInARow, standing: CampaignStanding, stopped_because: str) -> Self:
+        """Return what a session achieved, from its own episodes and what has become of the campaign by its end."""
+        return cls(
+            voids.episodes,
+            voids.void,
+            len(standing.left),
+            len(standing.elsewhere),
+            len(standing.awaiting),
+            stopped_because,
+            tuple(sorted({one.holder for one in standing.elsewhere})),
+        )
 
 
 def run_session(
@@ -110,19 +125,25 @@ def run_session(
     because = ""
     wanted = [trial.id for trial in campaign.trials]
     beside = Judged(journal, attendant, operator)
-    while (claim := journal.claim_next(campaign.id, wanted)) is not None:
+    while (claim := _next(journal, campaign, wanted)) is not None:
         trial = claim.trial
-        wanted = wanted[wanted.index(trial.id) + 1 :]
+        wanted.remove(trial.id)
         plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
         outcome = run_trial(journal, claim, plan, robot, policy, new_recorder, beside, stop)
         if outcome is None:
             continue
         if because := voids.count(outcome):
             break
-    standing = journal.standing(campaign)
-    return SessionResult(
-        voids.episodes, voids.void, len(standing.left), len(standing.elsewhere), len(standing.awaiting), because
-    )
+    return SessionResult.of(voids, journal.standing(campaign), because)
+
+
+def _next(journal: Journal, campaign: OpenCampaign, wanted: Sequence[int]) -> Claim | None:
+    """Claim the next trial; where none is left, what a process held that has died meanwhile is free again."""
+    claim = journal.claim_next(campaign.id, wanted)
+    if claim is None and wanted:
+        journal.recover()
+        claim = journal.claim_next(campaign.id, wanted)
+    return claim
 
 
 def run_trial(

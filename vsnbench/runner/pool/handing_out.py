@@ -86,10 +86,7 @@ class _HandingOut:
                     case WorkerLost():
                         self._lost(event)
             self._overview.pace(self._pace())
-        standing = self._journal.standing(self._keeping.campaign)
-        counted = (self._voids.episodes, self._voids.void)
-        left = (len(standing.left), len(standing.elsewhere), len(standing.awaiting))
-        return SessionResult(*counted, *left, self._because)
+        return SessionResult.of(self._voids, self._journal.standing(self._keeping.campaign), self._because)
 
     def _kept(self, event: EpisodeKept) -> None:
         trial, outcome = event.trial, event.outcome
