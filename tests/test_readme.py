@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from tests.models.pirlnav.checkpoints import write_checkpoint
-from tests.models.remote.servers import stub_server
+from tests.models.remote.servers import STUB, await_port, free_port
 from tests.ros1.network import RosNetwork, live_network
 from tests.test_docs import example
 from vsnbench.cli.main import VERBS, build_app
@@ -24,17 +24,6 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 DOCS = sorted((ROOT / "docs").glob("*.md"))
 FEW = " --starts 1 --max-steps 6"
 """Enough of a run to see that it is one."""
-SERVED = """
-class Spinner:
-    card = {"name": "served-spinner", "sensors": ["rgb"]}
-
-    def reset(self, goal, seed):
-        self.turns = 0
-
-    def act(self, observation):
-        self.turns += 1
-        return "STOP" if self.turns > 12 else "TURN_LEFT"
-"""
 
 
 def commands(text: str) -> list[str]:
@@ -57,6 +46,13 @@ def cheaper(command: str) -> str:
     return command
 
 
+def served_model() -> str:
+    """Return the model that README serves from another machine."""
+    found = re.findall(r"\n(    from vsnbench_policy import.*?serve\(Spinner.*?)\n\n", README, re.DOTALL)
+    (example,) = (re.sub(r"^ {4}", "", each, flags=re.MULTILINE) for each in found)
+    return f"{example}\n"
+
+
 class Lab:
     """A directory with what README speaks of: a policy, a site, a checkpoint; and where a robot can be reached."""
 
@@ -66,7 +62,7 @@ class Lab:
         (directory / "mylab").mkdir()
         (spinner,) = re.findall(r"\n(    from vsnbench\.models\.contract.*?)\n\n    vsnbench", README, re.DOTALL)
         (directory / "mylab" / "spinner.py").write_text(re.sub(r"^ {4}", "", spinner, flags=re.MULTILINE) + "\n")
-        (directory / "mymodel.py").write_text(SERVED)
+        (directory / "mymodel.py").write_text(served_model())
         (directory / "lab.yaml").write_text(example(), encoding="utf-8")
         write_checkpoint(directory / "objectnav_rl_ft_hd.ckpt")
 
@@ -111,9 +107,14 @@ def test_a_line_of_readme_does_what_it_says(lab: Lab, line: str) -> None:
         served_until_ctrl_c(lab, f"{cheaper(line)} --port 0")
         return
     if "ws://gpu-box:8765" in line:
-        (lab.directory / "gpu-box").mkdir()
-        with stub_server(SERVED, lab.directory / "gpu-box", name="Spinner") as (url, _):
-            done = lab.run(cheaper(line).replace("ws://gpu-box:8765", url))
+        gpu_box, port = lab.directory / "gpu-box", free_port()
+        gpu_box.mkdir()
+        (gpu_box / STUB.name).write_bytes(STUB.read_bytes())
+        (gpu_box / "mymodel.py").write_text(served_model().replace("8765", str(port)))
+        with subprocess.Popen([sys.executable, "mymodel.py"], cwd=gpu_box, stderr=subprocess.DEVNULL) as server:
+            await_port(port)
+            done = lab.run(cheaper(line).replace("ws://gpu-box:8765", f"ws://127.0.0.1:{port}"))
+            server.terminate()
         assert done.returncode == 0, done.stdout + done.stderr
         return
     # The published models are not compared under the demonstration weights of the beginning.
