@@ -33,7 +33,7 @@ ACT_TIMEOUT_S = 1.5
 FAULTY_QUESTION = 4
 """The reset is the first."""
 CLOSE_FRAME = b"\x88\x02\x03\xe9"
-_PATIENCE_S = 60.0
+_PATIENCE_S = 180.0
 
 
 def decision(message: dict[str, Any], **others: Any) -> bytes:
