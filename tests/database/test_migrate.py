@@ -99,6 +99,19 @@ def test_the_oldest_schema_is_brought_up_to_date_and_keeps_its_rows(sqlite: str,
     assert len(episode_steps(engine, 1)) == len(episodes)
 
 
+def test_a_record_from_before_there_were_studies_keeps_its_rows_and_takes_them_in(sqlite: str) -> None:
+    oldest(sqlite, ROWS_OF_0001)
+    engine = open_engine(sqlite)
+    config = migrate._config()
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0002")
+    assert "study" not in inspect(engine).get_table_names()
+    migrate.upgrade(engine)
+    assert differences(sqlite) == []
+    assert [episode.model for episode in list_episodes(engine, EpisodeFilter())] == ["random"]
+
+
 def test_foreign_keys_are_on_after_an_upgrade(sqlite: str) -> None:
     engine = open_engine(sqlite)
     migrate.upgrade(engine)

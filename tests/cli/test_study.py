@@ -1,0 +1,195 @@
+"""`vsnbench study` as it is typed: real robot in the embedded apartment, real database, real files."""
+
+import json
+import os
+import re
+import signal
+import sqlite3
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.cli.console import Answer, vsnbench, vsnbench_process
+from vsnbench.cli.study_file import open_study
+from vsnbench.database.migrate import open_record
+from vsnbench.database.study_queries import trials_of
+
+QUICK = '"""Policies that end at once."""\nfrom vsnbench.models.contract import ModelCard\n'
+QUICK += "from vsnbench.protocol.actions import Action\nfrom vsnbench.protocol.decision import Decision, Diagnostics\n"
+for _name, _turns in (("Heron", 1), ("Magpie", 3)):
+    QUICK += f"""
+class {_name}:
+    card = ModelCard("{_name.lower()}", weights_label="{_name.lower()} weights", weights_sha256="{_name.lower()}0" * 6)
+    def reset(self, goal, seed):
+        self.asked = 0
+        print("{_name.lower()} starts")
+    def act(self, observation):
+        self.asked += 1
+        said = Diagnostics(note="i am {_name.lower()}", scalars={{"{_name.lower()}": 1.0}})
+        action = Action.TURN_LEFT if self.asked <= {_turns} else Action.STOP
+        return Decision(action, "{_name.upper()}_" + action.value, said)
+"""
+QUICK += """
+class Wren(Heron):
+    card = ModelCard("wren")
+    def act(self, observation):
+        raise ValueError("wren has lost her way")
+"""
+TELLING = re.compile(rb"heron|magpie|wren", re.IGNORECASE)
+
+
+class Lab:
+    """A directory with models and studies, and the command line."""
+
+    def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.path = path
+        self._call = lambda *words: vsnbench(monkeypatch, capsys, *words)
+        (path / "aviary.py").write_text(QUICK)
+        monkeypatch.chdir(path)
+        monkeypatch.syspath_prepend(str(path))
+
+    def __call__(self, *words: str) -> Answer:
+        return self._call("study", *words)
+
+    def other(self, *words: str) -> Answer:
+        return self._call(*words)
+
+    def new(self, *words: str, arms: tuple[str, ...] = ("Heron", "Magpie")) -> None:
+        chosen = [word for name in arms for word in ("--arm", f"{name.lower()}=aviary:{name}")]
+        answer = self("new", *chosen, "--goal", "bed,chair", "--starts", "1-2", "--seed", "5", *words)
+        assert answer.code == 0, answer.err
+
+    def outcomes(self) -> list[tuple[object, ...]]:
+        study = open_study(Path("study.yaml"), None, None)
+        engine = open_record(study.results.database_url)
+        found = trials_of(engine, study.recorded.id)
+        engine.dispose()
+        return [(one.arm, one.trial.goal, one.trial.start, one.success) for one in found]
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Lab:
+    return Lab(tmp_path, monkeypatch, capsys)
+
+
+def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_looks(lab: Lab) -> None:
+    lab.new(arms=("Heron", "Magpie", "Wren"))
+    assert "heron" in lab("check").out
+    assert lab("lock").code == 0
+    seen = [lab("run"), lab("run")]
+    assert "arm" in seen[0].err
+    assert "was left out" in seen[0].err
+    seen += [lab("status"), lab("report"), lab("report", "--format", "json"), lab("report", "--format", "html")]
+    seen += [lab("report", "--format", "markdown"), lab("report", "--format", "latex")]
+    for words in (
+        ("episodes", "list"),
+        ("episodes", "list", "--json"),
+        ("episodes", "show", "1"),
+        ("episodes", "show", "1", "--steps"),
+        ("episodes", "show", "1", "--json"),
+        ("db", "status"),
+        ("db", "status", "--json"),
+        ("report", "--all-tables"),
+        ("report", "--format", "json"),
+        ("report", "--format", "csv"),
+        ("report", "--output", "page"),
+        ("export", "csv", "--output", "steps.csv"),
+        ("judge", "--pending"),
+    ):
+        seen.append(lab.other(*words))
+    for answer in seen:
+        assert not TELLING.search(f"{answer.out}{answer.err}".encode()), answer
+    files = [path for path in (*Path("results").rglob("*"), *Path("page").rglob("*")) if path.is_file()]
+    assert len([path for path in files if path.name == "episode.rrd"]) >= 8
+    told = [path for path in files if "vsnbench.db" not in path.name and TELLING.search(path.read_bytes())]
+    assert told == []
+    assert not [path for path in files if TELLING.search(str(path).encode())]
+    assert lab.other("episodes", "list", "--model", "heron").err.strip() == "no such episodes"
+    unblinded = lab("unblind", "--reason", "we want to see the page")
+    assert "is heron" in unblinded.out
+    assert "early" in unblinded.err
+    assert "heron" in lab.other("episodes", "list").out
+    report = lab("report").out
+    assert "unblinded early" in report
+    assert "we want to see the page" in report
+
+
+def test_a_study_that_is_killed_keeps_its_schedule_and_its_outcomes_are_those_of_plain_runs(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.new()
+    assert lab("lock").code == 0
+    before = [one[:3] for one in lab.outcomes()]
+    monkeypatch.setenv("PYTHONPATH", str(lab.path), prepend=os.pathsep)
+    for done in (1, 3):
+        with vsnbench_process(["study", "run"]) as process:
+            deadline = time.monotonic() + 120
+            while sum(one[3] is not None for one in lab.outcomes()) < done:
+                assert process.poll() is None
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+    assert lab("run").code == 0
+    assert [one[:3] for one in lab.outcomes()] == before
+    with sqlite3.connect("results/vsnbench.db") as database:
+        assert database.execute(
+            "SELECT MAX(n) FROM (SELECT COUNT(*) n FROM episode WHERE state = 'judged' GROUP BY trial_id)"
+        ).fetchone() == (1,)
+        seeds = database.execute("SELECT DISTINCT trial_id, seed FROM episode").fetchall()
+    assert len(seeds) == 8
+    for name in ("Heron", "Magpie"):
+        words = ("--goal", "bed,chair", "--starts", "1-2", "--seed", "5", "--results", "plain")
+        assert lab.other("run", "--model", f"aviary:{name}", *words).code == 0
+    listed = json.loads(lab.other("episodes", "list", "--results", "plain", "--json").out)
+    plain = {(one["model"], one["goal"], one["start"]): one["success"] for one in listed}
+    assert {one[:3]: one[3] for one in lab.outcomes()} == plain
+    assert "did not end by themselves" in lab("report").out
+
+
+def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_reported(lab: Lab) -> None:
+    lab.new()
+    assert lab("lock").code == 0
+    file = Path("study.yaml")
+    locked = file.read_text()
+    file.write_text(locked.replace("alpha: 0.05", "alpha: 0.06"))
+    words = "study.yaml was changed after it was locked: line"
+    refused = lab("run")
+    assert (refused.code, refused.out) == (2, "")
+    for answer in (refused, lab("status"), lab("report")):
+        assert words in answer.err
+        assert "`alpha: 0.06`, and was `alpha: 0.05`" in answer.err
+    assert "no reason given" in lab("amend").err
+    assert lab("amend", "--reason", "a typing error").code == 0
+    assert lab("status").err == ""
+    assert "a typing error" in lab("report").out
+    file.write_text(locked.replace("seed: 5", "seed: 6"))
+    assert "seed: no amendment can change what the schedule was drawn from" in lab("amend", "--reason", "x").err
+
+
+def test_what_cannot_be_locked_is_one_line_and_nothing_is_written(lab: Lab) -> None:
+    lab.new()
+    good = Path("study.yaml").read_text()
+    cases = {
+        "vlv does not know monitor": good.replace("aviary:Heron", "vlv").replace("bed, chair", "monitor"),
+        "no starting position 40": good.replace('"1-2"', '"1-40"'),
+        "no model 'aviary'": good.replace("aviary:Heron", "aviary"),
+        "compares two models or more": good.replace('  magpie:\n    model: "aviary:Magpie"\n', ""),
+        "heron and magpie are the same model with the same settings": good.replace("aviary:Magpie", "aviary:Heron"),
+    }
+    for words, text in cases.items():
+        Path("study.yaml").write_text(text)
+        answer = lab("lock")
+        assert (answer.code, answer.out) == (2, ""), words
+        assert words in answer.err
+        assert answer.err.count("\n") == 1, answer.err
+        assert not Path("results").exists()
+        assert not Path("study.yaml.lock").exists()
+    Path("study.yaml").write_text(good)
+    assert "is not locked in" in lab("run").err
+    assert lab("lock").code == 0
+    assert "locked already" in lab("lock").err
+    assert "was locked in another record, results/vsnbench.db" in lab("run", "--results", "elsewhere").err
+    assert "no reason given" in lab("unblind").err
+    assert not Path("elsewhere").exists()

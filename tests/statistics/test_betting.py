@@ -1,0 +1,70 @@
+"""Every finite plan that is small enough is tried in every order; coverage is counted, not sampled."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from vsnbench.statistics.betting import as_share, capital, p_values, sequence
+
+PLANS = [
+    pytest.param(values, id="".join(str(round(2 * value)) for value in values))
+    for size in (3, 5, 6)
+    for values in itertools.combinations_with_replacement((0.0, 0.5, 1.0), size)
+]
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_the_true_mean_of_a_plan_is_bet_away_in_few_of_its_orders(plan: tuple[float, ...]) -> None:
+    orders = np.array(list(itertools.permutations(plan)))
+    ever = capital(orders, np.mean(plan), len(plan))[:, -1]
+    for alpha in (0.05, 0.1, 0.2, 0.5):
+        assert np.mean(ever >= 1 / alpha) <= alpha
+
+
+@pytest.mark.parametrize("size", [4, 6])
+def test_the_sequence_covers_the_mean_at_every_look_of_every_order(size: int) -> None:
+    for plan in itertools.combinations_with_replacement((0.0, 0.5, 1.0), size):
+        orders = sorted(set(itertools.permutations(plan)))
+        missed = 0
+        for order in orders:
+            low, high = sequence(order, size, alpha=0.2)
+            missed += bool(np.any(np.mean(plan) < low - 1e-9) or np.any(np.mean(plan) > high + 1e-9))
+        assert missed <= 0.2 * len(orders)
+
+
+def test_a_mean_that_the_rest_of_the_plan_cannot_reach_is_ruled_out_for_certain() -> None:
+    above, below = p_values([1.0, 1.0, 1.0], 0.5, size=5)
+    assert above[-1] < 1
+    above, _ = p_values([1.0, 1.0, 1.0, 1.0], 0.5, size=5)
+    assert above[-1] == 0
+    assert below[-1] == 1
+
+
+def test_the_sequence_only_narrows_to_the_mean_of_the_whole_plan() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.choice([0.0, 0.5, 1.0], 40, p=[0.2, 0.3, 0.5])
+    low, high = sequence(values, 40, alpha=0.05)
+    assert np.all(np.diff(low) >= 0)
+    assert np.all(np.diff(high) <= 0)
+    assert low[-1] <= values.mean() <= high[-1]
+    assert high[-1] - low[-1] < 0.1
+
+
+def test_draws_without_replacement_tell_more_than_draws_with() -> None:
+    rng = np.random.default_rng(0)
+    won = (rng.random((300, 75)) < 0.8).astype(float) - (rng.random((300, 75)) < 0.6)
+    without, with_replacement = (np.minimum(1, 1 / capital(as_share(won), 0.5, size)) for size in (75, None))
+    blocks = [np.where(p <= 0.025, np.arange(1, 76), 75).min(axis=1).mean() for p in (without, with_replacement)]
+    assert blocks[0] < 0.9 * blocks[1]
+
+
+def test_with_replacement_a_true_mean_survives_every_look() -> None:
+    rng = np.random.default_rng(5)
+    values = (rng.random((4000, 100)) < 0.6).astype(float)
+    assert np.mean(capital(values, 0.6, None)[:, -1] >= 20) <= 0.05
+
+
+def test_more_values_than_the_plan_has_are_refused() -> None:
+    with pytest.raises(ValueError, match="4 values cannot come from a plan of 3"):
+        capital([1.0, 0.0, 1.0, 1.0], 0.5, 3)

@@ -1,0 +1,27 @@
+"""Studies for tests: one that is small, and whatever differs from it."""
+
+from typing import Any
+
+import yaml
+
+from vsnbench.study.file import StudyFile, parse_study
+
+
+def study_text(**changes: Any) -> str:
+    """Return the text of a small study; None leaves a field away."""
+    content: dict[str, Any] = {
+        "title": "Which of two?",
+        "question": "Which one succeeds more often?",
+        "arms": {"one": {"model": "random"}, "two": {"model": "forward"}},
+        "goals": ["bed", "chair"],
+        "starting_positions": "1-4",
+        "seed": 7,
+    }
+    return yaml.safe_dump(
+        {name: value for name, value in (content | changes).items() if value is not None}, sort_keys=False
+    )
+
+
+def small_study(**changes: Any) -> StudyFile:
+    """Return a small study."""
+    return parse_study(study_text(**changes), "study.yaml")
