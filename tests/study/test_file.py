@@ -21,7 +21,11 @@ BAD = {
         {"arms": {"one": {"model": "random", "goals": ["bed"]}, "two": {"model": "forward"}}},
         "bed is a shared goal already",
     ),
-    "decided in no random order": ({"stopping": "decided", "order": "as-planned"}, "needs order: blocks"),
+    "decided in no random order": (
+        {"stopping": "decided", "about": "these-cells", "order": "as-planned"},
+        "needs order: blocks",
+    ),
+    "decided of nobody knows what": ({"stopping": "decided"}, "needs about: these-cells"),
     "a rate of nobody": ({"primary": {"kind": "rate", "arm": "three", "rate": 0.5}}, "there is no arm three"),
     "a name that is none": ({"arms": {"a b": {"model": "x"}, "two": {"model": "y"}}}, "letters, digits"),
 }

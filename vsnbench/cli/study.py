@@ -124,6 +124,33 @@ def check(file: File = _DEFAULT) -> None:
 
 
 @app.command()
+def plan(
+    file: File = _DEFAULT,
+    rate: Annotated[float, typer.Option("--rate", min=0.01, max=0.99, help="Mean success rate assumed.")] = 0.5,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=0.1, help="For a trial; the record's own pace when absent.")
+    ] = None,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Say what a study's design can show, by simulating it and its own test, and how long it takes.
+
+    [bold]vsnbench study plan study.yaml --rate 0.6[/bold]
+    """
+    from vsnbench.cli.episode_page import page
+    from vsnbench.cli.study_words import pace_words, power_sheet
+    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.report.forms.terminal import print_sheets
+    from vsnbench.runner.study_arms import StudyPlace
+    from vsnbench.study.file import parse_study, read_text
+
+    study = parse_study(read_text(file), str(file))
+    place = StudyPlace.of(study, file.parent)
+    print_sheets([power_sheet(place, rate)], page())
+    typer.echo(pace_words(place, ResultsDirectory.locate(results, db), seconds))
+
+
+@app.command()
 def lock(file: File = _DEFAULT, results: Results = None, db: Database = None) -> None:
     """Freeze a study: load and hash its models, draw the schedule and the codes, write it into the record.
 

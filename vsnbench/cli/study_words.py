@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vsnbench.database.study_entries import LockedArm
+    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.report.sheets import Sheet
     from vsnbench.runner.study_arms import StudyPlace
 
 
@@ -35,3 +37,57 @@ def warnings_of(place: "StudyPlace") -> Iterator[str]:
         yield "as-planned runs arm after arm: what drifts with time (battery, light, floor) looks like a difference"
     if study.stopping == "decided" and study.of_these_cells:
         yield "stopping: decided speaks of these cells alone; about: cells-like-these speaks of others too"
+
+
+def power_sheet(place: "StudyPlace", rate: float) -> "Sheet":
+    """Return what the design makes of true differences."""
+    from vsnbench.report.sheets import Column, Sheet, decimal, percent, row
+    from vsnbench.statistics.power import fewest_starts
+    from vsnbench.study.power import DIFFERENCES, design_of_study, pairs_of, planned_power
+
+    study = place.study
+    starts = len({one.start for one in place.schedule.trials})
+    design = design_of_study(study, starts, rate)
+    wanted = tuple(sorted({*DIFFERENCES, study.difference}))
+    found = planned_power(study, design, wanted)
+    size = f"{starts} starting positions, {len(study.goals)} goals, {study.repetitions} repetitions"
+    level = f"alpha {study.alpha:g} over {pairs_of(study)} questions"
+    alike = "how hard cells are differs (correlation 0.3, 0.1 across a position's goals), half of it for both models"
+    notes = [f"{size}; mean rate {rate:.0%}; {level}. 600 simulated studies a line.", f"Assumed: {alike}."]
+    least = next((one.difference for one in found if one.power >= study.power), None)
+    at = next(one for one in found if one.difference == study.difference)
+    if at.power < study.power:
+        more = f": it takes {least:.0%}" if least else ""
+        notes.append(
+            f"The {study.difference:.0%} that the study wants to find, it finds in {at.power:.0%} of cases, and not in "
+            f"{study.power:.0%}{more}. More positions, or repetitions, would help."
+        )
+    if study.stopping == "plan" and starts < (fewest := fewest_starts(design.level)):
+        notes.append(
+            f"With {starts} starting positions no outcome at all can be significant: the test flips the signs of whole "
+            f"positions, and needs {fewest}."
+        )
+    columns = (Column("true difference %"), Column("power %"), Column("blocks run"))
+    rows = tuple(row(percent(one.difference, 0), percent(one.power, 0), decimal(one.blocks, 0)) for one in found)
+    return Sheet("power", "What this design can show", columns, rows, tuple(notes))
+
+
+def pace_words(place: "StudyPlace", results: "ResultsDirectory", seconds: float | None) -> str:
+    """Say how long the whole plan takes, by the record's own pace or the one given."""
+    from vsnbench.database.migrate import open_record
+    from vsnbench.database.study_queries import pace_s
+    from vsnbench.errors import RecordError
+
+    trials, source = len(place.schedule.trials), "as given"
+    if seconds is None:
+        try:
+            engine = open_record(results.database_url)
+        except RecordError:
+            return f"{trials} trials; no record tells how long one takes: --seconds 180, or run a few first"
+        robot = place.study.robot.partition(":")[2] or ("turtlebot2" if place.study.robot == "simulated" else "")
+        pace, known = pace_s(engine, robot or place.study.robot)
+        engine.dispose()
+        if not known:
+            return f"{trials} trials; the record has none of this robot: --seconds 180 says how long one takes"
+        seconds, source = pace, f"the median of {known} in the record"
+    return f"{trials} trials at {seconds:.0f} s ({source}): {trials * seconds / 3600:.1f} hours, all of them"

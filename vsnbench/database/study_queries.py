@@ -1,5 +1,8 @@
 """What others read of studies: the locked plan with what was done to it, and what has become of its trials."""
 
+from itertools import pairwise
+from statistics import median
+
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database.campaign_plan import Trial as KnownTrial
@@ -16,7 +19,7 @@ from vsnbench.database.study_entries import (
     StudyTrialStanding,
 )
 from vsnbench.database.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.database.tables import Campaign, Episode, Model, Process, Trial, Verdict
+from vsnbench.database.tables import Campaign, Episode, Model, Process, Robot, Trial, Verdict
 
 
 def find_study(engine: Engine, identity: str) -> RecordedStudy | None:
@@ -172,6 +175,39 @@ def session_of_another(connection: Connection, study_id: int, process_id: int) -
         if ProcessIdentity(*row[:5]).is_alive(here):
             return f"{row.operator} (process {row.pid} on {row.host}, since {row.created_at:%H:%M} UTC)"
     return ""
+
+
+def pace_s(engine: Engine, robot: str) -> tuple[float, int]:
+    """Return the median time from one episode's end to the next one's in one process, and of how many.
+
+    What a trial takes with placing, thinking and judging; pauses of more than an hour are none.
+
+    Args:
+        engine: the record.
+        robot: name of the robot's profile.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = (
+        select(Episode.process_id, Episode.ended_at)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .where(Robot.name == robot, Episode.ended_at.is_not(None), Episode.origin == "run")
+        .order_by(Episode.process_id, Episode.ended_at)
+    )
+    with record_errors(engine), reading(engine).begin() as connection:
+        rows = [(process, ended) for process, ended in connection.execute(query) if ended is not None]
+    between = [
+        (later[1] - one[1]).total_seconds()
+        for one, later in pairwise(rows)
+        if one[0] == later[0] and (later[1] - one[1]).total_seconds() < _PAUSE_S
+    ]
+    return (median(between), len(between)) if between else (float("nan"), 0)
+
+
+_PAUSE_S = 3600.0
 
 
 def study_of_campaign(engine: Engine, campaign_id: int) -> str:

@@ -92,7 +92,7 @@ class StudyFile(BaseModel):
     )
     about: Literal["these-cells", "cells-like-these"] | None = Field(
         default=None,
-        description="what `decided` speaks of: the cells of this plan (fewer trials), or cells like them",
+        description="what `decided` speaks of: these-cells (fewer trials, no word about others) or cells-like-these",
     )
     primary: Primary = Field(default_factory=Difference, description="the analysis that the conclusion rests on")
     alpha: float = Field(default=0.05, gt=0, lt=0.5, description="chance of a false conclusion, all pairs together")
@@ -141,6 +141,11 @@ class StudyFile(BaseModel):
             raise ValueError(f"primary: there is no arm {self.primary.arm}; there are {', '.join(self.arms)}")
         if self.stopping == "decided" and self.order != "blocks":
             raise ValueError("stopping: decided needs order: blocks, whose random order it rests on")
+        if self.stopping == "decided" and self.about is None:
+            raise ValueError(
+                "stopping: decided needs about: these-cells (the cells of this plan and no others, fewer trials), or "
+                "cells-like-these"
+            )
         if self.stopping == "plan" and self.about is not None:
             raise ValueError("about: belongs to stopping: decided; the test of a whole plan is about cells like these")
         return self
@@ -148,7 +153,7 @@ class StudyFile(BaseModel):
     @property
     def of_these_cells(self) -> bool:
         """Whether the conclusion is about the plan's own cells alone."""
-        return self.stopping == "decided" and self.about != "cells-like-these"
+        return self.stopping == "decided" and self.about == "these-cells"
 
     def goals_of(self, arm: str) -> tuple[str, ...]:
         """Return every goal of an arm, the shared ones first."""

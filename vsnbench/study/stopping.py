@@ -45,10 +45,9 @@ class Question:
     decided_at: int | None
     """After how many blocks."""
 
-    @property
-    def counted(self) -> bool:
-        """It is no inference: what is left of the plan cannot take the lead away. No evidence beyond these cells."""
-        return self.decided and self.p == 0
+    counted: bool
+    """It was no inference that decided: what was left of the plan could not take the lead away any more. No evidence
+    beyond these cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +190,7 @@ def _question(
         winner=found[0],
         decided=decided,
         decided_at=found[1],
+        counted=found[1] is not None and course.p_at(found[1]) == 0,
     )
 
 

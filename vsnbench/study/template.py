@@ -34,7 +34,7 @@ blind: {blind}          # people see codes until `vsnbench study unblind`
 
 primary: {{kind: difference}}   # of success, every pair of arms; or {{kind: rate, arm: NAME, rate: 0.5}}
 stopping: {stopping}          # when every trial is done; or `decided`: as soon as the primary analysis is
-# about: cells-like-these     # for decided: what it speaks of; these-cells needs fewer trials
+{about}cells-like-these     # for decided: what it speaks of; these-cells needs fewer trials, and speaks of no others
 alpha: 0.05             # chance of a false conclusion, all pairs together
 margin: 0.0             # a winner must be better by more than this share of trials
 difference: 0.15        # the difference that you want to find (for `vsnbench study plan`)
@@ -91,6 +91,7 @@ def study_text(
         seed=seed,
         blind=str(blind).lower(),
         stopping=stopping,
+        about="about: " if stopping == "decided" else "# about: ",
         operators=", ".join(_quoted(name) for name in operators),
     )
 
