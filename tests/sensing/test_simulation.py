@@ -29,6 +29,6 @@ def test_what_results_depend_on_is_in_the_conditions_and_the_site_is_not() -> No
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", "\x00", ACCOUNT.model_dump_json().replace("0.1", "NaN")])
 def test_what_is_no_account_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(RobotError, match=r"what the simulator says of itself .*: run the same version") as refused:
+    with pytest.raises(RobotError, match=r"what the simulator says of itself .*; run the same version") as refused:
         read_account(text)
     assert "\n" not in str(refused.value)

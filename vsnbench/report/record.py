@@ -171,15 +171,27 @@ _READ = (
     *("duration_s", "wall_duration_s", "started_at", "ended_at", "images_directory"),
 )
 """The columns of `episodes_query`, in its order."""
+_BATCH = 200
+"""Rows that are alive at once: the collector of garbage walks through all of them, again and again."""
+_PART = 20_000
+"""Episodes whose columns are numbers of Python's own at once; then they are numpy's, a fifth as large."""
 
 
 def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
     import pandas as pd
 
     query = episodes_query().where(*trial_filter(chosen, condition_of))
-    found = connection.execution_options(yield_per=20_000).execute(query)
-    parts = [_typed(dict(zip(_READ, zip(*rows, strict=True), strict=True))) for rows in found.partitions()]
-    frame = pd.concat(parts, ignore_index=True) if parts else _typed(dict.fromkeys(_READ, ()))
+    found = connection.execution_options(yield_per=_BATCH).execute(query)
+    parts: list[pd.DataFrame] = []
+    columns: list[list[Any]] = [[] for _ in _READ]
+    for rows in found.partitions():
+        for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+            column.extend(values)
+        if len(columns[0]) >= _PART:
+            parts.append(_typed(dict(zip(_READ, columns, strict=True))))
+            columns = [[] for _ in _READ]
+    parts.append(_typed(dict(zip(_READ, columns, strict=True))))
+    frame = pd.concat(parts, ignore_index=True)
     return _whole(frame, condition_of)
 
 

@@ -127,8 +127,6 @@ def drift(record: Record, one: ConditionSummary) -> Drift | None:
     A session is one process that ran trials. Each episode is compared with those of its goal and session alone, so that
     running one goal after another is no drift.
     """
-    from scipy.stats import norm
-
     rows = record.counted(one.condition).sort_values("started_at")
     if len(rows) < 12:
         return None
@@ -144,7 +142,7 @@ def drift(record: Record, one: ConditionSummary) -> Drift | None:
             when, won = (mine[name] - mine[name].mean() for name in ("place", "won"))
             trend += float((when * won).sum())
             spread += float((when**2).sum() * (won**2).sum()) / (len(mine) - 1)
-    return Drift(thirds, float(2 * norm.sf(abs(trend) / math.sqrt(spread))) if spread > 0 else 1.0)
+    return Drift(thirds, math.erfc(abs(trend) / math.sqrt(2 * spread)) if spread > 0 else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
