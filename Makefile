@@ -25,8 +25,8 @@ demo: setup ## Set up and run the main job in the embedded apartment, then repor
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
 
 test: setup-test check ## Set up and pass every check and test: under 20 minutes on two cores.
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros"
-	$(BIN)/python -m pytest -m ros
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros and not ros2"
+	$(BIN)/python -m pytest -m "ros or ros2"
 
 check: setup-test ## Lint, format check and types.
 	$(BIN)/ruff check .
@@ -34,7 +34,7 @@ check: setup-test ## Lint, format check and types.
 	$(BIN)/mypy
 
 check-fast: check ## Lint, types, and the tests that take no robot, browser, server or patience: under 3 minutes on two cores.
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not ros and not browser and not postgresql"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not ros and not ros2 and not browser and not postgresql"
 
 fuzz: setup-test ## Feed every loader FUZZ_COUNT bad inputs drawn from FUZZ_SEED; prints what passed a boundary.
 	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)

@@ -11,7 +11,7 @@ _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 def command(
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, the path of a profile, or simulated.")
+        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.")
     ] = "turtlebot2",
     move: Annotated[
         bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")
@@ -30,6 +30,8 @@ def command(
 
         vsnbench doctor --robot lola2 --move
 
+        vsnbench doctor --robot turtlebot4@robot1
+
         vsnbench doctor --robot simulated
     """
     import json
@@ -43,13 +45,15 @@ def command(
     from vsnbench.robots.check_result import CheckResult, Health
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros1_checkup import check_ros_robot
+    from vsnbench.robots.ros2_checkup import check_ros2_robot
     from vsnbench.runner.machine_checkup import check_machine
 
     simulated = robot.partition(":")[0] == "simulated"
     profile = None if simulated else load_profile(robot)
     checks: list[CheckResult] = list(check_machine(ResultsDirectory.locate(results, db)))
     if profile is not None:
-        checks += check_ros_robot(profile, move=move)
+        speaks_ros2 = profile.interface is not None and profile.interface.kind == "ros2"
+        checks += (check_ros2_robot if speaks_ros2 else check_ros_robot)(profile, move=move)
     failed = sum(check.health is Health.FAILED for check in checks)
     if as_json:
         typer.echo(json.dumps([asdict(check) for check in checks], indent=2))

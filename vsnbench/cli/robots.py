@@ -30,13 +30,18 @@ def list_robots(as_json: JsonOption = False) -> None:
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
 
-    titles = {name: load_profile(name).title for name in embedded_profiles()}
+    profiles = {name: load_profile(name) for name in embedded_profiles()}
+    titles = {name: profile.title for name, profile in profiles.items()}
+    over = {"ros1": "over ROS 1", "ros2": "over ROS 2"}
 
     def what(name: str) -> str:
         kind, _, profile = name.partition(":")
         if kind == "simulated":
             return f"{titles.get(profile or 'turtlebot2', profile)} in the site's simulated twin, in this process"
-        return f"{titles[name]} over ROS 1" if name in titles else "a plug-in"
+        if name not in profiles:
+            return "a plug-in"
+        interface = profiles[name].interface
+        return f"{titles[name]} {over[interface.kind] if interface else ''}".strip()
 
     rows = [(name, what(name)) for name in known_robots()]
     if as_json:

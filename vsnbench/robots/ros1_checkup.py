@@ -16,7 +16,8 @@ from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
-from vsnbench.robots.ros1_image_checkup import image_results
+from vsnbench.robots.image_checkup import image_results
+from vsnbench.robots.ros_link import interface_of
 from vsnbench.ros1.graph_check import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
 from vsnbench.ros1.interface import ros1_interface
@@ -60,6 +61,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
     yield _own_address(master)
     if (other := master.live_node("/vsnbench")) is not None:
         yield CheckResult("session", Health.WARNING, f"vsnbench is running at {other}", "wait until it has ended")
+    from vsnbench.ros1.messages_by_name import message_class
     from vsnbench.ros1.topic_listener import TopicListener
 
     listener = TopicListener("vsnbench_doctor", [topic for topic, _ in _topics(profile)])
@@ -67,7 +69,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
         heard = listener.listen(LISTEN_S)
         state, types = master.state(), master.topic_types()
         yield from _topic_results(profile, state, types, heard)
-        yield from image_results(profile, heard)
+        yield from image_results(profile, heard, lambda kind, data: message_class(kind)().deserialize(data))
         yield from clock_results(profile, heard, _remote_nodes(master, state))
         yield from _service_results(profile, master)
         if move:
@@ -155,10 +157,11 @@ def _topic_results(
                 topic, bad, f"silent for {LISTEN_S:g} s", f"is {publishers} alive, and this machine known to it?"
             )
         else:
-            yield _rate_result(topic, kind, heard[topic], rates[topic])
+            yield rate_result(topic, kind, heard[topic], rates[topic])
 
 
-def _rate_result(topic: str, kind: str, heard: Heard, expected_hz: float) -> CheckResult:
+def rate_result(topic: str, kind: str, heard: Heard, expected_hz: float) -> CheckResult:
+    """Say how often something came, beside how often it should."""
     seen = f"{kind}, {heard.rate_hz:.1f} Hz, {heard.age_s * 1000:.0f} ms old"
     if heard.rate_hz < _SLOW * expected_hz:
         return CheckResult(
@@ -183,7 +186,7 @@ def _remote_nodes(master: Master, state: SystemState) -> frozenset[str]:
 
 def clock_results(profile: RobotProfile, heard: dict[str, Heard], remote: frozenset[str]) -> Iterator[CheckResult]:
     """The fastest message of each sender says how far its clock is from ours; on one machine there is one clock."""
-    names = ros1_interface(profile)
+    names = interface_of(profile)
     offsets = {t: heard[t].offset_s for t in (names.odometry, names.color, names.depth) if t and heard[t].arrivals}
     if not offsets:
         return

@@ -8,9 +8,9 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.installation import require_ros1
-from vsnbench.ros1.interface import Ros1Interface
+from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros2.installation import require_ros2
-from vsnbench.ros2.interface import Ros2Interface
+from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.sensing.robot_snapshot import RobotSnapshot
 
 Found = TypeVar("Found")
@@ -145,6 +145,15 @@ class RobotLink(Protocol):
     def close(self) -> None:
         """Leave the network."""
         ...
+
+
+def interface_of(profile: RobotProfile) -> Any:
+    """Return a profile's interface with names as the network has them; see RobotTopics.
+
+    Raises:
+        RobotError: it has none.
+    """
+    return ros2_interface(profile) if isinstance(profile.interface, Ros2Interface) else ros1_interface(profile)
 
 
 def connect(profile: RobotProfile, parameters: ProtocolParameters) -> RobotLink:

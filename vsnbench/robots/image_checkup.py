@@ -1,13 +1,14 @@
-"""The images of a ROS robot in a check-up: format, size, share of invalid depth, and the calibrated field of view."""
+"""The images of a robot over ROS in a check-up: format, size, invalid depth, and the calibrated field of view."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
-from vsnbench.ros1.interface import ros1_interface
+from vsnbench.robots.ros_link import interface_of
 from vsnbench.sensing.depth_filter import DepthImage, median_depth_m, share_invalid
 from vsnbench.sensing.heard import Heard
 from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth
@@ -16,16 +17,23 @@ _FOV_SHARE = 0.03
 _HOLES = 0.4
 
 
-def image_results(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[CheckResult]:
-    """Say how the images that were heard suit the profile."""
-    from vsnbench.ros1.messages_by_name import message_class
+def image_results(
+    profile: RobotProfile, heard: dict[str, Heard], read: Callable[[str, bytes], Any], turns: int = 0
+) -> Iterator[CheckResult]:
+    """Say how the images that were heard suit the profile.
 
-    names, camera = ros1_interface(profile), profile.camera
+    Args:
+        profile: the robot.
+        heard: what came, by topic.
+        read: returns the message of a type, such as `sensor_msgs/Image`, in serialized bytes.
+        turns: quarter turns that set an image upright.
+    """
+    names, camera = interface_of(profile), profile.camera
     frames: list[DepthImage] = []
     for what, topic in (("colour image", names.color), ("depth image", names.depth)):
         if not topic or not heard[topic].messages:
             continue
-        images = [message_class("sensor_msgs/Image")().deserialize(data) for data in heard[topic].messages]
+        images = [read("sensor_msgs/Image", data) for data in heard[topic].messages]
         try:
             if what == "depth image":
                 frames = [decode_depth(image) for image in images[-names.depth_frames :]]
@@ -34,7 +42,8 @@ def image_results(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[Ch
         except ImageError as error:
             yield CheckResult(what, Health.FAILED, error.statement, error.advice or "set the camera driver's format")
             continue
-        size, wanted = (images[-1].width, images[-1].height), (camera.width, camera.height)
+        size = (images[-1].width, images[-1].height)[:: -1 if turns % 2 else 1]
+        wanted = (camera.width, camera.height)
         seen = f"{images[-1].encoding}, {size[0]}x{size[1]}"
         if size != wanted:
             advice = "set the driver's mode, or the profile's camera"
@@ -50,16 +59,14 @@ def image_results(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[Ch
         yield CheckResult("depth invalid", Health.WARNING if worse else Health.OK, seen, advice)
     for topic in (names.color_info, names.depth_info):
         if topic and heard[topic].messages:
-            yield _camera_info_result(profile, topic, heard[topic])
+            yield _camera_info_result(profile, topic, read("sensor_msgs/CameraInfo", heard[topic].messages[-1]), turns)
 
 
-def _camera_info_result(profile: RobotProfile, topic: str, heard: Heard) -> CheckResult:
-    from vsnbench.ros1.messages_by_name import message_class
-
-    info = message_class("sensor_msgs/CameraInfo")().deserialize(heard.messages[-1])
-    if not info.K[0]:
+def _camera_info_result(profile: RobotProfile, topic: str, info: Any, turns: int) -> CheckResult:
+    focal_px = (info.K if hasattr(info, "K") else info.k)[0]
+    if not focal_px:
         return CheckResult(topic, Health.WARNING, "not calibrated (K is zero)", "the profile's field of view is used")
-    fov_deg = math.degrees(2 * math.atan(info.width / 2 / info.K[0]))
+    fov_deg = math.degrees(2 * math.atan((info.height if turns % 2 else info.width) / 2 / focal_px))
     wanted_deg = profile.camera.horizontal_fov_deg
     if abs(fov_deg - wanted_deg) > _FOV_SHARE * wanted_deg:
         return CheckResult(
