@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
     run) extras="[neural]" system="" ;;
-    test) extras="[neural,postgresql,bags,ros2,dev]" system="chromium postgresql ros" ;;
+    test) extras="[neural,postgresql,bags,ray,ros2,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
 

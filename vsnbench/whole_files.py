@@ -7,6 +7,7 @@ anybody's: what a killed process leaves under one can be removed.
 import contextlib
 import fnmatch
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,9 +70,20 @@ def sweep_parts(directory: Path, of: str = "*", *, below: bool = False) -> None:
     """
     with contextlib.suppress(OSError):
         for part in directory.rglob(f".{of}.*{PART}") if below else _parts_in(directory, of):
-            owner = part.name.removesuffix(PART).rpartition(".")[2]
-            if owner.isdecimal() and not Path(f"/proc/{owner}").exists():
+            if _is_abandoned(part):
                 part.unlink(missing_ok=True)
+
+
+def sweep_part_directory(directory: Path) -> None:
+    """Remove a directory that a dead process of this machine was filling under a name of `part_path`."""
+    if _is_abandoned(directory) and not directory.is_symlink():
+        shutil.rmtree(directory, ignore_errors=True)
+
+
+def _is_abandoned(part: Path) -> bool:
+    """Whether whoever was writing it is gone."""
+    owner = part.name.removesuffix(PART).rpartition(".")[2]
+    return owner.isdecimal() and not Path(f"/proc/{owner}").exists()
 
 
 def _parts_in(directory: Path, of: str) -> list[Path]:

@@ -75,6 +75,28 @@ def command(
             rich_help_panel=_HOW,
         ),
     ] = "auto",
+    cluster: Annotated[
+        str,
+        typer.Option(
+            "--cluster",
+            metavar="RAY",
+            help="run the trials on a Ray cluster: ray://head:10001",
+            show_default=False,
+            rich_help_panel=_HOW,
+        ),
+    ] = "",
+    gpus: Annotated[
+        float,
+        typer.Option(
+            "--gpus",
+            min=0,
+            max=64,
+            metavar="X",
+            help="GPUs that each worker of the cluster holds; 0.25 puts four on one",
+            show_default=False,
+            rich_help_panel=_HOW,
+        ),
+    ] = 0.0,
     weights: Annotated[
         Path | None,
         typer.Option(
@@ -139,6 +161,7 @@ def command(
         vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
         vsnbench run --model oracle --goal all --site lab.yaml
+        vsnbench run --model pirlnav --goal all --cluster ray://head:10001
 
     Ctrl-C halts the robot and ends the current episode as aborted.
     The same command goes on with the trials that are left.
@@ -147,6 +170,7 @@ def command(
     from vsnbench.cli.run_summary import leave_strays_behind, run_and_tell
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
+    from vsnbench.runner.crew import WorkersAsked
     from vsnbench.runner.launch import RunRequest
 
     apart = isolate or python is not None or isolate_memory is not None
@@ -173,7 +197,7 @@ def command(
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,
-        workers=_workers(workers),
+        workers=WorkersAsked(_workers(workers), cluster, gpus),
     )
     before = frozenset(threading.enumerate())
     code = run_and_tell(request, live=live, unattended=unattended)

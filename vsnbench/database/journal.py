@@ -22,6 +22,7 @@ from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
 from vsnbench.database.row_encoding import process_row, text
+from vsnbench.database.sealed import SealedRows, keep_sealed
 from vsnbench.database.study_entries import RecordedStudy, StudyChange, StudyLock, StudyTrialStanding
 from vsnbench.database.study_queries import read_study, session_of_another, study_standing
 from vsnbench.database.tables import Event, Process
@@ -167,6 +168,17 @@ class Journal:
         """
         with _transaction(self.engine) as connection:
             end_episode(connection, self._process_id, episode_id, end)
+
+    def keep_sealed(self, episode_id: int, sealed: SealedRows) -> None:
+        """Write the steps, events and end of an episode that a worker without this record has run: all, or nothing.
+
+        It has been placed and begun here before, where it could begin, and its files are on disk.
+
+        Raises:
+            EpisodeClosedError: the episode is this process's no more; nothing was added.
+        """
+        with _transaction(self.engine) as connection:
+            keep_sealed(connection, self._process_id, episode_id, sealed)
 
     def judge(self, episode_id: int, verdict: Verdict, *, author: str, source: str = "person", note: str = "") -> None:
         """Append a judgement to an ended episode; from now on it stands.

@@ -144,7 +144,7 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "blocked": step.blocked,
         "completed": result is not None and result.completed,
         "failure": text(result.failure) if result else "",
-        "recorded_at": datetime.now(UTC),
+        "recorded_at": step.recorded_at or datetime.now(UTC),
         "stamp_s": number(step.stamp_s),
         **pose_columns("observed", step.observed),
         **pose_columns("after", step.after),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
@@ -12,12 +13,35 @@ from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench
 from vsnbench.runner.pool.capacity import Capacity, Wish, wish_for
+from vsnbench.runner.pool.cluster import ClusterAddress, RayTasks
 from vsnbench.runner.pool.contract import TrialPool
 from vsnbench.runner.pool.handing_out import hand_out
 from vsnbench.runner.pool.local import LocalPool
+from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import SessionResult, run_session
+
+
+@dataclass(frozen=True, slots=True)
+class WorkersAsked:
+    """How many trials at once somebody asks for, and where."""
+
+    count: int | None = 1
+    """None for as many as make sense."""
+    cluster: str = ""
+    """`ray://host:port`; this machine when empty."""
+    gpus_each: float = 0.0
+    """How much of a GPU each worker of a cluster holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterWish:
+    """Workers of a cluster."""
+
+    address: ClusterAddress
+    workers: int | None
+    gpus_each: float
 
 
 class Crew(Protocol):
@@ -47,26 +71,29 @@ class Crew(Protocol):
 
 
 @contextmanager
-def open_crew(plan: BenchPlan, wish: Wish) -> Iterator[Crew]:
-    """Make the bench here for one, or start workers for more.
+def open_crew(plan: BenchPlan, wish: Wish | ClusterWish) -> Iterator[Crew]:
+    """Make the bench here for one, start workers for more, or have a cluster's.
 
     Raises:
         UsageError: something named does not exist, does not fit together, or does not fit into memory.
-        VsnbenchError: the model or the robot cannot be used.
+        VsnbenchError: the model, the robot or the cluster cannot be used.
     """
-    if wish.at_most == 1:
+    if isinstance(wish, ClusterWish):
+        with MergingPool(RayTasks(plan, wish.address, wish.workers, wish.gpus_each)) as pool:
+            yield _Several(plan, pool)
+    elif wish.at_most == 1:
         with open_bench(plan) as bench:
             yield _Alone(plan, bench)
     else:
-        with LocalPool(plan, wish) as pool:
-            yield _Several(plan, pool)
+        with LocalPool(plan, wish) as local:
+            yield _Several(plan, local)
 
 
-def wish_of(workers: int | None, plan: BenchPlan, trials: int, *, live: bool) -> Wish:
-    """Return how many workers are wanted.
+def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) -> Wish | ClusterWish:
+    """Return how many workers are wanted, and where.
 
     Args:
-        workers: as asked for; None for as many as make sense.
+        asked: as it was typed.
         plan: what they would have.
         trials: how many there are at most.
         live: each episode is shown as it happens.
@@ -81,11 +108,14 @@ def wish_of(workers: int | None, plan: BenchPlan, trials: int, *, live: bool) ->
         single = "--live shows one episode after another"
     elif plan.model.startswith(("ws://", "wss://")):
         single = f"the model at {plan.model} serves one client at a time"
-    if not single:
-        return wish_for(workers, trials, Capacity.of_this_machine())
-    if workers is not None and workers > 1:
-        raise UsageError(f"--workers {workers}: {single}", advice="leave --workers out, or give 1")
-    return Wish(1, asked_for=workers is not None)
+    if asked.gpus_each and not asked.cluster:
+        raise UsageError("--gpus is for the workers of a --cluster", advice="name the model's device with --device")
+    several = f"--cluster {asked.cluster}" if asked.cluster else f"--workers {asked.count}"
+    if single and (asked.cluster or (asked.count or 1) > 1):
+        raise UsageError(f"{several}: {single}", advice="leave that out")
+    if asked.cluster:
+        return ClusterWish(ClusterAddress.parse(asked.cluster), asked.count, asked.gpus_each)
+    return Wish(1, asked_for=False) if single else wish_for(asked.count, trials, Capacity.of_this_machine())
 
 
 class _Alone:

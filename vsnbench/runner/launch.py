@@ -21,7 +21,7 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
 from vsnbench.runner.campaign import choose_starts, most_goals, plan_trials
-from vsnbench.runner.crew import open_crew, wish_of
+from vsnbench.runner.crew import WorkersAsked, open_crew, wish_of
 from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.pool.messages import Keeping
 from vsnbench.runner.session import SessionResult
@@ -50,8 +50,8 @@ class RunRequest:
     """How long a model in this process may take for an action; without end when None."""
     isolation: Isolation | None = None
     """Run the model in a process of its own."""
-    workers: int | None = 1
-    """How many trials are run at once in simulation; None for as many as this machine holds."""
+    workers: WorkersAsked = field(default_factory=WorkersAsked)
+    """How many trials are run at once in simulation, and where."""
 
     def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
         """Return what every trial of it is run with."""

@@ -8,10 +8,9 @@ its images, and a record that cannot be written stops the robot within one actio
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from vsnbench.database.episode_entries import INTERVENTION, Claim, EpisodeBegin, EpisodeEnd
-from vsnbench.database.journal import Journal
 from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision_check import SENSING
 from vsnbench.protocol.fix import Fix
@@ -27,11 +26,37 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
 
 
+class EpisodeKeeper(Protocol):
+    """Whatever keeps the rows of an episode: the journal of a record, or a worker's memory until it can be merged."""
+
+    def place(self, episode_id: int, start: Fix) -> None:
+        """Keep where the robot stands."""
+        ...
+
+    def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
+        """Keep that the episode runs."""
+        ...
+
+    def append_step(self, episode_id: int, step: StepRecord) -> None:
+        """Keep a step, whose images are in place."""
+        ...
+
+    def add_event(
+        self, kind: str, words: str, *, author: str = "", episode_id: int | None = None, step_number: int | None = None
+    ) -> None:
+        """Keep something beside the steps."""
+        ...
+
+    def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
+        """Keep the end and the verdict."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class RecordingTarget:
     """Where episodes are kept and what they are called there."""
 
-    journal: Journal
+    journal: EpisodeKeeper
     results: ResultsDirectory
     model: str
     """The model's name for people, with its weights where it has any."""

@@ -48,7 +48,7 @@ class ScriptedPool:
     def busy(self) -> int:
         return len(self._at)
 
-    def begin(self, trial: Trial, keeping: Keeping) -> None:
+    def begin(self, journal: Journal, trial: Trial, keeping: Keeping) -> None:
         self._at.append(trial)
         self.begun.append(trial.start)
 

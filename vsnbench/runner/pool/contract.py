@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.database.campaign_plan import Trial
+from vsnbench.database.journal import Journal
 from vsnbench.runner.bench import BenchDescription
 from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.pool.messages import Keeping
@@ -63,8 +64,14 @@ class TrialPool(Protocol):
         """How many trials are being run."""
         ...
 
-    def begin(self, trial: Trial, keeping: Keeping) -> None:
-        """Have a free worker run a trial."""
+    def begin(self, journal: Journal, trial: Trial, keeping: Keeping) -> None:
+        """Have a free worker run a trial, unless somebody else is at it.
+
+        Args:
+            journal: the record, for workers that have no way to it themselves.
+            trial: what is to be run.
+            keeping: where it is kept, and how.
+        """
         ...
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:

@@ -74,7 +74,7 @@ class _HandingOut:
         self._overview.say(self._pool.words)
         while (self._waiting and not self._because) or self._pool.busy:
             while self._waiting and not self._because and self._pool.free:
-                self._pool.begin(self._waiting.popleft(), self._keeping)
+                self._pool.begin(self._journal, self._waiting.popleft(), self._keeping)
             # Nothing is interrupted in the middle of a report: the request waits half a second at most.
             self._stop.act_now()
             for event in self._pool.events(_WAIT_S):

@@ -15,6 +15,7 @@ from typing import Self
 
 from vsnbench.compute_threads import one_thread_environment
 from vsnbench.database.campaign_plan import Trial
+from vsnbench.database.journal import Journal
 from vsnbench.errors import VsnbenchError
 from vsnbench.runner.bench import BenchDescription, BenchPlan
 from vsnbench.runner.pool.capacity import Capacity, Wish, chosen, takes_bytes
@@ -136,8 +137,9 @@ class LocalPool:
         """How many trials are being run."""
         return sum(worker.trial is not None for worker in self._workers)
 
-    def begin(self, trial: Trial, keeping: Keeping) -> None:
-        """Have a free worker run a trial."""
+    def begin(self, journal: Journal, trial: Trial, keeping: Keeping) -> None:
+        """Have a free worker claim a trial, run it and keep it."""
+        del journal
         worker = next(worker for worker in self._workers if worker.is_free)
         worker.trial = trial
         worker.tell(RunTrial(trial, keeping))
