@@ -14,7 +14,7 @@ SLOW = frozenset(
         *("models/pirlnav/test_policy.py", "models/vlv/test_map_against_site.py", "models/vlv/test_mask_rcnn.py"),
         *("models/vlv/test_policy.py", "models/vlv/test_value_network.py", "protocol/test_site_check.py"),
         *("protocol/test_goal_distance.py", "report/test_figures.py", "report/test_page.py", "simulator/test_twins.py"),
-        *("runner/pool/test_local.py", "statistics/test_coverage.py"),
+        *("runner/pool/test_local.py", "runner/pool/test_merging.py", "statistics/test_coverage.py"),
     }
 )
 """Files whose tests took together more than 8 s, each file alone on one of two busy cores."""

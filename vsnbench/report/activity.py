@@ -1,5 +1,6 @@
 """Counts what models chose and robots did: actions in the steps, which the database counts, distances by session."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -55,7 +56,7 @@ class RobotActivity:
     driving_s: float
     """Sum of the episodes' durations on the robot's clock."""
     elapsed_s: float
-    """From the first start to the last end of each process, summed: what a person would have waited."""
+    """From the first start to the last end of each process, what ran at once counted once: what a person waited."""
     path_m: float
     failures: int
     collisions: int
@@ -179,17 +180,32 @@ def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]
 
 def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFrame", helped: int) -> RobotActivity:
     sessions = rows.groupby("process")
-    waited = sessions["ended_at"].max() - sessions["started_at"].min()
     ends = rows["end_reason"]
     return RobotActivity(
         robot=name,
         title=title,
         simulated=simulated,
         episodes=len(rows),
-        driving_s=float(rows["duration_s"].sum()),
-        elapsed_s=float(waited.dt.total_seconds().sum()),
-        path_m=float(rows["path_length_m"].sum()),
+        driving_s=_total(rows["duration_s"]),
+        elapsed_s=_waited_s(sessions["started_at"].min(), sessions["ended_at"].max()),
+        path_m=_total(rows["path_length_m"]),
         failures=int(ends.isin([reason.value for reason in FAILURES]).sum()),
         collisions=int((ends == EndReason.COLLISION.value).sum()),
         interventions=helped,
     )
+
+
+def _total(numbers: "pd.Series[float]") -> float:
+    """Return the sum of what is known, to the bit the same whatever the order in which the episodes were run."""
+    return math.fsum(numbers.dropna())
+
+
+def _waited_s(begins: "pd.Series[Any]", ends: "pd.Series[Any]") -> float:
+    """Return how long at least one of the processes was at it, seconds."""
+    waited_s, until = 0.0, None
+    for began, ended in sorted(zip(begins, ends, strict=True)):
+        begins_anew = began if until is None else max(began, until)
+        if ended > begins_anew:
+            waited_s += (ended - begins_anew).total_seconds()
+        until = ended if until is None else max(ended, until)
+    return waited_s

@@ -259,7 +259,10 @@ def _of(frame: "pd.DataFrame", condition: Condition) -> "pd.DataFrame":
 
 
 def _mean(numbers: "NDArray[Any]") -> float:
-    return float(numbers.mean()) if len(numbers) else math.nan
+    """Return the mean, to the bit the same whatever the order in which the episodes were run."""
+    import numpy as np
+
+    return float(np.sort(numbers).mean()) if len(numbers) else math.nan
 
 
 def _median(numbers: "NDArray[np.float64]") -> float:

@@ -12,6 +12,7 @@ import socket
 import sys
 import threading
 import uuid
+import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -192,6 +193,7 @@ def _connected(address: ClusterAddress) -> Any:
         ) from error
     import ray
 
+    warnings.filterwarnings("ignore", module="ray")  # what it warns of, it raises too
     failed: list[BaseException] = []
 
     def connect() -> None:
@@ -210,12 +212,24 @@ def _connected(address: ClusterAddress) -> Any:
             advice="see with `ray status` on the head node",
         )
     if failed:
-        words = error_line(failed[0])
-        advice = "is $RAY_AUTH_TOKEN that of the cluster?" if "token" in words.lower() else "see docs/scale.md"
-        if "version" in words.lower():
-            advice = f"install the cluster's version here: pip install 'ray[client]==…'; here is {ray.__version__}"
-        raise VsnbenchError(f"--cluster {address}: {words}", advice=advice)
+        raise _refusal(address, failed[0])
     return ray
+
+
+def _refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:
+    """Return what kept Ray from connecting, with what to do about it."""
+    words = error_line(error, named=False)
+    if isinstance(error, ConnectionError):  # a wrong token reads like silence
+        return VsnbenchError(
+            f"--cluster {address}: it does not answer, or does not know this $RAY_AUTH_TOKEN ({words})",
+            advice="see docs/scale.md for the token",
+        )
+    if "version" in words.lower():
+        return VsnbenchError(
+            f"--cluster {address}: another version of Ray or Python is there: {words}",
+            advice="install the cluster's here: pip install 'ray[client]==...'",
+        )
+    return VsnbenchError(f"--cluster {address}: {words}", advice="see docs/scale.md")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,146 @@
+"""A Ray cluster: its address, who answers there, and a campaign on two of its workers behind a token."""
+
+import os
+import re
+import secrets
+import shutil
+import socket
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import psutil
+import pytest
+
+from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.runner.pool import cluster
+from vsnbench.runner.pool.cluster import ClusterAddress
+
+pytest.importorskip("ray", reason="needs the extra [ray]")
+
+
+def test_an_address_is_host_and_port() -> None:
+    assert ClusterAddress.parse("ray://head:10001") == ClusterAddress("head", 10001)
+    assert str(ClusterAddress.parse("ray://head")) == "ray://head:10001"
+    assert str(ClusterAddress.parse("ray://[::1]:7")) == "ray://[::1]:7"
+
+
+@pytest.mark.parametrize(
+    "text", ["head:10001", "http://head:1", "ray://", "ray://head:seven", "ray://head:99999", "ray://me@head:1", "auto"]
+)
+def test_what_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match=r"^--cluster .*[;:] give it as ray://host:port"):
+        ClusterAddress.parse(text)
+
+
+def free_port() -> int:
+    with closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_where_nobody_answers_is_said_at_once() -> None:
+    with pytest.raises(VsnbenchError, match=r"--cluster ray://127\.0\.0\.1:\d+: nobody answers \(Connection refused\)"):
+        cluster._connected(ClusterAddress("127.0.0.1", free_port()))
+
+
+def test_who_never_answers_is_waited_for_no_longer_than_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT_S", 0.5)
+    with closing(socket.socket()) as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        with pytest.raises(VsnbenchError, match="is no Ray client server, or does not answer"):
+            cluster._connected(ClusterAddress("127.0.0.1", mute.getsockname()[1]))
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
+        (
+            ConnectionError("ray client connection timeout"),
+            r"does not know this \$RAY_AUTH_TOKEN .*; see docs/scale.md",
+        ),
+        (
+            RuntimeError("Version mismatch: the cluster has 2.40"),
+            r"another version .* 2\.40; install the cluster's here",
+        ),
+        (ValueError("what\nelse"), r"ray://head:10001: what else; see docs/scale\.md"),
+    ],
+)
+def test_whatever_keeps_ray_from_connecting_is_one_line(raised: Exception, said: str) -> None:
+    refusal = str(cluster._refusal(ClusterAddress("head", 10001), raised))
+    assert re.search(said, refusal), refusal
+    assert "\n" not in refusal
+
+
+def ray(*words: str, environment: dict[str, str]) -> None:
+    command = [sys.executable, "-m", "ray.scripts.scripts", *words]
+    subprocess.run(command, env=environment, check=True, capture_output=True, timeout=120)
+
+
+@pytest.fixture
+def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[str, str]]]:
+    """A cluster of two cores on this machine that asks for a token: its address, and the environment that knows it."""
+    directory = tmp_path_factory.mktemp("r", numbered=True)
+    short = Path(f"/tmp/ray-{os.getpid()}")  # the path of a socket may have 107 letters
+    port, client_port = free_port(), free_port()
+    environment = os.environ | {
+        "RAY_AUTH_MODE": "token",
+        "RAY_AUTH_TOKEN": secrets.token_hex(16),
+        "RAY_USAGE_STATS_ENABLED": "0",
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]),
+        "HOME": str(directory),
+    }
+    words = ["--head", f"--port={port}", f"--ray-client-server-port={client_port}", "--include-dashboard=false"]
+    sizes = ["--num-cpus=2", "--object-store-memory=200000000", "--min-worker-port=0", "--max-worker-port=0"]
+    try:
+        ray("start", *words, *sizes, f"--temp-dir={short}", environment=environment)
+        yield f"ray://{_host_of(client_port)}:{client_port}", environment
+    finally:
+        # `ray stop` would end every cluster of this user.
+        ours = [one for one in psutil.process_iter() if _knows(one, environment["RAY_AUTH_TOKEN"])]
+        for process in ours:
+            process.kill()
+        psutil.wait_procs(ours, timeout=20)
+        shutil.rmtree(short, ignore_errors=True)
+
+
+def _host_of(port: int) -> str:
+    """Return the address that the client server took: Ray prefers another than loopback."""
+    for connection in psutil.net_connections("tcp"):
+        if connection.status == psutil.CONN_LISTEN and connection.laddr and connection.laddr.port == port:
+            return (
+                str(connection.laddr.ip)
+                .removeprefix("::ffff:")
+                .replace("::", "127.0.0.1")
+                .replace("0.0.0.0", "127.0.0.1")
+            )
+    raise AssertionError(f"nobody listens on {port}")
+
+
+def _knows(process: psutil.Process, token: str) -> bool:
+    """Whether a process was started with this token: every one of the cluster was."""
+    try:
+        return process.environ().get("RAY_AUTH_TOKEN") == token
+    except psutil.Error:
+        return False
+
+
+@pytest.mark.slow
+def test_a_campaign_on_two_workers_of_a_cluster_that_asks_for_a_token(
+    head: tuple[str, dict[str, str]], tmp_path: Path
+) -> None:
+    address, environment = head
+    words = ["run", "--model", "random", "--goal", "chair", "--starts", "1-3", "--max-steps", "3"]
+    command = [sys.executable, "-m", "vsnbench.cli.main", *words, "--cluster", address, "--results", str(tmp_path)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    assert f"2 workers on {address}" in done.stderr
+    with closing(sqlite3.connect(tmp_path / "vsnbench.db")) as connection:
+        counted = "SELECT COUNT(*), COUNT(DISTINCT trial_id), SUM(state = 'judged') FROM episode"
+        assert connection.execute(counted).fetchall() == [(3, 3, 3)]
+        directories = [row[0] for row in connection.execute("SELECT images_directory FROM episode")]
+    assert all(list((tmp_path / directory / "rgb").iterdir()) for directory in directories)
