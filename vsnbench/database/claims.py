@@ -30,7 +30,8 @@ def claim_first(
     connection: Connection, process_id: int, campaign_id: int, trial_ids: Sequence[int], origin: str = "run"
 ) -> Claim | None:
     """Claim the first of these trials that is left, and that nobody else is claiming right now."""
-    free = _free(connection, campaign_id)
+    # Whoever asks for one trial alone is not told of thousands of others first.
+    free = _free(connection, campaign_id) if len(trial_ids) > 1 else trial_ids
     for trial_id in trial_ids:
         if trial_id not in free:
             continue
@@ -42,11 +43,14 @@ def claim_first(
             .where(Trial.id == trial_id)
             .with_for_update(of=Trial, skip_locked=True)
         ).first()
-        if row is None or connection.execute(takers(trial_id).limit(1)).first() is not None:
+        if row is None or connection.execute(_TAKEN, {"trial": trial_id}).first() is not None:
             continue
         trial = KnownTrial(row.id, campaign_id, row.goal, row.start, row.repetition)
         return _claim(connection, process_id, trial, trial_seed(row.seed, row.goal, row.start, row.repetition), origin)
     return None
+
+
+_TAKEN = takers(bindparam("trial")).limit(1)
 
 
 def _free(connection: Connection, campaign_id: int) -> Collection[int]:

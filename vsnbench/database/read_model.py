@@ -7,7 +7,7 @@ replay all select through `episodes_of_trials` or `episodes_of_campaigns`, and t
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, case, exists, func, select
+from sqlalchemy import BindParameter, ColumnElement, Select, case, exists, func, select
 from sqlalchemy.orm import InstrumentedAttribute, aliased
 
 from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
@@ -85,7 +85,7 @@ def episodes_of_campaigns(*columns: Any) -> Select[Any]:
     )
 
 
-def takers(trial_id: InstrumentedAttribute[int] | int) -> Select[int, str]:
+def takers(trial_id: InstrumentedAttribute[int] | BindParameter[Any]) -> Select[int, str]:
     """Select id and state of the episodes that are at, or have done, a trial."""
     episode = aliased(Episode)
     return (

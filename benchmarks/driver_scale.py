@@ -1,0 +1,123 @@
+"""What a driver has to do for each episode of a cluster, and so how many workers it keeps up with.
+
+python benchmarks/driver_scale.py                           1,000 workers, 3,000 episodes; a minute
+python benchmarks/driver_scale.py --workers 200 --actions 20
+
+Simulated are the workers: each sleeps as long as an episode takes and answers with a sealed episode, made once by a
+real one. Real are the claims, the messages, the files and the rows, through the functions that merge a cluster's.
+"""
+
+import argparse
+import heapq
+import os
+import pickle
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from vsnbench.database.campaign_plan import CampaignPlan, PlannedTrial, Trial
+from vsnbench.database.journal import Journal
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.site import load_site
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.runner.attendant import EndedEpisode
+from vsnbench.runner.bench import BenchDescription, BenchPlan, open_bench
+from vsnbench.runner.pool.handing_out import hand_out
+from vsnbench.runner.pool.merging import MergingPool, TaskLost
+from vsnbench.runner.pool.messages import Keeping
+from vsnbench.runner.pool.sealed import SealedEpisode, run_sealed
+from vsnbench.runner.stopping import Stopping
+
+
+class Sleepers:
+    """Workers that sleep instead of driving; what they answer has to be unpacked, as what comes over a network."""
+
+    def __init__(self, description: BenchDescription, sealed: SealedEpisode, workers: int, episode_s: float) -> None:
+        self.description = description
+        self.room = workers + max(1, workers // 8)
+        self.words = f"{workers} sleeping workers"
+        self._packed = pickle.dumps(sealed, protocol=pickle.HIGHEST_PROTOCOL)
+        self._workers, self._episode_s = workers, episode_s
+        self._free_at = [0.0] * workers
+        self._asleep: list[tuple[float, int, Trial]] = []
+        self.waited_s = 0.0
+        self.megabytes = len(self._packed) / 1e6
+
+    def submit(self, trial: Trial, seed: int) -> None:
+        del seed
+        begins_s = max(heapq.heappop(self._free_at), time.monotonic())
+        # Not all at once: a thousand workers that began together would answer together.
+        wakes_s = begins_s + self._episode_s * (0.5 + (trial.id * 0.618) % 1.0)
+        heapq.heappush(self._free_at, wakes_s)
+        heapq.heappush(self._asleep, (wakes_s, trial.id, trial))
+
+    def results(self, timeout_s: float) -> Sequence[SealedEpisode | TaskLost]:
+        wait_s = min(timeout_s, self._asleep[0][0] - time.monotonic()) if self._asleep else timeout_s
+        if wait_s > 0:
+            self.waited_s += wait_s
+            time.sleep(wait_s)
+        if not self._asleep or self._asleep[0][0] > time.monotonic():
+            return []
+        trial = heapq.heappop(self._asleep)[2]
+        sealed: SealedEpisode = pickle.loads(self._packed)
+        return [replace(sealed, trial=trial)]
+
+    def cancel(self) -> None:
+        self._asleep.clear()
+
+
+class Silence:
+    """Shows nothing."""
+
+    def say(self, words: str) -> None: ...
+    def pace(self, words: str) -> None: ...
+    def episode_ended(self, ended: EndedEpisode) -> None: ...
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--workers", type=int, default=1000)
+    parser.add_argument("--episodes", type=int, default=3000)
+    parser.add_argument("--actions", type=int, default=20, help="of an episode")
+    parser.add_argument("--episode-s", type=float, default=1.0, help="how long a worker sleeps, on average")
+    parser.add_argument("--without-images", action="store_true", help="the rows alone")
+    asked = parser.parse_args()
+    site, parameters = load_site("apartment"), ProtocolParameters(max_actions=asked.actions)
+    plan = BenchPlan(site, "random", ("chair",), parameters=parameters)
+    with open_bench(plan) as bench, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as there:
+        for seed in range(100):  # the random walk may stop early
+            sealed = run_sealed(bench, bench.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
+            if sealed.outcome.actions == asked.actions:
+                break
+        if asked.without_images:
+            sealed = replace(sealed, files={})
+        results = ResultsDirectory.locate(Path(there))
+        results.prepare()
+        described = bench.description
+        trials = [PlannedTrial("chair", 1, number) for number in range(1, asked.episodes + 1)]
+        campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
+        sleepers = Sleepers(described, sealed, asked.workers, asked.episode_s)
+        with Journal.open(results.database_url) as journal, Stopping() as stop, MergingPool(sleepers) as pool:
+            keeping = Keeping(journal.find_or_create_campaign(campaign), results, None, "")
+            began_s, busy_s = time.perf_counter(), time.process_time()
+            result = hand_out(journal, keeping, site, parameters, pool, Silence(), stop)
+            taken_s, busy_s = time.perf_counter() - began_s, time.process_time() - busy_s
+    rate = result.episodes / taken_s
+    offered = asked.workers / asked.episode_s
+    print(
+        f"load before: {os.getloadavg()[0]:.2f}; {sealed.outcome.actions} actions and {sleepers.megabytes:.1f} MB each"
+    )
+    print(f"offered   {offered:8.0f} episodes/s by {asked.workers} workers of {asked.episode_s:g} s an episode")
+    print(f"merged    {rate:8.1f} episodes/s, {rate * sleepers.megabytes:.0f} MB/s; {result.left} left")
+    each_ms, processor_ms = (each / result.episodes * 1000 for each in (taken_s, busy_s))
+    print(
+        f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {sleepers.waited_s / taken_s:.0%}"
+    )
+    print(f"keeps up with {rate * 4:.0f} workers whose episodes take 4 s, with {rate * 30:.0f} at 30 s")
+
+
+if __name__ == "__main__":
+    main()

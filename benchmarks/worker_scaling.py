@@ -1,0 +1,71 @@
+"""How much faster two workers are than one, over whole campaigns, start-up included: a ratio paired in one run.
+
+python benchmarks/worker_scaling.py                      105 trials of the oracle and 90 of pirlnav: 12 minutes
+python benchmarks/worker_scaling.py --model oracle       the oracle alone: 4 minutes
+python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
+
+Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
+"""
+
+import argparse
+import hashlib
+import os
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+STORY = """
+    SELECT t.goal, t.start, t.repetition, e.seed, e.end_reason, e.distance_to_goal_m, s.number, s.action, s.blocked,
+           s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
+           s.rgb_sha256, s.depth_sha256
+    FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
+    WHERE e.state = 'judged' ORDER BY t.goal, t.start, t.repetition, s.number
+"""
+
+
+def campaign(model: str, goal: str, where: list[str], results: Path) -> tuple[float, int, str]:
+    """Run a campaign; return its wall time in seconds, its actions, and the hash of all that happened in it."""
+    words = ["run", "--model", model, "--goal", goal, *where, "--results", str(results)]
+    began = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], check=True, stderr=subprocess.DEVNULL)
+    taken_s = time.perf_counter() - began
+    with closing(sqlite3.connect(results / "vsnbench.db")) as connection:
+        steps = connection.execute(STORY).fetchall()
+    return taken_s, len(steps), hashlib.sha256(repr(steps).encode()).hexdigest()
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--model", action="append", help="oracle and pirlnav when absent")
+    parser.add_argument("--goal", default="all")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--cluster", default="", help="compare a Ray cluster's workers too")
+    asked = parser.parse_args()
+    print(f"load before: {os.getloadavg()[0]:.2f} on {len(os.sched_getaffinity(0))} cores")
+    for model in asked.model or ["oracle", "pirlnav"]:
+        ways = [["--workers", "1"], ["--workers", str(asked.workers)]]
+        if asked.cluster:
+            ways.append(["--cluster", asked.cluster])
+        seen = set()
+        alone_s = 0.0
+        for way in ways:
+            with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as there:
+                taken_s, actions, story = campaign(model, asked.goal, way, Path(there))
+            alone_s = alone_s or taken_s
+            seen.add(story)
+            print(
+                f"{model:8} {' '.join(way):32} {taken_s:6.1f} s  {actions / taken_s:5.1f} actions/s  "
+                f"{alone_s / taken_s:.2f} times  {story[:12]}",
+                flush=True,
+            )
+        if len(seen) > 1:
+            sys.exit(f"{model}: the campaigns are not the same")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""Kills workers, drivers and a node of a cluster at random while campaigns run, and looks whether anything was lost.
+
+python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL: 10 minutes
+python scripts/kill_workers.py drivers --kills 10      the driver, which the same command goes on after: 4 minutes
+python scripts/kill_workers.py node                    a node of a Ray cluster of two: 4 minutes
+
+Every trial must have one result, as it has undisturbed, and no process and no half-written file may be left.
+"""
+
+import argparse
+import os
+import random
+import secrets
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import closing, suppress
+from pathlib import Path
+
+import psutil
+
+WORKER = "vsnbench.runner.pool.worker"
+PYTHON = [sys.executable, "-m"]
+
+
+def campaign(results: Path, *words: str) -> list[str]:
+    return [*PYTHON, "vsnbench.cli.main", "run", *words, "--results", str(results)]
+
+
+def workers_of(driver: psutil.Process) -> list[psutil.Process]:
+    with suppress(psutil.Error):
+        return [child for child in driver.children() if WORKER in child.cmdline()]
+    return []
+
+
+def judged(results: Path) -> int:
+    with suppress(sqlite3.Error), closing(sqlite3.connect(results / "vsnbench.db", timeout=10)) as connection:
+        return int(connection.execute("SELECT COUNT(*) FROM episode WHERE state = 'judged'").fetchone()[0])
+    return 0
+
+
+def kill_workers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
+    killed = 0
+    while True:
+        with subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL) as process:
+            driver = psutil.Process(process.pid)
+            seen: set[int] = set()
+            while process.poll() is None:
+                time.sleep(every_s * chance.uniform(0.5, 1.5))
+                if killed < kills and (alive := workers_of(driver)):
+                    chosen = chance.choice(alive)
+                    seen |= {worker.pid for worker in alive}
+                    with suppress(psutil.Error):
+                        chosen.kill()
+                        killed += 1
+            print(
+                f"exit {process.returncode}; {killed} workers killed so far, {judged(results)} trials judged",
+                flush=True,
+            )
+        if process.returncode == 0:
+            return
+
+
+def kill_drivers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
+    for number in range(1, kills + 1):
+        process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
+        try:
+            process.wait(every_s * chance.uniform(1.0, 3.0))
+            print("the campaign was done before the last kill", flush=True)
+        except subprocess.TimeoutExpired:
+            orphans = workers_of(psutil.Process(process.pid))
+            process.kill()
+            process.wait()
+            _, alive = psutil.wait_procs(orphans, timeout=10)
+            if alive := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
+                sys.exit(f"workers outlived their driver: {alive}")
+            print(f"driver {number} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
+    subprocess.run(campaign(results, *words), check=True, stderr=subprocess.DEVNULL)
+
+
+def kill_node(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
+    del kills, chance
+    ports = [port() for _ in range(2)]
+    token = secrets.token_hex(16)
+    known = os.environ | {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": token, "RAY_USAGE_STATS_ENABLED": "0"}
+    small = ["--num-cpus=1", "--object-store-memory=200000000", "--min-worker-port=0", "--max-worker-port=0"]
+    here = f"/tmp/ray-{os.getpid()}"
+    start = [*PYTHON, "ray.scripts.scripts", "start", *small]
+    try:
+        head = [f"--port={ports[0]}", f"--ray-client-server-port={ports[1]}", "--include-dashboard=false"]
+        subprocess.run([*start, "--head", f"--temp-dir={here}", *head], env=known, check=True, capture_output=True)
+        before = ours(token)
+        subprocess.run([*start, f"--address=127.0.0.1:{ports[0]}"], env=known, check=True, capture_output=True)
+        node = [one for one in ours(token) if one not in before]
+        words = [*words, "--cluster", f"ray://127.0.0.1:{ports[1]}"]
+        process = subprocess.Popen(campaign(results, *words), env=known)
+        while process.poll() is None and judged(results) < 5:
+            time.sleep(every_s / 10)
+        grown = [one for one in ours(token) if one not in before and of_node(one, node)]
+        for one in grown:
+            with suppress(psutil.Error):
+                one.kill()
+        print(f"a node's {len(grown)} processes killed at {judged(results)} trials", flush=True)
+        if process.wait() != 0:
+            sys.exit("the campaign did not go on")
+    finally:
+        for one in ours(token):
+            with suppress(psutil.Error):
+                one.kill()
+        psutil.wait_procs(ours(token), timeout=10)
+        shutil.rmtree(here, ignore_errors=True)
+
+
+def port() -> int:
+    with closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def ours(token: str) -> list[psutil.Process]:
+    """Return every process that was started with this token, but for this one."""
+    found = []
+    for one in psutil.process_iter():
+        with suppress(psutil.Error):
+            if one.environ().get("RAY_AUTH_TOKEN") == token and one.pid != os.getpid():
+                found.append(one)
+    return found
+
+
+def of_node(one: psutil.Process, node: list[psutil.Process]) -> bool:
+    """Whether a process is one of the node's, or was started by one of them."""
+    with suppress(psutil.Error):
+        return one in node or any(parent in node for parent in one.parents())
+    return False
+
+
+def look(results: Path, trials: int) -> None:
+    """Say what the record holds after all that, and end with an error where something was lost, doubled or left."""
+    with closing(sqlite3.connect(results / "vsnbench.db")) as connection:
+        query = "SELECT state, COUNT(*), COUNT(DISTINCT trial_id) FROM episode GROUP BY state ORDER BY state"
+        states = connection.execute(query).fetchall()
+        committed = connection.execute(
+            "SELECT e.images_directory, s.number FROM step s JOIN episode e ON e.id = s.episode_id"
+        ).fetchall()
+    print(f"episodes by state: {states}")
+    steps = {(directory, number) for directory, number in committed}
+    lost = [step for step in steps if not (results / step[0] / "rgb" / f"{step[1]:04d}.jpg").is_file()]
+    images = {
+        (str(path.parent.parent.relative_to(results)), int(path.stem)) for path in results.glob("episodes/*/rgb/*.jpg")
+    }
+    parts = list(results.rglob("*.part"))
+    running = [one.pid for one in psutil.process_iter() if str(results) in " ".join(cmdline(one))]
+    print(f"{len(steps)} steps, {len(lost)} without an image, {len(images - steps)} images without a step")
+    print(f"{len(parts)} half-written files, {len(running)} processes left")
+    if ("judged", trials, trials) not in states or lost or images - steps or parts or running:
+        sys.exit("something was lost, doubled or left behind")
+
+
+def cmdline(one: psutil.Process) -> list[str]:
+    with suppress(psutil.Error):
+        return one.cmdline()
+    return []
+
+
+def main() -> None:
+    """Kill, and look."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("what", choices=["workers", "drivers", "node"])
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--every-s", type=float, default=5.0, help="pause between two kills, on average")
+    parser.add_argument("--starts", type=int, default=15)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    words = ["--model", "oracle", "--goal", "all", "--starts", f"1-{asked.starts}"]
+    words += ["--workers", str(asked.workers)]
+    kill = {"workers": kill_workers, "drivers": kill_drivers, "node": kill_node}[asked.what]
+    with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as there:
+        results = Path(there)
+        kill(results, words, asked.kills, asked.every_s, random.Random(asked.seed))
+        # A run that finds nothing to do clears away what the last kill left.
+        subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)
+        look(results, trials=7 * asked.starts)
+
+
+if __name__ == "__main__":
+    main()
