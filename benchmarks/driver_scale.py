@@ -114,7 +114,8 @@ def main() -> None:
     print(f"merged    {rate:8.1f} episodes/s, {rate * sleepers.megabytes:.0f} MB/s; {result.left} left")
     each_ms, processor_ms = (each / result.episodes * 1000 for each in (taken_s, busy_s))
     print(
-        f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {sleepers.waited_s / taken_s:.0%}"
+    idle = sleepers.waited_s / taken_s
+        f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {idle:.0%}"
     )
     print(f"keeps up with {rate * 4:.0f} workers whose episodes take 4 s, with {rate * 30:.0f} at 30 s")
 
