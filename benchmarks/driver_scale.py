@@ -113,10 +113,8 @@ def main() -> None:
     print(f"offered   {offered:8.0f} episodes/s by {asked.workers} workers of {asked.episode_s:g} s an episode")
     print(f"merged    {rate:8.1f} episodes/s, {rate * sleepers.megabytes:.0f} MB/s; {result.left} left")
     each_ms, processor_ms = (each / result.episodes * 1000 for each in (taken_s, busy_s))
-    print(
     idle = sleepers.waited_s / taken_s
-        f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {idle:.0%}"
-    )
+    print(f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {idle:.0%}")
     print(f"keeps up with {rate * 4:.0f} workers whose episodes take 4 s, with {rate * 30:.0f} at 30 s")
 
 
