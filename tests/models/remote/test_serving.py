@@ -125,8 +125,9 @@ def test_an_isolated_model_that_dies_or_hangs_is_lost_and_started_again(
     try:
         first = policy.pid
         policy.reset("chair", seed)
-        with pytest.raises(ModelLostError, match=f"act: .*{how}"):
+        with pytest.raises(ModelLostError, match=f"act: .*{how}") as lost:
             policy.act(look())
+        assert "listens" not in str(lost.value)
         policy.reset("chair", 0)
         assert policy.act(look()).action.value == "TURN_RIGHT"
         with pytest.raises(ProcessLookupError):

@@ -134,7 +134,7 @@ def _second_client(policy: RemotePolicy) -> str:
     try:
         connection = policy.connect()
     except ModelError as error:
-        return f"a second one is turned away: {str(error).split('refuses: ')[-1]}"
+        return f"a second one is turned away: {error.statement.split('refuses: ')[-1]}"
     finally:
         if connection is not None:
             connection.close()

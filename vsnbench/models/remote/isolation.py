@@ -172,7 +172,8 @@ class IsolatedProcess:
             return
         for line in iter(lambda: stream.readline(4096), b""):
             text = harmless(line.decode("utf-8", "replace").rstrip())
-            self._last_lines.append(text)
+            if self.socket_file not in text:  # that it listens there says nothing about how it ended
+                self._last_lines.append(text)
             logger.info("%s: %s", self._name, text)
 
 
