@@ -86,3 +86,18 @@ def test_a_slip_judges_nothing(results: Path, words: list[str], line: str) -> No
     (waiting,) = json.loads(vsnbench(results, "judge", "--pending", "--json").stdout)
     assert waiting["id"] == 1
     assert len(shown(results, 3)["verdicts"]) == 1
+
+
+def test_no_distance_makes_a_result_of_what_ended_without_a_stop(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    (log / "datos.csv").write_text("1,chair,['Forward'],1\n", encoding="utf-8")
+    imported = vsnbench(tmp_path, "import", "ros4vsn", str(log), "--model", "vlv")
+    assert imported.returncode == 0, imported.stderr
+    listed = vsnbench(tmp_path, "judge", "--pending")
+    assert "--void WHY" in listed.stderr
+    assert "--distance" not in listed.stderr
+    done = vsnbench(tmp_path, "judge", "1", "--distance", "0.4")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "episode 1 ended with aborted, without a STOP" in done.stderr
+    assert json.loads(vsnbench(tmp_path, "judge", "--pending", "--json").stdout)[0]["id"] == 1

@@ -109,7 +109,8 @@ def test_nothing_is_cut_off_and_no_words_lie_over_others(tmp_path: Path, models:
         )
     figures = drawn(lab)
     assert {each.name for each in figures} >= {
-        *("success-by-goal", "outcomes-over-actions", "actions", "success-map", "trajectories-1", "mileage"),
+        *("success-by-goal", "outcomes-over-actions", "actions", "success-map", "success-by-cell"),
+        *("trajectories-1", "mileage"),
         *(["differences"] if models > 4 else []),
     }
     assert [fault for figure in figures for fault in faults(figure)] == []

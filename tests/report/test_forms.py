@@ -65,8 +65,13 @@ def test_json_holds_all_that_a_report_knows(tmp_path: Path) -> None:
         attempts = [Attempt(start=start, success=start <= limit, steps=steps) for start in range(1, 16)]
         lab.write(attempts, model=model, seed=seed)
     report = build(lab.url, Selection())
-    content = json.loads(to_json(report.results, report.questions, report.activity))
+    content = json.loads(to_json(report.results, report.questions, report.activity, report.record))
     first = content["models"][0]
+    assert first["scrutiny"]["sensitivity"][0]["counted"] == "as judged"
+    assert first["scrutiny"]["cells"][0] == {"goal": "chair", "start": 1, "successes": 1, "episodes": 1}
+    assert sum(first["failures"]["kinds"].values()) == first["failures"]["failed"] == 3
+    assert first["judgements"] is None
+    assert content["twins"] == []
     assert (first["name"], first["campaigns"], first["seeds"]) == ("vlv", [1], [3])
     assert first["protocol"]["max_actions"] == 150
     assert {each["action"]: each["steps"] for each in first["actions"]} == {"MOVE_FORWARD": 15, "STOP": 15}
@@ -214,3 +219,18 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
 def test_columns_without_a_rank_stay(hostile: Report) -> None:
     sheet = fitted(hostile.sheets()[0], lambda part: False)
     assert [column.heading for column in sheet.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]
+
+
+def test_json_holds_the_twin_and_three_models_at_once(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    for model, limit in (("vlv", 12), ("random", 2), ("forward", 1)):
+        lab.write([Attempt(start=start, success=start <= limit) for start in range(1, 16)], model=model)
+    lab.write([Attempt(start=start, success=start < 5) for start in range(1, 7)], model="vlv", simulated=False)
+    report = build(lab.url, Selection())
+    content = json.loads(to_json(report.results, report.questions, report.activity, report.record))
+    (twin,) = content["twins"]
+    assert (twin["real"], twin["simulated"], twin["shared_cells"]) == ("vlv real", "vlv simulated", 6)
+    assert twin["agreement"]["bias"] == pytest.approx(2 / 6)
+    assert twin["prediction_powered"]["plain_success_rate"] == pytest.approx(4 / 6)
+    (question,) = content["questions"]
+    assert question["contest"]["standings"][0]["name"] == "vlv simulated"

@@ -102,6 +102,13 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
             e.getBoundingClientRect().right > 391).map(e => e.tagName + '.' + e.className)"
         assert ask(browser, wide) == []
         assert ask(browser, "document.documentElement.scrollWidth") == 390
+        # What goes on beyond the edge says so, and every picture is there without having been scrolled to.
+        cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 2 && \
+            !(e.classList.contains('more') && e.nextElementSibling.checkVisibility()))"
+        browser.wait_for_selector("#figure-success-map, .scroll.more")
+        assert ask(browser, f"{cut}.filter(e => e.checkVisibility()).length") == 0
+        assert ask(browser, "document.querySelectorAll('.scroll.more').length > 0")
+        assert ask(browser, "[...document.querySelectorAll('#figures img')].every(i => i.loading !== 'lazy')")
         # Every table can be scrolled with the keyboard and has a name for a screen reader.
         regions = "[...document.querySelectorAll('table')].every(t => t.caption && t.parentElement.tabIndex === 0)"
         assert ask(browser, regions) is True

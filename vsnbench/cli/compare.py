@@ -55,17 +55,20 @@ def command(
 
     [bold]Examples[/bold]
 
-        vsnbench compare vlv pirlnav                 on the goals they share, and on all
-        vsnbench compare vlv pirlnav --by-goal       each shared goal too, corrected after Holm
-        vsnbench compare vlv paper:vlv               ours against the published numbers
-        vsnbench compare vlv pirlnav forward         one test over all, then pairs, letters and ranks
-        vsnbench compare vlv pirlnav --margin 10     equivalent within 10 points?
-        vsnbench compare "vlv real" "vlv simulated"  one model under two conditions
+        vsnbench compare vlv pirlnav                 on the goals they share
+        vsnbench compare vlv pirlnav --by-goal       each shared goal too
+        vsnbench compare vlv paper:vlv               beside the published ones
+        vsnbench compare vlv pirlnav forward         one test over all, then pairs
+        vsnbench compare vlv pirlnav --margin 10     the same within 10 points?
+        vsnbench compare "vlv real" "vlv simulated"  one model, two conditions
 
-    One question, one p-value. Cells (goal, starting position) of one site are paired and the signs of whole starting
-    positions flipped: exact McNemar where each was tried once. Independent samples: whole starting positions exchanged,
-    or Fisher. Intervals: Newcombe for rates, paired where the test is; bootstrap of starting positions for actions and
-    SPL. Seeds and repetitions are no new places. Below 95 % of the planned trials no winner is named.
+    One question, one p-value. Cells (goal, starting position) of one site
+    are paired and the signs of whole starting positions flipped: exact
+    McNemar where each was tried once. Independent samples: whole starting
+    positions exchanged, or Fisher. Intervals: Newcombe for rates, paired
+    where the test is; bootstrap of starting positions for actions and SPL.
+    Seeds and repetitions are no new places. Several questions are corrected
+    after Holm. Below 95 % of the planned trials no winner is named.
     """
     from vsnbench.cli.report_forms import print_comparisons
     from vsnbench.record.results import ResultsDirectory
@@ -95,4 +98,4 @@ def command(
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
     asked = Asked(all_tests, margin / 100 if margin else None, posterior)
-    print_comparisons(form.value, found, contest_of(summaries, found), asked)
+    print_comparisons(form.value, found, contest_of(summaries, found), asked, summaries, record)

@@ -129,6 +129,11 @@ def _verdict(details: "EpisodeDetails", distance: str | None, collision: str | N
     if distance is not None:
         measured_m = metres(distance, _longest_m(details.provenance.site_content))
         ended_with = EndReason(details.ended_with)
+        if not ended_with.is_result:
+            raise UsageError(
+                f"episode {episode.id} ended with {ended_with.value}, without a STOP: no distance makes a result of it",
+                advice="if it touched something, --collision WHAT; else --void WHY",
+            )
         return taped(ended_with, episode.actions, measured_m, details.goal_instance or "", parameters)
     return _proposal(details)
 
@@ -190,6 +195,7 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     from vsnbench.cli.episode_page import page, safe
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import pending_episodes
+    from vsnbench.protocol.judge import EndReason
 
     engine = open_record(place.database_url)
     waiting = pending_episodes(engine)
@@ -221,8 +227,12 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     for one in waiting:
         start = str(one.start) + (f" ({one.repetition})" if one.repetition > 1 else "")
         proposal = one.proposal or f"none: it was {one.origin}, and ended with {one.end_reason}"
+        if not one.proposal and not EndReason(one.end_reason).is_result:
+            proposal += ": --collision WHAT or --void WHY"
         table.add_row(
             str(one.id), safe(one.model), safe(one.goal), start, f"{one.ended_at:%m-%d %H:%M}", safe(proposal)
         )
     page().print(table)
-    typer.echo(f"vsnbench judge N --confirm, or --distance 0.84 ...{place.options}", err=True)
+    ways = ["--confirm"] if any(one.proposal for one in waiting) else []
+    ways += ["--distance 0.84"] if any(one.end_reason == EndReason.STOP.value for one in waiting) else []
+    typer.echo(f"vsnbench judge N {', or '.join([*ways, '--void WHY'])} ...{place.options}", err=True)

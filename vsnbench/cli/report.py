@@ -72,17 +72,18 @@ def command(
 
     [bold]Examples[/bold]
 
-        vsnbench report                                  every model, by goal and in total
-        vsnbench report --model vlv --goal chair         one model, one goal
-        vsnbench report --format markdown > table.md     to paste into a page
-        vsnbench report --format json                    for a script; rates are shares of 0 to 1
-        vsnbench report --reference paper                beside the numbers of the ROS4VSN paper
-        vsnbench report --all-tables                     sensitivity, seeds, failures, starts, actions, ...
-        vsnbench report --output report/                 page, tables in every form, figures
-        vsnbench report --serve                          the page in your browser
-        vsnbench report --only-reference                 the paper's Tables 3 to 6, with the intervals it leaves out
+        vsnbench report                              by goal and in total
+        vsnbench report --model vlv --goal chair     one model, one goal
+        vsnbench report --format markdown > table.md
+        vsnbench report --format json                all of it, for a script
+        vsnbench report --reference paper            the paper's numbers beside
+        vsnbench report --all-tables                 seeds, failures, starts ...
+        vsnbench report --output report/             page, tables, figures
+        vsnbench report --serve                      the page in your browser
+        vsnbench report --only-reference             the paper's own tables
 
-    Void attempts (failed motion, lost sensor, model error, aborted, interrupted) are counted beside and never inside.
+    Void attempts (failed motion, lost sensor, model error, aborted,
+    interrupted) are counted beside and never inside.
     """
     from vsnbench.cli.report_forms import print_report, print_sheets_as, write_or_serve
     from vsnbench.record.results import ResultsDirectory

@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from vsnbench.report.contest import Contest
     from vsnbench.report.figures.style import Drawing
     from vsnbench.report.further_answers import Asked
+    from vsnbench.report.record import Record
     from vsnbench.report.sheets import Sheet
-    from vsnbench.report.summary import Results
+    from vsnbench.report.summary import ConditionSummary, Results
 
 
 def print_report(form: str, report: "Report", *, long: bool = False) -> None:
@@ -28,7 +29,7 @@ def print_report(form: str, report: "Report", *, long: bool = False) -> None:
     if form == "json":
         from vsnbench.report.forms.whole_json import to_json
 
-        typer.echo(to_json(results, report.questions, report.activity), nl=False)
+        typer.echo(to_json(results, report.questions, report.activity, report.record), nl=False)
         return
     print_sheets_as(form, report.sheets(long=long), results)
 
@@ -45,15 +46,27 @@ def print_sheets_as(form: str, sheets: "list[Sheet]", results: "Results") -> Non
 
 
 def print_comparisons(
-    form: str, comparisons: "Sequence[Comparison]", contest: "Contest | None", asked: "Asked"
+    form: str,
+    comparisons: "Sequence[Comparison]",
+    contest: "Contest | None",
+    asked: "Asked",
+    summaries: "Sequence[ConditionSummary]",
+    record: "Record",
 ) -> None:
-    """Print comparisons as sheets, or as one JSON object."""
+    """Print comparisons as sheets, or as one JSON object, which holds all that is known of the models as well."""
     import json
 
     from vsnbench.report.further_answers import answer_fields, answer_sheets
 
     if form == "json":
+        from vsnbench.report.forms.scrutiny_json import twin_fields
+        from vsnbench.report.forms.whole_json import model_fields
+        from vsnbench.report.summary import Results
+        from vsnbench.report.twins import twins
+
         content = answer_fields(comparisons, contest, asked)
+        content["models"] = [model_fields(one, None, record) for one in summaries]
+        content["twins"] = [twin_fields(one) for one in twins(Results(tuple(summaries), ()))]
         typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
         return
     sheets = answer_sheets(comparisons, contest, asked)

@@ -1,7 +1,7 @@
 """Chooses the figures of a report and draws them."""
 
 import multiprocessing
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from vsnbench.protocol.site import Site
 from vsnbench.report.build import Report, build
 from vsnbench.report.conditions import Condition
 from vsnbench.report.figures.actions import action_histogram
+from vsnbench.report.figures.cells import success_by_cell
 from vsnbench.report.figures.courses import mileage, outcomes_over_actions
 from vsnbench.report.figures.differences import differences
 from vsnbench.report.figures.plans import success_maps, trajectory_plan
@@ -23,15 +24,17 @@ from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track, read_tracks
 from vsnbench.workers import end_with_parent
 
-MOST_TRAJECTORIES = 3
+MOST_TRAJECTORIES = 12
 """Conditions whose trajectories are drawn; every other figure goes on over as many pages as it needs."""
 
 TRAJECTORIES_BESIDE = 2
-"""Of these conditions a second process draws the trajectories: they take about as long as all that is left."""
+"""Of these conditions, and of every other one after them, a second process draws the trajectories: the first ones take
+about as long as all that is left."""
 
 _ORDER = (
     "differences",
     "success-by-goal",
+    "success-by-cell",
     "outcomes-over-actions",
     "success-map",
     "trajectories",
@@ -82,7 +85,7 @@ def build_and_draw(
 
         def draw_what_needs_no_counts(uncounted: Report) -> None:
             plans.extend(_plans(uncounted, url))
-            waiting.extend(beside.submit(plan.finished) for plan in plans[:shared])
+            waiting.extend(beside.submit(plan.finished) for plan in _drawn_beside(plans, shared))
             drawn.extend(chart.finish() for chart in _charts(uncounted))
 
         report = build(
@@ -92,9 +95,14 @@ def build_and_draw(
             beside=beside,
         )
         drawn += [histogram.finish() for histogram in _histograms(report)]
-        trajectories = [plan.finished() for plan in plans[shared:]]
+        mine = _drawn_beside(plans, shared)
+        trajectories = [plan.finished() for plan in plans if plan not in mine]
         trajectories = [*(each.result() for each in waiting), *trajectories]
     return report, _in_order([*drawn, *(each for each in trajectories if each)])
+
+
+def _drawn_beside(plans: "Sequence[_Plan]", shared: int) -> "Sequence[_Plan]":
+    return [*plans[:shared], *plans[shared + 1 :: 2]] if shared else ()
 
 
 def _beside(*, can_fork: bool) -> Executor:
@@ -109,6 +117,7 @@ def _charts(report: Report) -> Iterator[Drawing]:
     record, results = report.record, report.results
     yield from differences(report.questions)
     yield from success_by_goal(results, published_results() if report.reference else None)
+    yield from success_by_cell(results)
     yield from outcomes_over_actions(record, results)
     yield from success_maps(
         [(site, one) for one in results.conditions if (site := _site(report, one.condition)) is not None]
@@ -122,7 +131,7 @@ def _histograms(report: Report) -> Iterator[Drawing]:
         yield from action_histogram(report.results, report.activity.actions)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Plan:
     """What the trajectories of one condition are drawn from."""
 

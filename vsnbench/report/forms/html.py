@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MOST_EPISODES = 1000
+MOST_PLANS_OPEN = 2
 MOST_STRIPS = 250
 """The page stays a file that a browser opens at once."""
 
@@ -73,6 +74,8 @@ class _Figure:
     width_rem: str
     shape: str
     """Its width over its height, so that the page does not move when it is drawn."""
+    folded: bool
+    """It is closed until it is asked for: the page is to stay short."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,7 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
         questions=report.questions,
         shelves=_shelves(results.conditions),
         folds=_folds(results.conditions, sheets),
-        figures=[_figure(drawing) for drawing in drawings],
+        figures=_figures(drawings),
         episodes=episodes,
         episodes_lead=lead,
         episode_columns=_EPISODE_COLUMNS,
@@ -218,7 +221,14 @@ def _card(one: ConditionSummary) -> _Card:
     )
 
 
-def _figure(drawing: Drawing) -> _Figure:
+def _figures(drawings: Sequence[Drawing]) -> list[_Figure]:
+    """Return the figures; trajectories of more conditions than a few are folded."""
+    trajectories = [drawing.name for drawing in drawings if drawing.name.startswith("trajectories")]
+    folded = trajectories[MOST_PLANS_OPEN:]
+    return [_figure(drawing, folded=drawing.name in folded) for drawing in drawings]
+
+
+def _figure(drawing: Drawing, *, folded: bool) -> _Figure:
     return _Figure(
         name=f"figure-{drawing.name}",
         title=drawing.title,
@@ -229,6 +239,7 @@ def _figure(drawing: Drawing) -> _Figure:
         wide=drawing.width_in > COLUMN_IN * 1.2,
         width_rem=f"{drawing.width_in * 9:.1f}",
         shape=f"{drawing.width_in:.3f}/{drawing.height_in:.3f}",
+        folded=folded,
     )
 
 

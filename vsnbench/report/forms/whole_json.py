@@ -6,34 +6,55 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from vsnbench.report.activity import ActionCount, Activity, RobotActivity
+from vsnbench.report.activity import Activity, RobotActivity
 from vsnbench.report.comparison_tables import comparison_fields, contest_fields
 from vsnbench.report.forms.plain import condition_fields, summary_fields
+from vsnbench.report.forms.scrutiny_json import failure_fields, judgement_fields, scrutiny_fields, twin_fields
 from vsnbench.report.question import Question
+from vsnbench.report.record import Record
 from vsnbench.report.summary import ConditionSummary, Results
+from vsnbench.report.twins import twins
 
 
-def to_json(results: Results, questions: Sequence[Question] = (), activity: Activity | None = None) -> str:
+def to_json(
+    results: Results,
+    questions: Sequence[Question] = (),
+    activity: Activity | None = None,
+    record: Record | None = None,
+) -> str:
     """Return the results as one JSON object.
 
     `models`: each condition with its settings, protocol, campaigns and seeds, its `goals`, `total`, `starts`,
-    `end_reasons` and `actions`; `questions`: which model succeeds more often, with every comparison; `stability`: how
-    far each robot drove. `actions` and `stability` are null where they were not counted.
+    `end_reasons`, `actions`, and what a reviewer asks: `scrutiny`, `failures`, `judgements`; `questions`: which model
+    succeeds more often, with every comparison and all models at once; `twins`: real against simulated; `stability`: how
+    far each robot drove. What was not counted is null.
     """
-    counted = activity.actions if activity else None
     content = {
         "confidence": 0.95,
         "interval": "wilson, at the effective sample size of the starting positions",
         "shared_goals": list(results.shared_goals),
-        "models": [_model(one, counted) for one in results.conditions],
+        "models": [model_fields(one, activity, record) for one in results.conditions],
         "questions": [_question(one) for one in questions],
+        "twins": [twin_fields(one) for one in twins(results)],
         "stability": [_robot(one) for one in activity.robots] if activity else None,
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _model(one: ConditionSummary, actions: Sequence[ActionCount] | None) -> dict[str, Any]:
-    condition = one.condition
+def model_fields(one: ConditionSummary, activity: Activity | None, record: Record | None) -> dict[str, Any]:
+    """Return everything about one condition as JSON values.
+
+    Args:
+        one: its numbers.
+        activity: where its actions, failures and judgements are; null without.
+        record: where its episodes are; no scrutiny without, nor of the paper's.
+    """
+    condition, number = one.condition, one.condition.number
+    counted = activity is not None and not condition.published
+    failures = judgements = None
+    if activity and counted:
+        failures = next((each for each in activity.failures if each.condition == number), None)
+        judgements = next((each for each in activity.judgements if each.condition == number), None)
     return {
         **condition_fields(condition),
         "campaigns": list(condition.campaigns),
@@ -49,13 +70,16 @@ def _model(one: ConditionSummary, actions: Sequence[ActionCount] | None) -> dict
         "end_reasons": [
             {"end_reason": end.end_reason, "attempts": end.attempts, "counted": end.counted} for end in one.ends
         ],
-        "actions": None
-        if actions is None
-        else [
+        "actions": [
             {"raw_action": each.raw_action, "action": each.action, "blocked": each.blocked, "steps": each.steps}
-            for each in actions
-            if each.condition == condition.number
-        ],
+            for each in activity.actions
+            if each.condition == number
+        ]
+        if activity and counted
+        else None,
+        "scrutiny": scrutiny_fields(record, one) if record and not condition.published else None,
+        "failures": failure_fields(failures),
+        "judgements": judgement_fields(judgements),
     }
 
 

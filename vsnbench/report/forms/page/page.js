@@ -43,3 +43,19 @@ const openTarget = () => {
 addEventListener("hashchange", openTarget);
 openTarget();
 addEventListener("beforeprint", () => { for (const fold of document.querySelectorAll("details.fold")) fold.open = true; });
+const scrollers = document.querySelectorAll(".scroll");
+const mark = (box) => {
+  box.classList.toggle("more", box.scrollLeft + box.clientWidth < box.scrollWidth - 2);
+  box.classList.toggle("moved", box.scrollLeft > 2);
+};
+const watch = new ResizeObserver((entries) => { for (const entry of entries) mark(entry.target.closest(".scroll")); });
+for (const box of scrollers) {
+  const hint = document.createElement("p");
+  hint.className = "hint";
+  hint.setAttribute("aria-hidden", "true");
+  hint.textContent = "\u2194 wider than the screen: swipe it sideways";
+  box.after(hint);
+  box.addEventListener("scroll", () => mark(box), { passive: true });
+  watch.observe(box);
+  if (box.firstElementChild) watch.observe(box.firstElementChild);
+}

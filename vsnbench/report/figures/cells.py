@@ -1,0 +1,104 @@
+"""Every cell of every condition: success by starting position and goal, a panel a condition."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from vsnbench.report.conditions import footnotes
+from vsnbench.report.figures.lettering import legend_below, shown, wrapped
+from vsnbench.report.figures.style import (
+    COLUMN_IN,
+    INK,
+    PAGE_IN,
+    SUCCESS,
+    Drawing,
+    in_pages,
+    new_figure,
+    page_name,
+    styled,
+)
+from vsnbench.report.record import goal_order
+from vsnbench.report.scrutiny import Grid, grid
+from vsnbench.report.summary import ConditionSummary, Results
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_PANELS = 6
+"""To a figure."""
+_UNTRIED = "#e9e6e0"
+_LINE_IN = 0.125
+_TITLE_PT = 7.0
+
+_Panel = tuple[ConditionSummary, Grid]
+
+
+def success_by_cell(results: Results) -> Iterator[Drawing]:
+    """Draw each cell's success rate as a shade; nothing where no starting position is known, or only one cell each."""
+    panels = [(one, cells) for one in results.conditions if len((cells := grid(one)).cells) > 1]
+    pages = in_pages(panels, MOST_PANELS)
+    for number, page in enumerate(pages, start=1):
+        yield _drawing(page, number, len(pages))
+
+
+def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
+    from matplotlib.patches import Patch
+
+    columns = min(3, len(panels))
+    lines = -(-len(panels) // columns)
+    width = COLUMN_IN if columns == 1 else PAGE_IN
+    # The same rows and columns in every panel, so that one can be laid beside another.
+    goals = sorted({goal for _, cells in panels for goal in cells.goals}, key=goal_order)
+    starts = sorted({start for _, cells in panels for start in cells.starts})
+    with styled():
+        titles = [
+            wrapped(
+                f"{one.condition.name}: {one.total.successes}/{one.total.episodes}", width / columns - 0.5, _TITLE_PT
+            )
+            for one, _ in panels
+        ]
+        letters = max(title.count("\n") + 1 for title in titles)
+        figure = new_figure(width, lines * (0.85 + 0.12 * letters + _LINE_IN * len(starts)))
+        axes_of = figure.subplots(lines, columns, squeeze=False)
+        for axes in axes_of.flat[len(panels) :]:
+            axes.set_axis_off()
+        for axes, (_, cells), title in zip(axes_of.flat, panels, titles, strict=False):
+            _draw(axes, cells, goals, starts)
+            axes.set_title(title, fontsize=_TITLE_PT, color=INK, loc="left")
+        for axes in axes_of[:, 0]:
+            axes.set_ylabel("starting position")
+        samples = [Patch(facecolor=color, edgecolor=INK, linewidth=0.4) for color in (SUCCESS, "white", _UNTRIED)]
+        legend_below(figure, samples, ["every episode succeeded", "none did", "not tried"])
+    caption = (
+        "Success by starting position and goal; the darker, the larger the share of a cell's episodes that succeeded. "
+        "A dark row is a place from which all goals are found, a light column a goal that is found from nowhere."
+    )
+    words = "; ".join(
+        f"{shown(one.condition.name)}: {sum(cell.successes > 0 for cell in cells.cells.values())} of "
+        f"{len(cells.cells)} cells with a success"
+        for one, cells in panels
+    )
+    return Drawing(
+        page_name("success-by-cell", number),
+        f"Success by starting position and goal{f' ({number} of {pages})' if pages > 1 else ''}",
+        f"Shades of the success rate of every starting position and goal. {words}.",
+        caption,
+        footnotes([one.condition for one, _ in panels]),
+        figure,
+    )
+
+
+def _draw(axes: "Axes", cells: Grid, goals: Sequence[str], starts: Sequence[int]) -> None:
+    import numpy as np
+    from matplotlib.colors import LinearSegmentedColormap
+
+    rates = np.full((len(starts), len(goals)), np.nan)
+    for (goal, start), proportion in cells.cells.items():
+        rates[starts.index(start), goals.index(goal)] = proportion.rate
+    shades = LinearSegmentedColormap.from_list("successes", ["white", SUCCESS])
+    axes.set_facecolor(_UNTRIED)
+    axes.pcolormesh(np.ma.masked_invalid(rates), cmap=shades, vmin=0, vmax=1, edgecolors="#b9b9b9", linewidth=0.4)
+    axes.invert_yaxis()
+    axes.set_xticks(np.arange(len(goals)) + 0.5, [shown(goal, 16) for goal in goals], rotation=90, fontsize=6)
+    every = -(-len(starts) // 30)  # no more numbers than can be told apart
+    axes.set_yticks(np.arange(len(starts))[::every] + 0.5, [str(n) for n in starts[::every]], fontsize=6)
+    axes.tick_params(length=0)
