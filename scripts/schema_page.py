@@ -10,7 +10,7 @@ from pathlib import Path
 from sqlalchemy import Column, Table
 from sqlalchemy.dialects import sqlite
 
-from vsnbench.database import tables
+from vsnbench.database import study_tables, tables
 
 PAGE = Path(__file__).parent.parent / "docs" / "schema.md"
 
@@ -145,7 +145,7 @@ def _marks(column: "Column[object]") -> str:
 def _meanings() -> dict[tuple[str, str], str]:
     """Read the words below each column and class from the source: they are not there at run time."""
     found: dict[tuple[str, str], str] = {}
-    for node in ast.parse(inspect.getsource(tables)).body:
+    for node in (*ast.parse(inspect.getsource(tables)).body, *ast.parse(inspect.getsource(study_tables)).body):
         if not isinstance(node, ast.ClassDef):
             continue
         names = [

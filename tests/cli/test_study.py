@@ -106,6 +106,9 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
     assert told == []
     assert not [path for path in files if TELLING.search(str(path).encode())]
     assert lab.other("episodes", "list", "--model", "heron").err.strip() == "no such episodes"
+    merged = lab.other("db", "merge", "results", "--results", "merged")
+    assert "holds the study" in merged.err
+    assert not TELLING.search(merged.err.encode())
     unblinded = lab("unblind", "--reason", "we want to see the page")
     assert "is heron" in unblinded.out
     assert "early" in unblinded.err
@@ -154,6 +157,8 @@ def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_re
     file = Path("study.yaml")
     locked = file.read_text()
     file.write_text(locked.replace("alpha: 0.05", "alpha: 0.06"))
+    taken = lab.other("run", "--model", "aviary:Heron", "--goal", "bed", "--seed", "5")
+    assert "belong to the locked study 'Which of 2 models finds its goal?'" in taken.err
     words = "study.yaml was changed after it was locked: line"
     refused = lab("run")
     assert (refused.code, refused.out) == (2, "")

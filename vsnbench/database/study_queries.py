@@ -210,8 +210,17 @@ def pace_s(engine: Engine, robot: str) -> tuple[float, int]:
 _PAUSE_S = 3600.0
 
 
-def study_of_campaign(engine: Engine, campaign_id: int) -> str:
-    """Return the title of the study that a campaign is an arm of; empty for none."""
+def study_of_campaign(engine: Engine, key: str) -> str:
+    """Return the title of the study that the campaign of this key is an arm of; empty for none.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    found = (
+        select(Study.title)
+        .join(StudyArm, StudyArm.study_id == Study.id)
+        .join(Campaign, Campaign.id == StudyArm.campaign_id)
+        .where(Campaign.key == key)
+    )
     with record_errors(engine), reading(engine).begin() as connection:
-        found = select(Study.title).join(StudyArm, StudyArm.study_id == Study.id)
-        return connection.execute(found.where(StudyArm.campaign_id == campaign_id)).scalar() or ""
+        return connection.execute(found).scalar() or ""

@@ -8,7 +8,8 @@ from typing import Any
 
 from vsnbench.database.campaign_plan import CampaignPlan, OpenCampaign
 from vsnbench.database.journal import Journal
-from vsnbench.errors import SiteError
+from vsnbench.database.study_queries import study_of_campaign
+from vsnbench.errors import SiteError, UsageError
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -121,6 +122,11 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         request.results.prepare()
         provenance = crew.provenance()
         journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
+        if study := study_of_campaign(journal.engine, plan.key):
+            raise UsageError(
+                f"these trials belong to the locked study {study!r}, which alone may run them",
+                advice="`vsnbench study run` goes on with it; another --seed is a campaign of its own",
+            )
         campaign = journal.find_or_create_campaign(plan)
         if change := journal.model_change(campaign, plan.model):
             logger.warning("campaign %d is a new one: %s", campaign.id, change)
