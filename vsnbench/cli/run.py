@@ -21,7 +21,7 @@ def command(
         typer.Option(
             "--model",
             "-m",
-            help="random, forward, oracle, pirlnav, ..., package.module:Class, or ws://host:port",
+            help="random, forward, oracle, pirlnav, ..., package.module:Class, or ws://host:port; several with commas",
             rich_help_panel=_WHAT,
         ),
     ],
@@ -30,8 +30,13 @@ def command(
         typer.Option("--goal", "-g", help="goal category, several with commas, or all", rich_help_panel=_WHAT),
     ],
     site: Annotated[
-        str, typer.Option("--site", help="embedded site, or the path of a site file", rich_help_panel=_WHAT)
+        str,
+        typer.Option("--site", help="embedded site, a site file, or twin:N, a generated flat", rich_help_panel=_WHAT),
     ] = "apartment",
+    sites: Annotated[
+        str | None,
+        typer.Option("--sites", help="several: apartment,twins:0-19 (generated flats)", rich_help_panel=_WHAT),
+    ] = None,
     robot: Annotated[
         str, typer.Option("--robot", "-r", help="simulated, simulated:lola2, turtlebot2, ...", rich_help_panel=_WHAT)
     ] = "simulated",
@@ -60,6 +65,9 @@ def command(
             rich_help_panel=_HOW,
         ),
     ] = 0,
+    seeds: Annotated[
+        str | None, typer.Option("--seeds", help="a campaign for each, like 0-9", rich_help_panel=_WHAT)
+    ] = None,
     shuffle: Annotated[
         bool, typer.Option("--shuffle", help="run the trials in random order", rich_help_panel=_HOW)
     ] = False,
@@ -145,6 +153,9 @@ def command(
             "--unattended", help="nobody is beside a real robot; its episodes await judgement", rich_help_panel=_HOW
         ),
     ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="do not ask before a long sweep", rich_help_panel=_HOW)
+    ] = False,
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
     ] = False,
@@ -162,10 +173,11 @@ def command(
         vsnbench run --model forward --goal chair --live
         vsnbench run --model oracle --goal all --site lab.yaml
         vsnbench run --model pirlnav --goal all --cluster ray://head:10001
+        vsnbench run --model oracle,random --seeds 0-4 --sites twins:0-9 --goal all
 
     Ctrl-C halts the robot and ends the current episode as aborted.
     The same command goes on with the trials that are left.
-    Another seed, site, model or parameter is another campaign.
+    Another seed, site, model or parameter is another campaign; several make a sweep.
     """
     from vsnbench.cli.run_summary import leave_strays_behind, run_and_tell
     from vsnbench.models.remote.isolation import Isolation
@@ -200,7 +212,12 @@ def command(
         workers=WorkersAsked(_workers(workers), cluster, gpus),
     )
     before = frozenset(threading.enumerate())
-    code = run_and_tell(request, live=live, unattended=unattended)
+    if "," in model or seeds is not None or sites is not None:
+        from vsnbench.cli.sweep_summary import sweep_and_tell
+
+        code = sweep_and_tell(request, model, seeds, sites, live=live, yes=yes)
+    else:
+        code = run_and_tell(request, live=live, unattended=unattended)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
 

@@ -34,14 +34,19 @@ def run_and_tell(request: RunRequest, *, live: bool, unattended: bool) -> int:
             launched = launch(request, TerminalAttendance(unattended), viewer)
             viewer.linger()
     except Stopped as stopped:
-        by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
-        console.print(
-            f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
-            "The same command goes on with the trials that are left."
-        )
+        console.print(stopped_words(stopped))
         return stopped.request.exit_code
     _tell(console, launched, request)
     return 1 if launched.result.left or launched.result.elsewhere else 0
+
+
+def stopped_words(stopped: Stopped) -> str:
+    """Return what is said when somebody has stopped a run."""
+    by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
+    return (
+        f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
+        "The same command goes on with the trials that are left."
+    )
 
 
 def leave_strays_behind(code: int, before: frozenset[threading.Thread]) -> None:

@@ -30,6 +30,8 @@ class Occasion:
     stop: Stopping
     blind: bool = False
     """Nobody is to see which model drives, nor what it chooses."""
+    beside: tuple[int, int] = (0, 0)
+    """Trials of the sweep that this is a campaign of, but for its own: how many are done, out of how many."""
 
 
 class Attendance(Protocol):
@@ -68,6 +70,7 @@ class TerminalAttendance:
         return CampaignProgress(
             *(occasion.label, occasion.trials, occasion.done, occasion.successes, occasion.parameters.max_actions),
             shows_actions=not occasion.blind,
+            beside=occasion.beside,
         )
 
     @contextmanager

@@ -1,13 +1,13 @@
 """The plan of a campaign: which trials there are, in which order, each with its own seed."""
 
 import random
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.site import Site
+from vsnbench.protocol.site import Site, embedded_sites, load_site
 
 
 def plan_trials(
@@ -55,7 +55,7 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
     Raises:
         UsageError: a goal that is no category, that the site lacks or that the model does not know.
     """
-    names = [name.strip() for text in asked for name in text.split(",") if name.strip()]
+    names = named_goals(asked)
     here = [goal for goal in GOAL_CATEGORIES if goal in site.categories]
     possible = [goal for goal in here if card.goals is None or goal in card.goals]
     if "all" in names:
@@ -63,15 +63,26 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
             raise UsageError(f"site {site.name} has none of the goals that model {card.name} knows")
         return tuple(possible)
     for name in names:
-        if name not in GOAL_CATEGORIES:
-            raise UsageError(f"no goal category {name!r}; there are {', '.join(GOAL_CATEGORIES)}, or all")
         if name not in here:
             raise UsageError(f"site {site.name} has no {name}; it has {', '.join(here)}")
         if name not in possible:
             raise UsageError(f"model {card.name} does not know {name}; it knows {', '.join(sorted(card.goals or ()))}")
+    return tuple(dict.fromkeys(names))
+
+
+def named_goals(asked: Sequence[str]) -> list[str]:
+    """Return the goal categories that are asked for, `all` as it stands.
+
+    Raises:
+        UsageError: one is no category, or there is none.
+    """
+    names = [name.strip() for text in asked for name in text.split(",") if name.strip()]
+    for name in names:
+        if name != "all" and name not in GOAL_CATEGORIES:
+            raise UsageError(f"no goal category {name!r}; there are {', '.join(GOAL_CATEGORIES)}, or all")
     if not names:
         raise UsageError("no goal given", advice="name one with --goal, for example --goal chair or --goal all")
-    return tuple(dict.fromkeys(names))
+    return names
 
 
 def most_goals(asked: Sequence[str], site: Site) -> int:
@@ -89,20 +100,70 @@ def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:
     """
     if asked is None:
         return tuple(start.number for start in site.starts)
-    numbers: list[int] = []
-    for part in asked.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(
-                f"cannot read {part.strip()!r} in --starts {asked}", advice="give numbers and ranges, like 1-15,20"
-            )
-        chosen = range(int(first), int(last if dash else first) + 1)
-        if not chosen:
-            raise UsageError(
-                f"the range {part.strip()} in --starts {asked} is empty", advice="give the smaller number first"
-            )
-        site.start(chosen[-1])
-        numbers.extend(chosen)
+    numbers = read_numbers(asked, "--starts", "1-15,20", last=site.start)
     for number in numbers:
         site.start(number)
-    return tuple(dict.fromkeys(numbers))
+    return numbers
+
+
+MOST_NUMBERS = 100_000
+"""More than anybody means; a range of so many is a slip of the finger."""
+
+
+def read_numbers(
+    asked: str, option: str, example: str, last: Callable[[int], object] = lambda _: None
+) -> tuple[int, ...]:
+    """Return the numbers that text like `0-9,12` stands for, each once, in its order.
+
+    Args:
+        asked: numbers and ranges, separated by commas.
+        option: where it was given, for errors.
+        example: of what is meant, for errors.
+        last: sees the last number of each part before the part is written out; may refuse it.
+
+    Raises:
+        UsageError: it is none.
+    """
+    numbers: dict[int, None] = {}
+    for part in asked.split(","):
+        first, dash, end = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not end.isdecimal()):
+            raise UsageError(
+                f"cannot read {part.strip()!r} in {option} {asked}", advice=f"give numbers and ranges, like {example}"
+            )
+        chosen = range(int(first), int(end if dash else first) + 1)
+        if not chosen:
+            raise UsageError(
+                f"the range {part.strip()} in {option} {asked} is empty", advice="give the smaller number first"
+            )
+        last(chosen[-1])
+        if len(chosen) > MOST_NUMBERS or chosen[-1] >= 2**63:
+            raise UsageError(f"the range {part.strip()} in {option} {asked} has too many or too large numbers")
+        numbers |= dict.fromkeys(chosen)
+    return tuple(numbers)
+
+
+TWIN = "twin:"
+"""Before a number, as a site: the flat that is generated from that seed."""
+
+
+def named_site(name: str) -> Site:
+    """Return the site that `--site` names: an embedded one, a file, or a generated flat, `twin:7`.
+
+    Raises:
+        UsageError: there is no such site.
+        SiteError: the file breaks the format, or the seed gives no flat.
+    """
+    if not name.startswith(TWIN):
+        return load_site(name)
+    number = name.removeprefix(TWIN)
+    if not number.isdecimal() or int(number) >= 2**63:
+        raise UsageError(f"cannot read --site {name}", advice="give the seed of a generated flat, like twin:7")
+    from vsnbench.simulator.twins.generate import generate_site
+
+    return generate_site(int(number))
+
+
+def is_surveyed(name: str) -> bool:
+    """Say whether a site is somebody's own, which nobody has checked."""
+    return not name.startswith(TWIN) and name not in embedded_sites()

@@ -13,7 +13,7 @@ from vsnbench.errors import SiteError, UsageError
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site, embedded_sites, load_site
+from vsnbench.protocol.site import Site
 from vsnbench.protocol.survey.check import layout_findings
 from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
@@ -21,7 +21,7 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
-from vsnbench.runner.campaign import choose_starts, most_goals, plan_trials
+from vsnbench.runner.campaign import choose_starts, is_surveyed, most_goals, named_site, plan_trials
 from vsnbench.runner.crew import WorkersAsked, open_crew, wish_of
 from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.pool.messages import Keeping
@@ -29,6 +29,8 @@ from vsnbench.runner.session import SessionResult
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
+
+DEFAULT_SITE = "apartment"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,7 @@ class RunRequest:
     model: str
     goals: tuple[str, ...]
     results: ResultsDirectory
-    site: str = "apartment"
+    site: str = DEFAULT_SITE
     robot: str = "simulated"
     starts: str | None = None
     repetitions: int = 1
@@ -90,10 +92,10 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         VsnbenchError: the site, model, robot or record cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    site = load_site(request.site)
+    site = named_site(request.site)
     starts = choose_starts(request.starts, site)
     parameters = ProtocolParameters(max_actions=request.max_steps)
-    surveyed = request.site not in embedded_sites()
+    surveyed = is_surveyed(request.site)
     if surveyed:
         _heed(request.site, layout_findings(site))
     bench = request.bench_plan(site, parameters)

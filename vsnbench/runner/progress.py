@@ -28,9 +28,18 @@ class CampaignProgress:
     """A progress bar on stderr; falls back to plain lines where stderr is no terminal."""
 
     def __init__(
-        self, label: str, trials: int, done: int, successes: int, max_actions: int, *, shows_actions: bool = True
+        self,
+        label: str,
+        trials: int,
+        done: int,
+        successes: int,
+        max_actions: int,
+        *,
+        shows_actions: bool = True,
+        beside: tuple[int, int] = (0, 0),
     ) -> None:
         self.console = Console(file=sys.stderr, highlight=False)
+        self._title = label if beside[1] else ""
         self._done, self._successes = done, successes
         self._max_actions = max_actions
         self._shows_actions = shows_actions
@@ -46,9 +55,13 @@ class CampaignProgress:
             transient=True,
             refresh_per_second=4,
         )
-        self._task: TaskID = self._bar.add_task(escape(label), total=trials, completed=done, rate=self._rate(), now="")
+        self._task: TaskID = self._bar.add_task(
+            escape(label), total=beside[1] + trials, completed=beside[0] + done, rate=self._rate(), now=""
+        )
 
     def __enter__(self) -> Self:
+        if self._title:
+            self.console.print(f"[bold]{escape(self._title)}[/bold]")
         if self.console.is_terminal:
             self._bar.start()
         return self
