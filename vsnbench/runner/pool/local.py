@@ -39,6 +39,8 @@ from vsnbench.workers import python_like_this
 logger = logging.getLogger(__name__)
 
 PROGRAM = "vsnbench.runner.pool.worker"
+LOST_BEFORE_READY = 3
+"""After so many workers that died before one was ready, another would die too."""
 STOP_TIMEOUT_S = 20.0
 """How long workers may take to end their episodes: an action and a commit, on a busy machine."""
 
@@ -188,9 +190,11 @@ class LocalPool:
             worker.tell(self._order)
 
     def _await_first(self) -> Prepared:
+        lost = 0
         while True:
             for event in self.events(1.0):
-                if isinstance(event, WorkerLost):
+                lost += isinstance(event, WorkerLost)
+                if isinstance(event, WorkerLost) and lost == LOST_BEFORE_READY:
                     raise VsnbenchError(
                         f"a worker ended while it got ready, with {event.words}", advice="see its words above"
                     )
@@ -221,8 +225,7 @@ class LocalPool:
         how = worker.bury()
         self._workers.remove(worker)
         self._events.append(WorkerLost(worker.trial, how))
-        if any(one.prepared is not None for one in self._workers) or worker.prepared is not None:
-            self._start(1)
+        self._start(1)
 
 
 def _still_talks(connection: "Connection[Order, Report]") -> bool:
