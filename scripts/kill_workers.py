@@ -44,43 +44,50 @@ def judged(results: Path) -> int:
     return 0
 
 
+def an_episode_runs(results: Path) -> bool:
+    with suppress(sqlite3.Error), closing(sqlite3.connect(results / "vsnbench.db", timeout=10)) as connection:
+        return connection.execute("SELECT 1 FROM episode WHERE state = 'running'").fetchone() is not None
+    return False
+
+
 def kill_workers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
-    killed = 0
-    while True:
-        with subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL) as process:
-            driver = psutil.Process(process.pid)
-            seen: set[int] = set()
-            while process.poll() is None:
-                time.sleep(every_s * chance.uniform(0.5, 1.5))
-                if killed < kills and (alive := workers_of(driver)):
-                    chosen = chance.choice(alive)
-                    seen |= {worker.pid for worker in alive}
-                    with suppress(psutil.Error):
-                        chosen.kill()
-                        killed += 1
-            print(
-                f"exit {process.returncode}; {killed} workers killed so far, {judged(results)} trials judged",
-                flush=True,
-            )
-        if process.returncode == 0:
-            return
+    killed, code = 0, 1
+    while code != 0:
+        process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
+        while process.poll() is None:
+            time.sleep(every_s * chance.uniform(0.1, 1.9))
+            alive = workers_of(psutil.Process(process.pid))
+            if killed < kills and alive and an_episode_runs(results):
+                with suppress(psutil.Error):
+                    chance.choice(alive).kill()
+                    killed += 1
+        code = process.wait()
+        print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged", flush=True)
 
 
 def kill_drivers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
     for number in range(1, kills + 1):
         process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
-        try:
-            process.wait(every_s * chance.uniform(1.0, 3.0))
-            print("the campaign was done before the last kill", flush=True)
-        except subprocess.TimeoutExpired:
-            orphans = workers_of(psutil.Process(process.pid))
-            process.kill()
-            process.wait()
-            _, alive = psutil.wait_procs(orphans, timeout=10)
-            if alive := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
-                sys.exit(f"workers outlived their driver: {alive}")
-            print(f"driver {number} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
+        while process.poll() is None and not workers_at_it(process, results):
+            time.sleep(0.05)
+        time.sleep(every_s * chance.uniform(0.0, 1.0))
+        orphans = workers_of(psutil.Process(process.pid)) if process.poll() is None else []
+        process.kill()
+        process.wait()
+        _, alive = psutil.wait_procs(orphans, timeout=10)
+        if left := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
+            sys.exit(f"workers outlived their driver: {left}")
+        print(f"driver {number} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
     subprocess.run(campaign(results, *words), check=True, stderr=subprocess.DEVNULL)
+
+
+def workers_at_it(process: "subprocess.Popen[bytes]", results: Path) -> bool:
+    """Whether one of a driver's workers has begun an episode."""
+    query = "SELECT p.pid FROM episode e JOIN process p ON p.id = e.process_id WHERE e.state = 'running'"
+    with suppress(sqlite3.Error, psutil.Error), closing(sqlite3.connect(results / "vsnbench.db")) as connection:
+        pids = {pid for (pid,) in connection.execute(query)}
+        return any(worker.pid in pids for worker in workers_of(psutil.Process(process.pid)))
+    return False
 
 
 def kill_node(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
