@@ -1,0 +1,73 @@
+from dataclasses import replace
+
+import pytest
+
+from tests.database.records_of_a_lab import plan
+from vsnbench.database.blinding import HIDDEN
+from vsnbench.database.journal import Journal
+from vsnbench.database.provenance import gather_provenance
+from vsnbench.database.queries import campaign_states
+from vsnbench.database.study_entries import SESSION, SESSION_END, LockedArm, LockedTrial, RecordedStudy, StudyLock
+from vsnbench.database.study_queries import find_study, study_of_campaign
+from vsnbench.errors import StudyError
+
+
+def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStudy:
+    """Lock a study of two arms."""
+    first = replace(plan(), seed=seed)
+    second = replace(first, model=replace(first.model, name="another"))
+    arms = [LockedArm("lark", "B", first), LockedArm("owl", "A", second)]
+    trials = [
+        LockedTrial(rank, rank // 2, arm.name, one.goal, one.start, one.repetition)
+        for rank, (one, arm) in enumerate((one, arm) for one in first.trials for arm in arms)
+    ]
+    return journal.lock_study(StudyLock("Which?", "title: Which?\n", "s", "h", seed, blind, arms, trials))
+
+
+def test_a_locked_study_is_read_back_and_its_models_have_codes_until_it_is_unblinded(url: str) -> None:
+    with Journal.open(url) as journal:
+        study = lock(journal)
+        assert find_study(journal.engine, study.uuid) == study
+        assert [(arm.name, arm.code, study.shown(arm.name)) for arm in study.arms] == [
+            ("owl", "A", "arm A"),
+            ("lark", "B", "arm B"),
+        ]
+        blind = campaign_states(journal.engine)
+        assert [one.model for one in blind] == ["study1-A", "study1-B"]
+        assert {one.name for one in blind} | {one.key for one in blind} == {"study1-A", "study1-B"}
+        journal.unblind_study(study.id, "done")
+        assert [one.model for one in campaign_states(journal.engine)] == ["another", plan().model.name]
+        with pytest.raises(StudyError, match="not blind"):
+            journal.unblind_study(study.id, "again")
+        assert HIDDEN not in str(campaign_states(journal.engine))
+
+
+def test_a_second_study_on_the_same_trials_is_refused_and_leaves_nothing(url: str) -> None:
+    with Journal.open(url) as journal:
+        study = lock(journal)
+        with pytest.raises(StudyError, match="belongs to the study 'Which\\?' already"):
+            lock(journal)
+        assert len(campaign_states(journal.engine)) == 2
+        assert study_of_campaign(journal.engine, study.arms[0].campaign_key) == "Which?"
+        lock(journal, seed=4)
+
+
+def test_trials_that_were_begun_before_the_plan_are_refused(sqlite: str) -> None:
+    with Journal.open(sqlite) as journal:
+        campaign = journal.find_or_create_campaign(replace(plan(), seed=3))
+        assert journal.claim_next(campaign.id, [campaign.trials[0].id])
+        with pytest.raises(StudyError, match="has 1 episodes of these trials in this record, run before the plan"):
+            lock(journal)
+        assert len(campaign_states(journal.engine)) == 1
+
+
+def test_who_else_runs_a_study_is_named_while_that_process_lives(url: str) -> None:
+    eva = replace(gather_provenance(), operator="Eva")
+    with Journal.open(url) as mine, Journal.open(url, eva) as hers:
+        study = lock(mine)
+        assert mine.who_else_runs(study.id) == ""
+        hers.note_in_study(study.id, SESSION)
+        assert mine.who_else_runs(study.id).startswith("Eva (process ")
+        assert hers.who_else_runs(study.id) == ""
+        hers.note_in_study(study.id, SESSION_END)
+        assert mine.who_else_runs(study.id) == ""
