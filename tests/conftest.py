@@ -10,7 +10,7 @@ SLOW = frozenset(
     {
         *("cli/test_doctor.py", "cli/test_hostile_archive.py", "cli/test_models.py", "cli/test_report.py"),
         *("cli/test_run.py", "cli/test_run_pirlnav.py", "cli/test_sites.py", "cli/test_study.py", "cli/test_view.py"),
-        *("cli/test_sweep.py", "exchange/test_merge.py"),
+        *("cli/test_sweep.py", "exchange/test_killed_merge.py", "exchange/test_merge.py"),
         *("models/test_oracle.py", "models/pirlnav/test_checkpoint.py", "models/pirlnav/test_parity.py"),
         *("models/pirlnav/test_policy.py", "models/vlv/test_map_against_site.py", "models/vlv/test_mask_rcnn.py"),
         *("models/vlv/test_policy.py", "models/vlv/test_value_network.py", "protocol/test_site_check.py"),
