@@ -47,3 +47,10 @@ def test_only_a_new_campaign_of_another_model_of_the_same_name_says_so(url: str)
             for each in (first, first, edited, replace(edited, seed=8), replace(edited, model=ModelIdentity("other")))
         ]
     assert said == ["", "", "model lab is not that of campaign 1: file --weights (bbbbbbbbbbbb → ffffffffffff)", "", ""]
+
+
+def test_of_a_nested_setting_only_what_differs_is_told_and_no_hash_is_cut_away() -> None:
+    old, new = (
+        replace(MODEL, settings={"code": {"class": "mylab.policy:Agent" * 4, "sha256": each * 64}}) for each in "ab"
+    )
+    assert differences(old, new) == (f"setting code.sha256 ({'a' * 12} → {'b' * 12})",)

@@ -232,8 +232,9 @@ def test_ctrl_c_in_a_motion_ends_the_session_and_is_one_intervention(results: Re
 
     robot.on_execute = interrupt
     with pytest.raises(Stopped):
-        drive(results, robot, Person(), [Action.TURN_LEFT], starts=2)
+        drive(results, robot, (person := Person()), [Action.TURN_LEFT], starts=2)
     assert states(results) == [("void", "aborted")]
+    assert [ended.outcome.error for ended in person.told] == ["stopped with Ctrl-C"], "its end is shown, too"
     details = read(results, "SELECT text, author, step_number FROM event WHERE kind = 'intervention'")
     assert details == [("stopped with Ctrl-C", "maria", 1)]
     assert counted(results) == 1

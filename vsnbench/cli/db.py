@@ -83,12 +83,19 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     if not campaigns:
         return
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name, justify in (("campaign", "right"), ("name", "left"), ("trials done", "right"), ("begun (UTC)", "left")):
+    for name, justify in (
+        ("campaign", "right"),
+        ("name", "left"),
+        ("robot", "left"),
+        ("trials done", "right"),
+        ("begun (UTC)", "left"),
+    ):
         table.add_column(name, justify="right" if justify == "right" else "left")
     for campaign in campaigns:
         table.add_row(
             str(campaign.id),
             safe(campaign.name),
+            "simulated" if campaign.simulated else "real",
             f"{campaign.done} of {campaign.trials}",
             f"{campaign.created_at:%Y-%m-%d %H:%M}",
         )

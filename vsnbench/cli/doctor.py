@@ -73,5 +73,8 @@ def command(
     if failed:
         console.print(f"[red]{failed} failed[/red]: {who} cannot run a session yet")
     else:
-        console.print(f"[green]ready[/green]: {who}" + (f", with {warnings} warnings" if warnings else ""))
+        console.print(
+            f"[green]ready[/green]: {who}"
+            + (f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else "")
+        )
     raise typer.Exit(1 if failed else 0)

@@ -73,7 +73,10 @@ def _print_summary(console: "Console", details: "EpisodeDetails", directory: Pat
     source = f" ({episode.distance_source})" if episode.distance_source else ""
     rows = [
         ("campaign", f"{episode.campaign_id}: {safe(episode.campaign)}"),
-        ("robot, site", f"{safe(episode.robot)} in {safe(episode.site)}"),
+        (
+            "robot, site",
+            f"{'simulated' if episode.simulated else 'real'} {safe(episode.robot)} in {safe(episode.site)}",
+        ),
         (
             "ended with",
             safe(episode.end_reason or "still running") + (f": {safe(details.error)}" if details.error else ""),

@@ -84,7 +84,7 @@ def list_(
             f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
             str(episode.actions),
             metres(episode.distance_to_goal_m),
-            f"{episode.started_at:%m-%d %H:%M}",
+            f"{episode.started_at:%Y-%m-%d %H:%M}",
         )
     page().print(table)
     if total > len(episodes):
@@ -133,6 +133,7 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
         "campaign_id": episode.campaign_id,
         "model": episode.model,
         "robot": episode.robot,
+        "simulated": episode.simulated,
         "site": episode.site,
         "goal": episode.goal,
         "start": episode.start,

@@ -59,7 +59,7 @@ def habitat(
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
     engine.dispose()
-    typer.echo(f"{written} episodes in {directory / 'episode_results.json'}")
+    typer.echo(f"{written} episode{'' if written == 1 else 's'} in {directory / 'episode_results.json'}")
 
 
 @app.command("csv")
@@ -85,7 +85,7 @@ def csv_(
         read_episodes(engine, numbers or (), model or ()), lambda one: episode_steps(engine, one.id), file
     )
     engine.dispose()
-    typer.echo(f"{written} steps in {file}")
+    typer.echo(f"{written} step{'' if written == 1 else 's'} in {file}")
 
 
 @app.command()

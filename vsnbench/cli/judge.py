@@ -230,7 +230,7 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
         if not one.proposal and not EndReason(one.end_reason).is_result:
             proposal += ": --collision WHAT or --void WHY"
         table.add_row(
-            str(one.id), safe(one.model), safe(one.goal), start, f"{one.ended_at:%m-%d %H:%M}", safe(proposal)
+            str(one.id), safe(one.model), safe(one.goal), start, f"{one.ended_at:%Y-%m-%d %H:%M}", safe(proposal)
         )
     page().print(table)
     ways = ["--confirm"] if any(one.proposal for one in waiting) else []

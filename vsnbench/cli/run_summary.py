@@ -93,7 +93,9 @@ def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
             f"[cyan]{_trials(result.awaiting)} to be judged[/cyan] by a person before it counts: "
             f"vsnbench judge --pending{escape(request.results.options)}"
         )
-    console.print(f"[dim]next:[/dim] vsnbench report{escape(request.results.options)}")
+    only_void = result.episodes == result.void > 0 and result.left == trials
+    after = "episodes list --outcome void" if only_void else "report"
+    console.print(f"[dim]next:[/dim] vsnbench {after}{escape(request.results.options)}")
 
 
 def _trials(count: int) -> str:

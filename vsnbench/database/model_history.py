@@ -59,13 +59,22 @@ def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tup
 
 def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any], *, hashes: bool = False) -> list[str]:
     words = []
+    old, new = _flat(old), _flat(new)
     for name in sorted(old.keys() | new.keys()):
         was, now = old.get(name), new.get(name)
         if was != now:
             shown = f"{kind}{name.replace('_', '-') if hashes else name}"
-            most = _HASH_CHARACTERS if hashes or name in _HASHES else _SHOWN_CHARACTERS
+            most = _HASH_CHARACTERS if hashes or name.rpartition(".")[2] in _HASHES else _SHOWN_CHARACTERS
             words.append(f"{shown} ({_short(was, most)} → {_short(now, most)})")
     return words
+
+
+def _flat(values: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return every single value by its path: of two long settings only what differs is told."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{within}{name}.") if isinstance(value, Mapping) else {f"{within}{name}": value}
+    return flat
 
 
 def _short(value: Any, most: int) -> str:

@@ -35,6 +35,8 @@ class EpisodeSummary:
     campaign: str
     model: str
     robot: str
+    simulated: bool
+    """Of the robot."""
     site: str
     goal: str
     start: int
@@ -184,6 +186,8 @@ class CampaignState:
     created_at: datetime
     model: str
     robot: str
+    simulated: bool
+    """Of the robot."""
     site: str
     trials: int
     done: int

@@ -110,13 +110,18 @@ def campaign_row(plan: CampaignPlan) -> Row:
     """Return the row of a campaign, without the rows that it points to."""
     return {
         "key": plan.key,
-        "name": text(plan.name) or f"{plan.model.name} on {plan.robot.profile.name} in {plan.site.name}",
+        "name": text(plan.name) or _campaign_name(plan),
         "created_at": datetime.now(UTC),
         "protocol": plan.protocol.model_dump(mode="json"),
         "protocol_sha256": plan.protocol_sha256,
         "conditions": dict(plan.conditions),
         "seed": plan.seed,
     }
+
+
+def _campaign_name(plan: CampaignPlan) -> str:
+    simulated = "simulated " if plan.robot.simulated else ""
+    return f"{text(plan.model.name)} on {simulated}{plan.robot.profile.name} in {plan.site.name}"
 
 
 def episode_begin_row(begin: EpisodeBegin) -> Row:

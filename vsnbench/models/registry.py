@@ -88,7 +88,20 @@ def _problem_with(card: ModelCard) -> str:
     if goals is not None and not (isinstance(goals, frozenset) and all(isinstance(each, str) for each in goals)):
         return "goals must be None or a frozenset of categories: frozenset({'chair'})"
     settings: object = card.settings
-    return "" if isinstance(settings, Mapping) else "settings must be a mapping"
+    return _unkept(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
+
+
+def _unkept(value: object, where: str) -> str:
+    """Return in words what of a card's settings the record could not keep; empty when it can keep all."""
+    if value is None or isinstance(value, str | bool | int | float):
+        return ""
+    if isinstance(value, Mapping):
+        return next((words for name, each in value.items() if (words := _unkept(each, f"{where}[{name!r}]"))), "")
+    if isinstance(value, list | tuple | set | frozenset):
+        return next((words for each in value if (words := _unkept(each, f"one of {where}"))), "")
+    if type(value).__module__ == "numpy":
+        return ""
+    return f"{where} must be what JSON has (text, numbers, lists, mappings), not {type(value).__name__}"
 
 
 def locate(name: str) -> tuple[str, Any]:

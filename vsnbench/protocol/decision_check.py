@@ -45,9 +45,13 @@ def checked_decision(answer: object) -> Decision:
         DecisionError: it is no decision, or a part of it cannot be shown and recorded; the message says which.
     """
     if not isinstance(answer, Decision):
-        raise DecisionError(f"it is no Decision but {_kind(answer)}")
+        raise DecisionError(
+            f"it is no Decision but {_kind(answer)}", advice="return Decision(Action.MOVE_FORWARD), for example"
+        )
     if not isinstance(answer.action, Action):
-        raise DecisionError(f"its action is no Action but {_kind(answer.action)}")
+        raise DecisionError(
+            f"its action is no Action but {_kind(answer.action)}", advice="give Action.MOVE_FORWARD, for example"
+        )
     if not isinstance(answer.diagnostics, Diagnostics):
         raise DecisionError(f"its diagnostics are no Diagnostics but {_kind(answer.diagnostics)}")
     raw_action = _text(answer.raw_action, "raw_action", MOST_NAME_CHARACTERS)

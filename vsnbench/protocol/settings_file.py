@@ -1,5 +1,6 @@
 """Reads a YAML file into a pydantic model, with errors that name the line and the field; bounded in size and depth."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,9 @@ class SettingsFault:
 
     def __str__(self) -> str:
         return f"{self.where}: {self.problem}"
+
+
+_WITH_COMMA = re.compile(r"[-+]?\d+,\d+")
 
 
 class _FaultyError(Exception):
@@ -69,6 +73,10 @@ def parse_settings(text: str, origin: str, model: type[Settings], error: type[Vs
         raise error(f"{faulty.faults[0]}{more}") from faulty
 
 
+CHECKING = "checking"
+"""In the context of validation: somebody asked for everything that is wrong, also what loading takes as it is."""
+
+
 def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchError], what: str) -> list[SettingsFault]:
     """Return everything in which a file breaks its format; empty for a good one.
 
@@ -76,7 +84,7 @@ def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchErro
         VsnbenchError: the file cannot be read; of the class `error`.
     """
     try:
-        _parse(_text_of(path, error, what), str(path), model, what)
+        _parse(_text_of(path, error, what), str(path), model, what, checking=True)
     except _FaultyError as faulty:
         return list(faulty.faults)
     return []
@@ -92,14 +100,14 @@ def _text_of(path: Path, error: type[VsnbenchError], what: str) -> str:
         raise error(f"cannot read {what} file {path}: it is no text in UTF-8") from problem
 
 
-def _parse(text: str, origin: str, model: type[Settings], what: str) -> Settings:
+def _parse(text: str, origin: str, model: type[Settings], what: str, *, checking: bool = False) -> Settings:
     tree, content = _read_yaml(text, origin)
     if not isinstance(content, dict):
         required = [name for name, field in model.model_fields.items() if field.is_required()]
         fields = ", ".join(required or model.model_fields)
         raise _FaultyError(SettingsFault(f"{origin}:1", f"a {what} file is a mapping with {fields}"))
     try:
-        return model.model_validate(content)
+        return model.model_validate(content, context={CHECKING: checking})
     except ValidationError as problem:
         # A misspelt field is missing under its right name too: the misspelling is what helps.
         worst_first = sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
@@ -187,6 +195,17 @@ def _words(detail: ErrorDetails) -> str:
         return "there is no such field"
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
+    if detail["type"] == "missing":
+        return "it is missing"
+    if detail["type"] == "invalid_key":
+        return "a name that is no text: a decimal comma before it? 1.5 is written with a point"
+    given = detail["input"]
+    if isinstance(given, str) and _WITH_COMMA.fullmatch(given.strip()):
+        return f"{given.strip()} is no number: write {given.strip().replace(',', '.')}, with a point"
+    if isinstance(given, list) and detail["type"] == "too_long":
+        most = detail["ctx"]["max_length"]
+        comma = ": a decimal comma? 1.5 is written with a point" if len(given) == 2 * most else ""
+        return f"{len(given)} values in place of {most}{comma}"
     return detail["msg"]
 
 

@@ -29,9 +29,10 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.validation import explain_validity
 
 from vsnbench.errors import SiteError, UsageError
-from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.categories import CATEGORIES, GOAL_CATEGORIES, meant_category
+from vsnbench.protocol.length_unit import LARGEST_M, in_metres
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.settings_file import SettingsFault, parse_settings, read_settings, settings_faults
+from vsnbench.protocol.settings_file import CHECKING, SettingsFault, parse_settings, read_settings, settings_faults
 from vsnbench.resources import resource_directory
 
 
@@ -42,9 +43,6 @@ def _goal_category(name: str) -> str:
 
 
 GoalCategory = Annotated[str, AfterValidator(_goal_category)]
-LARGEST_M = 200.0
-"""No coordinate lies farther from the origin: a survey in centimetres is noticed before it is built."""
-
 Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
 Point = tuple[Coordinate, Coordinate]
 Color = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
@@ -183,6 +181,14 @@ class SiteObject(_Strict):
 
     _footprint_encloses = field_validator("footprint")(_enclosing)
 
+    @field_validator("category")
+    @classmethod
+    def _category_is_known(cls, name: str, info: ValidationInfo) -> str:
+        """Refuse an unknown one when a survey is checked; a record of another site keeps the categories that it has."""
+        if info.context and info.context.get(CHECKING) and name not in CATEGORIES:
+            raise ValueError(f"the unknown category {name!r}: {meant_category(name)}")
+        return name
+
     @property
     def pose(self) -> Pose:
         """Centre and heading in the site's frame."""
@@ -232,6 +238,8 @@ class Site(_Strict):
     windows: list[Window] = []
     objects: list[SiteObject] = []
     starts: list[StartingPosition] = Field(min_length=1)
+
+    _is_in_metres = model_validator(mode="before")(in_metres)
 
     @field_validator("rooms", "doors", "objects", "starts")
     @classmethod

@@ -43,6 +43,8 @@ class Condition:
     """The parameters it was run under, as recorded."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Of the model, as recorded."""
+    source: Mapping[str, Any] = field(default_factory=dict)
+    """Of a model of one's own: its class and the hash of its source."""
     conditions: Mapping[str, Any] = field(default_factory=dict)
     """What else results depend on, as the robot said: `noise` of the simulated sensors and odometry, filters, lag."""
     name: str = ""
@@ -86,6 +88,7 @@ class Condition:
             f"success under {self.success_distance_m:g} m" if self.success_distance_m is not None else "",
             "sensor noise on" if self.noisy else "",
             f"weights: {self.weights_label}{weights}" if self.weights_label else "",
+            f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
             "the model is handed the site: an upper bound, not a competitor" if self.surveyed else "",
         ]
@@ -102,7 +105,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
     rows = connection.execute(
         select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.conditions, Campaign.seed)
         .add_columns(Model.id.label("model_id"), MODEL_NAME.label("model"), Model.weights_label, Model.weights_sha256)
-        .add_columns(Model.surveyed, Model.settings, CODE.label("code"))
+        .add_columns(Model.surveyed, Model.settings, Model.code.label("source"), CODE.label("code"))
         .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.kind, Robot.simulated)
         .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
         .join(Model, Model.id == Campaign.model_id)
@@ -139,6 +142,7 @@ def read_conditions(connection: Connection, chosen: "Selection") -> tuple[tuple[
                 seeds=tuple(row.seed for row in members),
                 protocol=first.protocol or {},
                 settings={} if first.code else first.settings or {},
+                source={} if first.code else first.source or {},
                 conditions=first.conditions or {},
                 blind=bool(first.code),
             )
@@ -170,7 +174,8 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     for model in dict.fromkeys(one.model for one in conditions):
         twins = [place for place, one in enumerate(conditions) if one.model == model]
         facets = [dict(_facets(conditions[place])) for place in twins]
-        telling = _telling(facets)
+        readable = [{facet: word for facet, word in own.items() if not _is_code(facet)} for own in facets]
+        telling = _telling(readable)
         for place, own in zip(twins, facets, strict=True):
             words = ", ".join(own[facet] for facet in telling if facet in own)
             names[place] = f"{model} {words}" if words else model
@@ -187,6 +192,11 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
         if clashes or bare:
             names[place] = f"{names[place]} #{one.number}"
     return tuple(replace(one, name=names[place], differing=differing[place]) for place, one in enumerate(conditions))
+
+
+def _is_code(facet: str) -> bool:
+    """Whether it is a hash of code: no name, but a word of the footnote; a number tells such conditions apart."""
+    return facet.startswith("model code")
 
 
 def _differs(facet: str, word: str, other: Mapping[str, str]) -> bool:
@@ -228,6 +238,8 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", condition.conditions)):
         for name, value in _flat(settings):
             yield f"{kind} {name}", f"{name}={value}"
+    if code := condition.source.get("sha256"):
+        yield "model code", f"code={code[:8]}"
     yield "kind", f"through {condition.kind}"
 
 

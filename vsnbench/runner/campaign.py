@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable, Container, Sequence
+from difflib import get_close_matches
 
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
@@ -60,13 +61,16 @@ def choose_goals(asked: Sequence[str], site: Site, card: ModelCard) -> tuple[str
     possible = [goal for goal in here if card.goals is None or goal in card.goals]
     if "all" in names:
         if not possible:
-            raise UsageError(f"site {site.name} has none of the goals that model {card.name} knows")
+            raise UsageError(
+                f"site {site.name} has none of the goals that model {card.name} knows", advice=_misnamed(card)
+            )
         return tuple(possible)
     for name in names:
         if name not in here:
             raise UsageError(f"site {site.name} has no {name}; it has {', '.join(here)}")
         if name not in possible:
-            raise UsageError(f"model {card.name} does not know {name}; it knows {', '.join(sorted(card.goals or ()))}")
+            knows = ", ".join(sorted(card.goals or ()))
+            raise UsageError(f"model {card.name} does not know {name}; it knows {knows}", advice=_misnamed(card))
     return tuple(dict.fromkeys(names))
 
 
@@ -90,6 +94,13 @@ def most_goals(asked: Sequence[str], site: Site) -> int:
     names = {name.strip() for text in asked for name in text.split(",")}
     here = [goal for goal in GOAL_CATEGORIES if goal in site.categories]
     return len(here) if "all" in names else len(names)
+
+
+def _misnamed(card: ModelCard) -> str:
+    """Say which goals of a card are written otherwise than the protocol's; empty for none."""
+    strange = sorted(goal for goal in card.goals or () if goal not in GOAL_CATEGORIES)
+    near = [(goal, meant[0]) for goal in strange if (meant := get_close_matches(goal, GOAL_CATEGORIES, 1, 0.75))]
+    return "; ".join(f"its card says {goal}, did it mean {meant}?" for goal, meant in near)
 
 
 def choose_starts(asked: str | None, site: Site) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ from vsnbench.protocol.step_record import StepTimings
 from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
-from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping
+from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping, StopRequest
 
 logger = logging.getLogger(__name__)
 
@@ -72,6 +72,14 @@ class EpisodeOutcome:
     """The robot is real: the verdict counts when a person has confirmed it."""
     began: bool = True
     """False where not even the first observation could be asked for."""
+
+
+class StoppedInEpisodeError(Stopped):
+    """A request ended the session in the midst of an episode, which has been recorded."""
+
+    def __init__(self, request: StopRequest, outcome: EpisodeOutcome) -> None:
+        super().__init__(request)
+        self.outcome = outcome
 
 
 class Beside(Protocol):
@@ -173,7 +181,7 @@ def run_episode(
         recorder.intervention(stopped.request.words)
     recorder.end(outcome)
     if stopped is not None and ends_session:
-        raise stopped
+        raise StoppedInEpisodeError(stopped.request, outcome) from stopped
     return outcome
 
 

@@ -18,7 +18,14 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.attendant import Attendant, EndedEpisode
-from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, EpisodeRecorder, Step, run_episode
+from vsnbench.runner.episode import (
+    EpisodeOutcome,
+    EpisodePlan,
+    EpisodeRecorder,
+    Step,
+    StoppedInEpisodeError,
+    run_episode,
+)
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -170,6 +177,9 @@ def run_trial(
     except EpisodeClosedError as closed:
         logger.warning("%s", closed)
         return None
+    except StoppedInEpisodeError as stopped:
+        beside.was_cut_short(EndedEpisode(claim.id, plan, stopped.outcome))
+        raise
     finally:
         stop.episode_is_over()
         recorder.close()
@@ -201,6 +211,10 @@ class Judged:
         if (fetched := self._left_standing) is not None:
             self._left_standing = None
             self._intervened(fetched, f"moved by hand after {fetched.outcome.verdict.end_reason}")
+
+    def was_cut_short(self, ended: EndedEpisode) -> None:
+        """Tell the attendant of an episode that ended with its session: nobody is asked to judge it now."""
+        self._attendant.episode_ended(ended)
 
     def has_ended(self, ended: EndedEpisode) -> None:
         """Tell the attendant, and have what awaits judgement judged."""

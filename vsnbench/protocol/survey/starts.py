@@ -39,10 +39,12 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
 
 def _headings(site: Site) -> Iterator[SiteFinding]:
     given = [start.heading_deg for start in site.starts] + [thing.heading_deg for thing in site.objects]
-    slanted = [heading for heading in given if heading % 1 > 1e-6]
-    if len(slanted) > len(given) / 3 and max(map(abs, given)) <= math.tau:
-        most = max(map(abs, given))
-        yield warning(f"site {site.name}", f"turns nothing by more than {most:.2f}°", "headings are degrees")
+    small = [abs(heading) for heading in given if abs(heading) <= math.tau]
+    slanted = [heading for heading in small if heading % 1 > 1e-6]
+    turned = sum(abs(heading) > math.tau for heading in given)
+    if len(slanted) > len(given) / 3 and turned <= len(slanted) / 4:
+        few = f"only {turned} of {len(given)} things" if turned else "nothing"
+        yield warning(f"site {site.name}", f"turns {few} by more than {max(small):.2f}°", "headings are degrees")
 
 
 def _stands(site: Site, start: StartingPosition, radius_m: float) -> Iterator[SiteFinding]:

@@ -1,6 +1,5 @@
 """What is wrong with the objects of a surveyed site: unknown, out of place, in each other's way."""
 
-import difflib
 import itertools
 import math
 from collections.abc import Iterator
@@ -9,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.protocol.categories import CATEGORIES
+from vsnbench.protocol.categories import CATEGORIES, meant_category
 from vsnbench.protocol.site import Point, Site, SiteObject, Wall
 from vsnbench.protocol.survey.finding import TOUCHING_M2, SiteFinding, between, error, shown, warning
 from vsnbench.protocol.walls import wall_shapes
@@ -39,8 +38,7 @@ def object_findings(site: Site) -> Iterator[SiteFinding]:
 
 
 def _unknown(thing: SiteObject) -> SiteFinding:
-    near = difflib.get_close_matches(thing.category, sorted(CATEGORIES), n=1, cutoff=0.75)
-    known = f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(CATEGORIES))}"
+    known = meant_category(thing.category)
     return error(thing.id, f"has the unknown category {thing.category!r}", known, thing.position)
 
 
