@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.simulator.places import square_room
 from vsnbench.errors import RobotError, UsageError
+from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
@@ -150,3 +152,31 @@ def test_a_rehearsal_and_the_real_robot_are_not_one() -> None:
 def test_profiles_keep_the_hash_by_which_older_records_know_them() -> None:
     assert load_profile("turtlebot2").sha256 == "8e520b9cdb3ae97f59e8c396156fefb69694d5f67075bbb87164e749d48f09f6"
     assert load_profile("lola2").sha256 == "0c3a03a568222b36a836cf08ab077e81a94eb246489be3a97a8f662b364a039a"
+
+
+def test_a_cameras_size_makes_another_robot_that_sees_the_middle_at_that_size() -> None:
+    whole, cut = open_robot("simulated", SITE, PAPER), open_robot("simulated:turtlebot2@256x256", SITE, PAPER)
+    camera, middle = whole.identity.profile.camera, cut.identity.profile.camera
+    assert (middle.width, middle.height) == (256, 256)
+    assert middle.focal_px / 256 == pytest.approx(camera.focal_px / camera.height)
+    assert whole.identity.sha256 != cut.identity.sha256
+    cut.begin(SITE.starts[0], seed=1)
+    assert cut.observe().rgb.shape == (256, 256, 3)
+
+
+@pytest.mark.parametrize("size", ["256", "0x256", "256x256x3", "9999x16", "axb", "-1x20", "1e2x100"])
+def test_a_size_that_is_none_is_refused_in_one_line(size: str) -> None:
+    with pytest.raises(UsageError, match="camera's size"):
+        open_robot(f"simulated:turtlebot2@{size}", SITE, PAPER)
+
+
+def test_labels_are_drawn_only_for_whoever_reads_them() -> None:
+    blind = open_robot("simulated", SITE, PAPER, read=frozenset({Sensor.RGB}))
+    seeing = open_robot("simulated", SITE, PAPER)
+    for robot in (blind, seeing):
+        robot.begin(SITE.starts[0], seed=1)
+    less, all_of_it = blind.observe(), seeing.observe()
+    assert less.instances is None
+    assert all_of_it.instances is not None
+    assert np.array_equal(less.rgb, all_of_it.rgb)
+    assert np.array_equal(less.depth_m, all_of_it.depth_m, equal_nan=True)

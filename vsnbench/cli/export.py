@@ -1,5 +1,6 @@
 """`vsnbench export`: episodes in the formats of other tools."""
 
+import logging
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,7 @@ import typer
 
 from vsnbench.cli.options import Database, Results
 
+logger = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 Numbers = Annotated[list[int] | None, typer.Argument(help="Numbers of episodes; all that have ended when absent.")]
@@ -102,7 +104,7 @@ def bag(
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import episode_steps
     from vsnbench.exchange.episodes import read_episodes
-    from vsnbench.exchange.rosbag import write_bag
+    from vsnbench.exchange.rosbag import COLOR, write_bag
     from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
@@ -110,4 +112,6 @@ def bag(
     (episode,) = read_episodes(engine, [number])
     messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
     engine.dispose()
+    if messages.get(COLOR) == 0:
+        logger.warning("episode %d keeps no images: the bag has its odometry and actions", number)
     typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))

@@ -2,12 +2,15 @@
 
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.options import RECORD_PANEL, Database, Results
 from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.record.results import Kept
 
 _WHAT = "What to run"
 _HOW = "How"
@@ -156,6 +159,15 @@ def command(
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="do not ask before a long sweep", rich_help_panel=_HOW)
     ] = False,
+    record: Annotated[
+        str,
+        typer.Option(
+            "--record",
+            metavar="full|lean|numbers",
+            help="images and Rerun's copies; images; or neither, for simulated sweeps",
+            rich_help_panel=RECORD_PANEL,
+        ),
+    ] = "full",
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
     ] = False,
@@ -210,6 +222,7 @@ def command(
         act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,
         workers=WorkersAsked(_workers(workers), cluster, gpus),
+        kept=_kept(record, live=live),
     )
     before = frozenset(threading.enumerate())
     if "," in model or seeds is not None or sites is not None:
@@ -220,6 +233,21 @@ def command(
         code = run_and_tell(request, live=live, unattended=unattended)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
+
+
+def _kept(given: str, *, live: bool) -> "Kept":
+    """Return what is kept of an episode.
+
+    Raises:
+        UsageError: there is no such word, or it does not go with `--live`.
+    """
+    from vsnbench.record.results import Kept
+
+    if given not in list(Kept):
+        raise UsageError(f"--record {given}: say {', '.join(Kept)}")
+    if live and given != Kept.FULL:
+        raise UsageError(f"--live shows each episode from its copy for Rerun, which --record {given} does not make")
+    return Kept(given)
 
 
 def _workers(given: str) -> int | None:

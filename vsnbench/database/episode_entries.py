@@ -33,6 +33,8 @@ class EpisodeBegin:
     """Shortest way from the start to where the goal counts as reached."""
     started_at: datetime | None = None
     """Now, when not given."""
+    has_images: bool = True
+    """False where nothing will lie in its directory."""
 
 
 @dataclass(frozen=True, slots=True)

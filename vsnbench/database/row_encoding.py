@@ -129,6 +129,7 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
     return {
         "started_at": begin.started_at or datetime.now(UTC),
         "geodesic_start_m": number(begin.geodesic_m),
+        **({} if begin.has_images else {"images_directory": ""}),
     }
 
 

@@ -40,6 +40,12 @@ class Camera(BaseModel):
         """Return the same view at another resolution."""
         return self.model_copy(update={"width": width, "height": height})
 
+    def cut_to(self, width: int, height: int) -> Self:
+        """Return the largest part of this view, in its middle, that has this shape, at this resolution."""
+        focal_px = self.focal_px * max(width / self.width, height / self.height)
+        fov_deg = math.degrees(2 * math.atan(width / 2 / focal_px))
+        return self.model_copy(update={"width": width, "height": height, "horizontal_fov_deg": fov_deg})
+
     def rays(self, width: int, height: int) -> "Rays":
         """Return the way of every pixel's ray through an image of this view at any resolution."""
         focal_px = self.focal_px * width / self.width

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.errors import RecordError
 from vsnbench.protocol.observation import Observation
@@ -29,9 +30,15 @@ class WrittenImages:
     """Of the (H, W, 3) uint8 array, as the policy saw it."""
     depth_sha256: str | None
     """Of the (H, W) uint16 millimetres as the PNG holds them, little-endian; None without depth."""
-    rgb_jpeg: bytes
-    """What the file holds, for whoever wants to show it."""
+    rgb_jpeg: bytes | None
+    """What the file holds, for whoever wants to show it; None where there is no file."""
     depth_png: bytes | None
+
+
+def hash_images(observation: Observation) -> WrittenImages:
+    """Return the hashes of an observation's images, of which nothing else is kept."""
+    millimetres = None if observation.depth_m is None else depth_millimetres(observation.depth_m)
+    return WrittenImages(_sha256_of_rgb(observation.rgb), _sha256_of_depth(millimetres), None, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,17 +81,15 @@ class EpisodeImages:
         Raises:
             RecordError: they cannot be written.
         """
-        rgb = np.ascontiguousarray(observation.rgb)
-        jpeg = encode_jpeg(rgb)
+        jpeg = encode_jpeg(observation.rgb)
         write_whole(rgb_path(self._directory, number), jpeg)
         png: bytes | None = None
-        depth_sha256: str | None = None
+        millimetres: npt.NDArray[np.uint16] | None = None
         if observation.depth_m is not None:
             millimetres = depth_millimetres(observation.depth_m)
             png = encode_depth_png(millimetres)
             write_whole(depth_path(self._directory, number), png)
-            depth_sha256 = hashlib.sha256(millimetres.astype("<u2", copy=False).data).hexdigest()
-        return WrittenImages(hashlib.sha256(rgb.data).hexdigest(), depth_sha256, jpeg, png)
+        return WrittenImages(_sha256_of_rgb(observation.rgb), _sha256_of_depth(millimetres), jpeg, png)
 
     def finish(self, path: Sequence[StampedPose] = ()) -> None:
         """Write the trajectory beside the images, where there is one; nothing comes after this.
@@ -110,6 +115,14 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
             f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
         )
     write_whole(path, "".join(lines).encode())
+
+
+def _sha256_of_rgb(rgb: npt.NDArray[np.uint8]) -> str:
+    return hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
+
+
+def _sha256_of_depth(millimetres: npt.NDArray[np.uint16] | None) -> str | None:
+    return None if millimetres is None else hashlib.sha256(millimetres.astype("<u2", copy=False).data).hexdigest()
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:

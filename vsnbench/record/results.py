@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
@@ -18,6 +19,17 @@ DEFAULT_DIRECTORY = "results"
 DATABASE_NAME = "vsnbench.db"
 LOW_SPACE_BYTES = 200 * 2**20
 """Some six full episodes of 640 x 480 images (31 MB each): with less, a run does not begin."""
+
+
+class Kept(StrEnum):
+    """What of an episode is kept beside its rows in the database; the rows are the same, with the images' hashes."""
+
+    FULL = "full"
+    """Images, and the copy of the episode for Rerun."""
+    LEAN = "lean"
+    """Images; the copy for Rerun is made of them when somebody views the episode."""
+    NUMBERS = "numbers"
+    """Nothing: what the robot saw can only be drawn again, by running the trial again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ Names on the command line (`--robot`):
 
 - `simulated`: a simulated Turtlebot 2 in the site's twin, within this process; the default.
 - `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
+- `simulated:turtlebot2@256x256`: the same robot, whose camera's picture is cut to that shape in the middle and drawn at
+  that size; another robot, since it sees other pixels.
 - any entry point of the group `vsnbench.robots`, or `package.module:Class`.
 
 - `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the real robot of that profile over ROS 1 or ROS 2, or
@@ -17,8 +19,10 @@ from typing import Any
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
 from vsnbench.plugins import import_factory, plug_ins, source_sha256
+from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
+from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import embedded_profiles, is_profile, load_profile
@@ -28,6 +32,7 @@ DEFAULT_ROBOT = "simulated"
 
 _SIMULATED = "simulated"
 _DEFAULT_PROFILE = "turtlebot2"
+_SMALLEST_PX, _LARGEST_PX = 16, 4096
 
 
 def known_robots() -> list[str]:
@@ -42,7 +47,14 @@ def is_simulated(name: str) -> bool:
     return name.partition(":")[0] == _SIMULATED
 
 
-def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: bool = False) -> Robot:
+def open_robot(
+    name: str,
+    site: Site,
+    parameters: ProtocolParameters,
+    *,
+    noise: bool = False,
+    read: frozenset[Sensor] = frozenset(Sensor),
+) -> Robot:
     """Return a robot that is ready to begin an episode; close it, or use it as a context manager.
 
     A plug-in is called with `site` and `parameters` as keyword arguments, as far as it takes them.
@@ -52,6 +64,7 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
         site: where the robot is.
         parameters: how far it moves and turns.
         noise: whether a simulated robot's sensors are to be as noisy as real ones.
+        read: what the policy looks at; a simulated robot need not draw the labels of objects for nobody.
 
     Raises:
         UsageError: there is no such robot or profile, or it has no noise to turn on.
@@ -61,8 +74,8 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
         from vsnbench.robots.simulated import SimulatedRobot
         from vsnbench.simulator.noise import NoiseSettings
 
-        profile = load_profile(name.partition(":")[2] or _DEFAULT_PROFILE)
-        return SimulatedRobot(site, profile, parameters, noise=NoiseSettings() if noise else None)
+        profile = _simulated_profile(name)
+        return SimulatedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
     if is_profile(name):
@@ -70,6 +83,33 @@ def open_robot(name: str, site: Site, parameters: ProtocolParameters, *, noise: 
 
         return _in_its_site(RosRobot(load_profile(name), parameters), name, site)
     return _in_its_site(_plug_in_robot(name, site, parameters), name, site)
+
+
+def _simulated_profile(name: str) -> RobotProfile:
+    """Return the profile that a simulated robot's name means, with the camera's size where one is said.
+
+    Raises:
+        UsageError: there is no such profile, or no such size.
+    """
+    wanted, _, size = name.partition(":")[2].partition("@")
+    profile = load_profile(wanted or _DEFAULT_PROFILE)
+    if not size:
+        return profile
+    sides = [int(side) for side in size.split("x") if side.isdecimal() and len(side) <= 4]
+    if len(sides) != 2 or not all(_SMALLEST_PX <= side <= _LARGEST_PX for side in sides):
+        raise UsageError(
+            f"robot {name}: the camera's size {size!r} is none: say WIDTHxHEIGHT in pixels, "
+            f"{_SMALLEST_PX} to {_LARGEST_PX} each",
+            advice=f"for instance simulated:{wanted or _DEFAULT_PROFILE}@256x256",
+        )
+    width, height = sides
+    return profile.model_copy(
+        update={
+            "name": f"{profile.name}-{width}x{height}",
+            "title": f"{profile.title}, camera {width} x {height}",
+            "camera": profile.camera.cut_to(width, height),
+        }
+    )
 
 
 def _in_its_site(robot: Robot, name: str, site: Site) -> Robot:

@@ -24,15 +24,17 @@ from vsnbench.simulator.noise import NoiseSettings, OdometryDrift, noisy_depth
 from vsnbench.simulator.odometry import WheelOdometry
 from vsnbench.simulator.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
 from vsnbench.simulator.primitives import Scene
-from vsnbench.simulator.renderer import Renderer
+from vsnbench.simulator.renderer import Frame, Renderer
 from vsnbench.simulator.scene import build_scene
+from vsnbench.simulator.shading import mark_out_of_range
 
 
 class SimulatedRobot:
     """A robot of some profile in a site's simulated twin.
 
     Simulated time passes by motion only and starts at zero with every episode; the same seed gives the same episode,
-    bit by bit. Without `noise` the only error of odometry is the wheels' slip.
+    bit by bit. Without `noise` the only error of odometry is the wheels' slip. Labels of objects are drawn only where
+    they are `read`, or where noise depends on them.
     """
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
@@ -43,10 +45,12 @@ class SimulatedRobot:
         profile: RobotProfile,
         parameters: ProtocolParameters | None = None,
         noise: NoiseSettings | None = None,
+        read: frozenset[Sensor] = sensors,
     ) -> None:
         self.site = site
         self.profile = profile
         self.noise = noise
+        self._draws_labels = Sensor.INSTANCES in read or noise is not None
         self.conditions: Mapping[str, Any] = {"simulator": simulator_version()} | (
             {} if noise is None else {"noise": noise.model_dump(mode="json")}
         )
@@ -89,19 +93,20 @@ class SimulatedRobot:
         """Return what the camera and the odometry say here; the robot stands still."""
         self._require_begun()
         camera = self.profile.camera
-        view = self._renderer.render(camera, self._physics.pose)
+        here = self._physics.pose
+        view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
         depth_m = view.depth_m
-        if self.noise is not None:
+        if self.noise is not None and isinstance(view, Frame):
             shininess = self._shininess[view.instance]
             depth_m = noisy_depth(depth_m, view.rgb, shininess, self.noise.depth, self._depth_rng)
-        in_range = (depth_m >= camera.depth_min_m) & (depth_m <= camera.depth_max_m)
+        mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return Observation(
             rgb=view.rgb,
-            depth_m=np.where(in_range, depth_m, np.float32(np.nan)),
+            depth_m=depth_m,
             pose=_reported(self._odometry),
             stamp_s=self._physics.time_s,
             camera=camera,
-            instances=InstanceImage(ids=view.instance, categories=self._categories),
+            instances=InstanceImage(view.instance, self._categories) if isinstance(view, Frame) else None,
         )
 
     def execute(self, action: Action) -> MotionResult:

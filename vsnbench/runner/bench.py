@@ -24,6 +24,7 @@ from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
+from vsnbench.record.results import Kept
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
 from vsnbench.runner.campaign import choose_goals
@@ -47,6 +48,8 @@ class BenchPlan:
     """How long a model in the bench's process may take for an action; without end when None."""
     isolation: Isolation | None = None
     """Run the model in a process of its own."""
+    kept: Kept = Kept.FULL
+    """What is kept of the episodes that are run on it; no result depends on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +114,7 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
     policy = create_policy(plan.model, plan.isolation, **plan.model_options)
     try:
         choose_goals(plan.goals, plan.site, policy.card)
-        with open_robot(plan.robot, plan.site, plan.parameters, noise=plan.noise) as robot:
+        with open_robot(plan.robot, plan.site, plan.parameters, noise=plan.noise, read=policy.card.sensors) as robot:
             yield on_bench(plan, policy, robot)
     finally:
         close_policy(policy)

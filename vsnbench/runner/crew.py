@@ -135,7 +135,13 @@ class _Alone:
     def run(self, journal: Journal, keeping: Keeping, attendance: Attendance, occasion: Occasion) -> SessionResult:
         described = self.description
         target = RecordingTarget(
-            journal, keeping.results, described.title, described.robot.profile, keeping.viewer, keeping.operator
+            journal,
+            keeping.results,
+            described.title,
+            described.robot.profile,
+            keeping.viewer,
+            keeping.operator,
+            self._plan.kept,
         )
         with attendance.attend(occasion) as attendant:
             return run_session(

@@ -18,7 +18,7 @@ from vsnbench.protocol.survey.check import layout_findings
 from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
 from vsnbench.runner.campaign import choose_starts, is_surveyed, most_goals, named_site, plan_trials
@@ -55,6 +55,8 @@ class RunRequest:
     """Run the model in a process of its own."""
     workers: WorkersAsked = field(default_factory=WorkersAsked)
     """How many trials are run at once in simulation, and where."""
+    kept: Kept = Kept.FULL
+    """What is kept of an episode beside its rows."""
 
     def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
         """Return what every trial of it is run with."""
@@ -68,6 +70,7 @@ class RunRequest:
             model_options=self.model_options,
             act_timeout_s=self.act_timeout_s,
             isolation=self.isolation,
+            kept=self.kept,
         )
 
 
@@ -106,6 +109,11 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         described = crew.description
         tell_of_stand_in(described)
         profile = described.robot.profile
+        if request.kept is Kept.NUMBERS and not described.robot.simulated:
+            raise UsageError(
+                f"--record numbers: robot {profile.name} is real, and what it saw cannot be drawn again",
+                advice="keep its images: --record lean",
+            )
         if surveyed:
             heed_survey(request.site, site, profile.base.radius_m, parameters)
         if described.needs_a_person:

@@ -21,8 +21,8 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
-from vsnbench.record.images import EpisodeImages, StampedPose
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.record.images import EpisodeImages, StampedPose, hash_images
+from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
 
 
@@ -65,6 +65,8 @@ class RecordingTarget:
     """Whoever shows or copies the episodes."""
     operator: str = ""
     """Who is responsible for the robot."""
+    kept: Kept = Kept.FULL
+    """What is kept of an episode; a viewer is given only where it copies episodes, too."""
 
 
 class EpisodeRecorderFanOut:
@@ -94,9 +96,10 @@ class EpisodeRecorderFanOut:
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
         target.journal.place(claim.id, start)
-        target.journal.begin(claim.id, EpisodeBegin(geodesic_m))
+        images = target.kept is not Kept.NUMBERS
+        target.journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images))
         directory = target.results.episode_directory(claim.images_directory)
-        self._images = EpisodeImages(directory)
+        self._images = EpisodeImages(directory) if images else None
         header = EpisodeHeader(
             episode_id=claim.id,
             uuid=claim.uuid,
@@ -170,10 +173,8 @@ class EpisodeRecorderFanOut:
             pending.result()
 
     def _write(self, step: Step) -> None:
-        if self._images is None:
-            raise RuntimeError("a step came before the episode had begun")
         observation, decision = step.observation, step.decision
-        images = self._images.write(step.index, observation)
+        images = self._images.write(step.index, observation) if self._images else hash_images(observation)
         kept = StepRecord(
             number=step.index,
             action=decision.action,

@@ -17,13 +17,19 @@ from vsnbench.simulator.textures import SKY, texture_atlas
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """One view; all images have the camera's size (H, W)."""
+class Look:
+    """One view as a camera has it; all images have the camera's size (H, W)."""
 
     rgb: npt.NDArray[np.uint8]
     """(H, W, 3)."""
     depth_m: npt.NDArray[np.float32]
     """(H, W) metres along the optical axis; infinite where there is nothing. No sensor's range is applied."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame(Look):
+    """One view, with what each pixel shows."""
+
     category: npt.NDArray[np.uint8]
     """(H, W) index into `mesh.SEMANTIC_CLASSES`."""
     instance: npt.NDArray[np.int32]
@@ -66,8 +72,20 @@ class Renderer:
 
     def render_from(self, eye: Eye, width: int, height: int, focal_px: float) -> Frame:
         """Draw what a pinhole camera sees from any place."""
+        from vsnbench.simulator.shading import label_pixels
+
+        look, mesh = self._look(eye, width, height, focal_px), self._mesh
+        category, instance = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
+        label_pixels(self._buffers[height, width][1], mesh.owner, mesh.categories, mesh.instances, category, instance)
+        return Frame(look.rgb, look.depth_m, category, instance)
+
+    def look(self, camera: Camera, pose: Pose) -> Look:
+        """Draw what a robot's camera sees, without the labels that only a simulator has."""
+        return self._look(eye_of(camera, pose), camera.width, camera.height, camera.focal_px)
+
+    def _look(self, eye: Eye, width: int, height: int, focal_px: float) -> Look:
         from vsnbench.simulator.raster import draw_faces
-        from vsnbench.simulator.shading import label_pixels, shade_pixels
+        from vsnbench.simulator.shading import shade_pixels
 
         mesh, light = self._mesh, self._light
         if (height, width) not in self._buffers:
@@ -92,12 +110,7 @@ class Renderer:
             nearness,
             seen,
         )
-        frame = Frame(
-            np.empty((height, width, 3), np.uint8),
-            np.empty((height, width), np.float32),
-            np.empty((height, width), np.uint8),
-            np.empty((height, width), np.int32),
-        )
+        look = Look(np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32))
         shade_pixels(
             at,
             axes,
@@ -112,11 +125,10 @@ class Renderer:
             self._levels,
             SKY,
             self._tones,
-            frame.rgb,
-            frame.depth_m,
+            look.rgb,
+            look.depth_m,
         )
-        label_pixels(seen, mesh.owner, mesh.categories, mesh.instances, frame.category, frame.instance)
-        return frame
+        return look
 
 
 @lru_cache(maxsize=8)

@@ -237,6 +237,16 @@ def _shade_sky(
 
 
 @compiled
+def mark_out_of_range(depth: Any, nearest: Any, farthest: Any) -> None:
+    """Make no number of every depth (H, W) that a sensor with this range does not measure."""
+    height, width = depth.shape
+    for row in range(height):
+        for column in range(width):
+            value = depth[row, column]
+            depth[row, column] = value if nearest <= value <= farthest else np.float32(np.nan)
+
+
+@compiled
 def label_pixels(seen: Any, owner: Any, categories: Any, instances: Any, category: Any, instance: Any) -> None:
     """Write both ids of every pixel that `draw_faces` has found, 0 where there is nothing; all images (H, W)."""
     height, width = seen.shape

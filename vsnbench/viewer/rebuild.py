@@ -28,6 +28,11 @@ def current_recording(results: ResultsDirectory, episode_id: int) -> Path:
         RecordError: the record cannot be read or the file cannot be written.
     """
     replay = read_episode(results, episode_id)
+    if replay.keeps_no_images:
+        logger.warning(
+            "episode %d keeps no images: it shows where the robot went, what it did and why, and not what it saw",
+            episode_id,
+        )
     path = replay.directory / FILE_NAME
     fault = recording_fault(path, replay.header.uuid, replay.end)
     if fault:

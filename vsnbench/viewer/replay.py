@@ -31,6 +31,12 @@ class EpisodeReplay:
     """Where its files lie."""
 
     @property
+    def keeps_no_images(self) -> bool:
+        """Whether there are steps, and of none of them an image."""
+        steps = [entry for entry in self.entries if isinstance(entry, StepEntry)]
+        return bool(steps) and all(step.rgb_jpeg is None for step in steps)
+
+    @property
     def end(self) -> EndEntry | None:
         """The standing verdict; None while the episode runs."""
         last = self.entries[-1] if self.entries else None

@@ -133,6 +133,8 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
     if strips := sum(bool(episode.strip) for episode in episodes):
         few = f" of the first {strips} that have any" if strips == MOST_STRIPS else ""
         lead += f" Pictures: five frames from the first to the last{few}."
+    if without := int((report.record.episodes["images_directory"] == "").sum()):
+        lead += f" {without} of all keep no images."
     from markupsafe import Markup
 
     return template.render(

@@ -113,6 +113,7 @@ class Worker:
             bench.description.robot.profile,
             keeping.viewer,
             keeping.operator,
+            plan.kept,
         )
         run_session(
             self._journal,
