@@ -193,7 +193,8 @@ def keep_sealed(journal: Journal, results: ResultsDirectory, claim: Claim, seale
         journal.place(claim.id, rows.placed)
     if rows.begun is not None:
         journal.begin(claim.id, rows.begun)
-        _put_files(results.episode_directory(claim.images_directory), sealed.files)
+        if sealed.files:
+            _put_files(results.episode_directory(claim.images_directory), sealed.files)
     journal.keep_sealed(claim.id, rows)
 
 
