@@ -9,7 +9,6 @@ import time
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.record.results import Kept
 from vsnbench.runner.attendance import TerminalAttendance
 from vsnbench.runner.launch import Launched, RunRequest, launch
 from vsnbench.runner.stopping import StopAuthor, Stopped
@@ -32,8 +31,7 @@ def run_and_tell(request: RunRequest, *, live: bool, unattended: bool) -> int:
     console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
     try:
         with RerunEpisodes(live=live) as viewer:
-            copying = live or request.kept is Kept.FULL
-            launched = launch(request, TerminalAttendance(unattended), viewer if copying else None)
+            launched = launch(request, TerminalAttendance(unattended), viewer)
             viewer.linger()
     except Stopped as stopped:
         console.print(stopped_words(stopped))

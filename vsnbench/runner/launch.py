@@ -88,7 +88,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
     Args:
         request: what was asked for.
         attendance: finds whoever stands beside the robot.
-        viewer: whoever shows or copies the episodes.
+        viewer: whoever shows or copies the episodes, where copies are kept.
 
     Raises:
         UsageError: something named does not exist or does not fit together; nothing was written.
@@ -103,6 +103,8 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         _heed(request.site, layout_findings(site))
     bench = request.bench_plan(site, parameters)
     trials = most_goals(request.goals, site) * len(starts) * request.repetitions
+    if request.kept is not Kept.FULL:
+        viewer = None
     wish = wish_of(request.workers, bench, trials, live=viewer is not None and viewer.is_live)
     with ExitStack() as stack:
         crew = stack.enter_context(open_crew(bench, wish))
