@@ -112,7 +112,7 @@ def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) ->
         raise UsageError("--gpus is for the workers of a --cluster", advice="name the model's device with --device")
     several = f"--cluster {asked.cluster}" if asked.cluster else f"--workers {asked.count}"
     if single and (asked.cluster or (asked.count or 1) > 1):
-        raise UsageError(f"{several}: {single}", advice="leave that out")
+        raise UsageError(f"{several}: {single}", advice=f"leave {several.split(maxsplit=1)[0]} out")
     if asked.cluster:
         return ClusterWish(ClusterAddress.parse(asked.cluster), asked.count, asked.gpus_each)
     return Wish(1, asked_for=False) if single else wish_for(asked.count, trials, Capacity.of_this_machine())

@@ -150,7 +150,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
         journal.patience.gives_up = lambda: stop.session_ends
         outcomes = journal.standing(campaign).outcomes
         occasion = Occasion(
-            f"{described.title} in {site.name}",
+            f"{described.card.name} in {site.name}",
             len(campaign.trials),
             len(outcomes),
             sum(outcomes),

@@ -45,7 +45,7 @@ class CampaignProgress:
         self._shows_actions = shows_actions
         self._bar = Progress(
             TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=24 if self.console.width >= 100 else 8),
             MofNCompleteColumn(),
             TextColumn("{task.fields[rate]}"),
             TextColumn("[dim]{task.fields[now]}"),
