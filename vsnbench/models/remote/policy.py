@@ -15,7 +15,7 @@ from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import Address, Answer, Connection
+from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.protocol.codec import decision_from_message, observation_to_message
 from vsnbench.protocol.decision import Decision
@@ -25,6 +25,8 @@ from vsnbench.protocol.settings_file import read_settings
 logger = logging.getLogger(__name__)
 
 _RETRY_PERIOD_S = 0.5
+_LEAVING_S = 2.0
+"""A run that has ended is gone before its server has noticed."""
 _WORDS_MAX = 500
 _TRACEBACK_MAX = 15_000
 
@@ -78,7 +80,7 @@ class RemotePolicy:
         self.settings = given
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
-        self._connection: Connection | None = self.connect()
+        self._connection: Connection | None = self._first_connection()
         try:
             self.card = self._card_of(self._connection)
         except ModelError:
@@ -135,6 +137,17 @@ class RemotePolicy:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def _first_connection(self) -> Connection:
+        """Return the first conversation; the last client may be just leaving."""
+        give_up = time.monotonic() + _LEAVING_S
+        while True:
+            try:
+                return self.connect()
+            except ModelBusyError:
+                if time.monotonic() > give_up:
+                    raise
+                time.sleep(_RETRY_PERIOD_S / 5)
 
     def _reconnect(self) -> Connection:
         """Return a new conversation in place of the one that was lost, with patience: somebody starts it again.
