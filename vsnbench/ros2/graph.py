@@ -20,6 +20,7 @@ class Graph:
     def __init__(self, node: Ros2Node) -> None:
         self._node = node
         self._labels: dict[bytes, str] = {}
+        self._topic_labels: dict[str, list[str]] = {}
 
     def publishers(self, topic: str) -> list[Endpoint]:
         """Return who publishes a topic."""
@@ -35,14 +36,17 @@ class Graph:
         return [f"{namespace.rstrip('/')}/{name}" for name, namespace in found]
 
     def sender(self, topic: str, info: Any) -> str:
-        """Return the node that published a message: two of one name are told apart."""
+        """Return the node that published a message: two of one name are told apart; empty while it is not known."""
         gid = bytes(info["publisher_gid"]["data"])
         if gid not in self._labels:
             name = next((one.node for one in self.publishers(topic) if one.gid == gid), "")
-            if not name:
-                return f"an unknown node on {topic}"
-            taken = sum(label.startswith(name) for label in self._labels.values())
-            self._labels[gid] = f"{name} (no. {taken + 1})" if taken and name != self._node.full_name else name
+            if not name or "_UNKNOWN_" in name:
+                # The endpoint is known before the node that it belongs to.
+                return ""
+            others = self._topic_labels.setdefault(topic, [])
+            taken = sum(label == name or label.startswith(f"{name} (") for label in others)
+            self._labels[gid] = f"{name} (no. {taken + 1})" if taken else name
+            others.append(self._labels[gid])
         return self._labels[gid]
 
 

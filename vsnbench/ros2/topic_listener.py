@@ -66,7 +66,7 @@ class TopicListener:
                 heard.arrivals.append(time.time())
                 heard.stamps.append(stamp_of_serialized(data))
                 heard.messages.append(data)
-                heard.senders.add(sender)
+                heard.senders |= {sender} - {""}
                 del heard.messages[:-_KEEP]
 
         return keep

@@ -67,4 +67,4 @@ class Velocities:
     def _on_command(self, message: Any, info: Any) -> None:
         sender = self._graph.sender(self._names.command, info)
         if sender != self._node.full_name and self._take is not None:
-            self._take(twist_of(message), sender)
+            self._take(twist_of(message), sender or "another node")

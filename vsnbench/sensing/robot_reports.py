@@ -134,7 +134,9 @@ class RobotReports:
 
 
 def _heard(now: RobotSnapshot, topic: str, source: str) -> MappingProxyType[tuple[str, str], float]:
-    """Return who has published lately, this message included."""
+    """Return who has published lately, this message included where its sender is known."""
+    if not source:
+        return MappingProxyType(dict(now.sources))
     at_s = time.monotonic()
     lately = {key: heard_s for key, heard_s in now.sources.items() if at_s - heard_s < SOURCE_MEMORY_S}
     return MappingProxyType(lately | {(topic, source): at_s})

@@ -1,0 +1,196 @@
+"""A ROS 2 graph of a test's own on the loopback interface: its processes, and a robot that can fail part by part."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tests.ros1.network import Process, wait_until
+
+HERE = Path(__file__).parent
+PROFILE = HERE / "profile_of_test_base.yaml"
+CLIENT = HERE.parent / "ros1" / "nodes" / "client.py"
+
+
+class ClientError(Exception):
+    """What the robot raised in the client's process."""
+
+
+def free_domain() -> int:
+    """Return a domain in which nobody is: the first participant's port of it is free."""
+    for step in range(101):
+        domain = 1 + (os.getpid() + step) % 101
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7410 + 250 * domain))
+            except OSError:
+                continue
+            return domain
+    raise AssertionError("every domain is taken")
+
+
+@dataclass
+class Graph2:
+    """One graph: a domain, and the processes that were started in it."""
+
+    directory: Path
+    domain: int = field(default_factory=free_domain)
+    processes: list[Process] = field(default_factory=list)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(self.directory),
+            "PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), os.environ.get("PYTHONPATH", "")]),
+            "PYTHONUNBUFFERED": "1",
+        }
+
+    def start(self, *words: str | Path, **environment: str) -> Process:
+        """Start a Python file or module in this graph; it can be told things on its stdin."""
+        log = self.directory / f"{len(self.processes):02}.log"
+        with log.open("wb") as sink:
+            popen = subprocess.Popen(
+                [sys.executable, *map(str, words)],
+                env=self.environment | environment,
+                stdin=subprocess.PIPE,
+                stdout=sink,
+                stderr=subprocess.STDOUT,
+            )
+        process = Process(popen, log)
+        self.processes.append(process)
+        return process
+
+    def vsnbench(self, *words: str | Path, **environment: str) -> Process:
+        return self.start("-m", "vsnbench.cli.main", *words, **environment)
+
+    def close(self) -> None:
+        for process in reversed(self.processes):
+            process.end()
+            if process.popen.stdin is not None:
+                process.popen.stdin.close()
+        for process in self.processes:
+            sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")
+
+
+def told(process: Process, words: str) -> float:
+    """Tell a robot of the tests something, and return when (monotonic clock)."""
+    assert process.popen.stdin is not None
+    process.popen.stdin.write(f"{words}\n".encode())
+    process.popen.stdin.flush()
+    return time.monotonic()
+
+
+def moves(robot: Process) -> bool:
+    said = [line.split()[0] for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return bool(said) and said[-1] == "moves"
+
+
+def stands_since(robot: Process) -> float | None:
+    """Return since when the base stands, None while it moves."""
+    said = [line.split() for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return float(said[-1][1]) if said and said[-1][0] == "stands" else None
+
+
+class Client2:
+    """A RosRobot in a process of its own, spoken to in lines of JSON."""
+
+    def __init__(self, graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> None:
+        self._errors = (graph.directory / "client.log").open("ab")
+        self.popen = subprocess.Popen(
+            [sys.executable, str(CLIENT), str(profile), str(patience_s)],
+            env=graph.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+        )
+        assert self.popen.stdout.readline().strip() == '"ready"', (graph.directory / "client.log").read_text()
+
+    def __call__(self, name: str, *arguments: Any) -> Any:
+        self.popen.stdin.write(json.dumps([name, *arguments]) + "\n")
+        self.popen.stdin.flush()
+        answer = json.loads(self.popen.stdout.readline())
+        if "error" in answer:
+            raise ClientError(f"{answer['error']}: {answer['message']}")
+        return answer["answer"]
+
+    def later(self, name: str, *arguments: Any) -> "Future[Any]":
+        pool = ThreadPoolExecutor(1)
+        future = pool.submit(self, name, *arguments)
+        pool.shutdown(wait=False)
+        return future
+
+    def close(self) -> None:
+        self.popen.kill()
+        self.popen.wait()
+        for pipe in (self.popen.stdin, self.popen.stdout, self._errors):
+            pipe.close()
+
+
+@dataclass
+class Rig2:
+    """A robot whose base never stops by itself, and its client."""
+
+    graph: Graph2
+    robot: Process
+    client: Client2
+    node: Process | None = None
+
+    def moving(self, action: str) -> "Future[Any]":
+        """Ask for an action, and return once the base is moving."""
+        future = self.client.later("execute", action)
+        wait_until(lambda: moves(self.robot) or future.done(), "the base moves")
+        return future
+
+    def stood_after(self, fault_s: float) -> float:
+        """Return how long after a fault the base came to rest."""
+        wait_until(lambda: stands_since(self.robot) is not None, "the base stands")
+        return float(stands_since(self.robot)) - fault_s
+
+    def put_right(self) -> None:
+        for words in ("good", "release"):
+            told(self.robot, words)
+        self.client("halt")
+
+
+@contextmanager
+def live_graph(directory: Path) -> Iterator[Graph2]:
+    graph = Graph2(directory)
+    try:
+        yield graph
+    finally:
+        graph.close()
+
+
+@contextmanager
+def live_rig(directory: Path, *, beside_base: bool) -> Iterator[Rig2]:
+    with live_graph(directory) as graph:
+        robot = graph.start(HERE / "nodes" / "robot.py")
+        node = graph.vsnbench("ros2", "discrete-move", "--robot", PROFILE) if beside_base else None
+        if node is not None:
+            wait_until(lambda: "carrying out movements" in node.output, "discrete_move is up")
+        client = Client2(graph)
+        try:
+            yield Rig2(graph, robot, client, node)
+        finally:
+            client.close()
+
+
+def collect(action: Callable[[], Any]) -> str:
+    """Return what a client's call raised; empty for nothing."""
+    try:
+        action()
+    except ClientError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,93 @@
+"""A base and a camera over ROS 2 that do what lines on stdin tell them to; says on stdout when it moves or stands.
+
+Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `release`, `timeout S`. Camera: `blind`, `small`, `past`. Either:
+`good`. Arguments: `--stamped` listens to TwistStamped, `--lasting` asks for velocities that last, `--deaf` listens
+to none, `--name NAME` for a second one.
+"""
+
+import argparse
+import math
+import queue
+import sys
+import threading
+import time
+
+import numpy as np
+
+from vsnbench.protocol.pose import Pose
+from vsnbench.ros2.installation import require_ros2
+
+require_ros2()
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image
+from std_msgs.msg import Bool
+
+from vsnbench.ros2.messages import image_message, odometry_message, twist_of
+from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
+
+options = argparse.ArgumentParser()
+options.add_argument("--stamped", action="store_true")
+options.add_argument("--lasting", action="store_true")
+options.add_argument("--deaf", action="store_true")
+options.add_argument("--name", default="test_robot")
+chosen = options.parse_args()
+node = Ros2Node(chosen.name)
+make = node.rclpy
+odometry = make.create_publisher(Odometry, "odom", SENSOR_DATA)
+bumper = make.create_publisher(Bool, "bumper", SENSOR_DATA)
+color = make.create_publisher(Image, "camera/color/image_raw", SENSOR_DATA)
+depth = make.create_publisher(Image, "camera/depth/image_raw", SENSOR_DATA)
+heard: queue.SimpleQueue = queue.SimpleQueue()
+told: queue.SimpleQueue = queue.SimpleQueue()
+if not chosen.deaf:
+    kind = TwistStamped if chosen.stamped else Twist
+    make.create_subscription(
+        kind, "cmd_vel", lambda m: heard.put(twist_of(m)), LATCHED if chosen.lasting else SENSOR_DATA
+    )
+threading.Thread(target=lambda: [told.put(line.split()) for line in sys.stdin], daemon=True).start()
+
+pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
+current, heard_s, moved = Twist(), -math.inf, False
+last = odometry_due = camera_due = time.monotonic()
+while True:
+    time.sleep(0.005)
+    now = time.monotonic()
+    while not told.empty():
+        word, *rest = told.get()
+        if word in ("bumper", "release"):
+            bumper.publish(Bool(data=word == "bumper"))
+        elif word == "jump":
+            offset_m += 1.5
+        elif word == "timeout":
+            timeout_s = float(rest[0])
+        else:
+            fault = word
+    while not heard.empty():
+        current, heard_s = heard.get(), now
+    drives = now - heard_s < timeout_s and fault != "stuck"
+    linear, angular = (current.linear.x, current.angular.z) if drives else (0.0, 0.0)
+    if (moving := bool(linear or angular)) != moved:
+        moved = moving
+        sys.stdout.write(f"{'moves' if moving else 'stands'} {now}\n")
+        sys.stdout.flush()
+    elapsed, last = now - last, now
+    middle = pose.heading_rad + angular * elapsed / 2
+    pose = Pose(
+        pose.x_m + linear * elapsed * math.cos(middle),
+        pose.y_m + linear * elapsed * math.sin(middle),
+        pose.heading_rad + angular * elapsed,
+    )
+    stamp_s = time.time()
+    if now >= odometry_due and fault != "silent":
+        odometry_due = max(odometry_due + 0.02, now)
+        message = odometry_message(Pose(pose.x_m + offset_m, pose.y_m, pose.heading_rad), stamp_s, "odom")
+        if fault == "nan":
+            message.pose.pose.position.x = math.nan
+        odometry.publish(message)
+    if now >= camera_due and fault != "blind":
+        camera_due = max(camera_due + 1 / 30, now)
+        taken_s = stamp_s - 3600 if fault == "past" else stamp_s
+        size = (24, 32) if fault == "small" else (48, 64)
+        color.publish(image_message(np.full((*size, 3), 90, np.uint8), "rgb8", taken_s))
+        depth.publish(image_message(np.full(size, 2000, np.uint16), "16UC1", taken_s))

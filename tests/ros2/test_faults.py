@@ -1,0 +1,107 @@
+"""What stops a ROS 2 robot, brought about for real: time to standstill and what the episode is told.
+
+`pytest tests/ros2/test_faults.py -s` prints the table. The base would go on for ever by itself.
+"""
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from tests.ros1.network import PATIENCE_S
+from tests.ros2.graph import Rig2, collect, live_rig, stands_since, told
+
+pytestmark = pytest.mark.ros2
+
+ROWS: list[str] = []
+
+
+@pytest.fixture(scope="module", params=["workstation", "beside the base"])
+def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig2]:
+    with live_rig(tmp_path_factory.mktemp("ros2"), beside_base=request.param == "beside the base") as one:
+        yield one
+    sys.stdout.write("\n".join(["", *ROWS, ""]))
+    ROWS.clear()
+
+
+def row(rig: Rig2, cause: str, stood_s: float | None, said: str) -> None:
+    stood = "stands" if stood_s is None else f"{stood_s:.2f} s"
+    ROWS.append(f"| {'beside the base' if rig.node else 'workstation'} | {cause} | {stood} | {said} |")
+
+
+@pytest.mark.parametrize(
+    ("fault", "said", "sensor_lost"),
+    [
+        ("silent", "no odometry", True),
+        ("nan", "odometry is not finite", True),
+        ("jump", "odometry jumped 1.5", True),
+        ("bumper", "bumper", False),
+        ("stuck", "the base does not follow its commands", False),
+    ],
+)
+def test_a_fault_in_a_movement_stops_the_base_within_a_second(rig, fault, said, sensor_lost) -> None:
+    rig.client("begin")
+    future = rig.moving("MOVE_FORWARD")
+    fault_s = told(rig.robot, fault)
+    stood_s = rig.stood_after(fault_s)
+    result = future.result(PATIENCE_S)
+    rig.put_right()
+    row(rig, fault, stood_s, result["failure"])
+    assert not result["completed"]
+    assert said in result["failure"]
+    assert result["sensor_lost"] is sensor_lost
+    assert (result["collision"] or {}).get("source") == ("bumper" if fault == "bumper" else None)
+    assert stood_s < 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("blind", "no image on /camera/color/image_raw and /camera/depth/image_raw"),
+        ("small", "the color image is 32x24, the profile says 64x48"),
+        ("past", "that was stamped after the motion"),
+    ],
+)
+def test_a_camera_that_fails_is_named_while_the_robot_stands(rig, fault, said) -> None:
+    rig.client("begin")
+    assert rig.client("observe")["rgb"] == [48, 64, 3]
+    told(rig.robot, fault)
+    # Images count that were taken after the last motion, so there has to be one.
+    assert rig.client("execute", "TURN_LEFT")["failure"] == ""
+    refused = collect(lambda: rig.client("observe"))
+    assert said in refused
+    assert refused.startswith("SensorLostError")
+    rig.put_right()
+    row(rig, f"camera {fault}", None, said)
+    assert stands_since(rig.robot) is not None or "moves" not in rig.robot.output
+
+
+def test_a_workstation_that_falls_silent_is_missed_beside_the_base(rig) -> None:
+    if rig.node is None:
+        pytest.skip("then it is the base's own limit that stops it")
+    rig.client("begin")
+    future = rig.moving("MOVE_FORWARD")
+    stop_s = time.monotonic()
+    rig.client.popen.send_signal(signal.SIGSTOP)
+    stood_s = rig.stood_after(stop_s)
+    rig.client.popen.send_signal(signal.SIGCONT)
+    result = future.result(PATIENCE_S)
+    row(rig, "workstation silent", stood_s, result["failure"])
+    assert "the caller went away" in result["failure"]
+    assert stood_s < 1.0
+
+
+def test_a_discrete_move_that_is_killed_is_missed_by_who_asked(rig) -> None:
+    if rig.node is None:
+        pytest.skip("this process carries out the movements itself")
+    rig.client("begin")
+    future = rig.moving("MOVE_FORWARD")
+    kill_s = time.monotonic()
+    rig.node.popen.kill()
+    stood_s = rig.stood_after(kill_s)
+    result = future.result(PATIENCE_S)
+    row(rig, "discrete_move killed", stood_s, result["failure"])
+    assert "has not steered for 3 s" in result["failure"]
+    assert stood_s < 1.0
