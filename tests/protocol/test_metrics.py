@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.protocol.metrics import is_trivial, path_length_m, soft_spl, spl, success_rate
+from vsnbench.protocol.metrics import path_length_m, soft_spl, spl, success_rate
 from vsnbench.protocol.pose import Pose
 
 metres = st.floats(0, 100)
@@ -53,9 +53,3 @@ def test_soft_spl_is_a_share_and_a_longer_path_never_helps(
 def test_path_length_follows_the_corners() -> None:
     assert path_length_m([Pose(0, 0), Pose(3, 0), Pose(3, 4)]) == pytest.approx(7)
     assert path_length_m([Pose(1, 1)]) == 0
-
-
-def test_a_trial_whose_goal_is_reached_where_it_starts_is_trivial() -> None:
-    assert is_trivial(0.0)
-    assert not is_trivial(0.1)
-    assert not is_trivial(math.inf)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.database.read_model import COUNTED, RUNNING, UNJUDGED, VOID
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.cells import CellCounts, Codes, EpisodeColumns
 from vsnbench.report.conditions import Condition
 from vsnbench.report.record import Record, goal_order
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
-
-
-TRIVIAL_M = 0.25
-"""A trial whose shortest path is below one move is trivial: it tells nothing about navigation."""
 
 
 @dataclass(frozen=True, slots=True)

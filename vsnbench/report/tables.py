@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.activity import ActionCount, RobotActivity
 from vsnbench.report.conditions import footnotes
 from vsnbench.report.record import goal_order
@@ -22,7 +23,7 @@ from vsnbench.report.sheets import (
     row,
     word,
 )
-from vsnbench.report.summary import TRIVIAL_M, ConditionSummary, Results, Summary
+from vsnbench.report.summary import ConditionSummary, Results, Summary
 
 _RATES = (
     Column("k/n", note="successful episodes of episodes that count, one a trial"),

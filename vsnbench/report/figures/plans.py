@@ -3,9 +3,11 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from vsnbench.protocol.goal_distance import success_region
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
-from vsnbench.report.conditions import footnotes
+from vsnbench.report.conditions import Condition, footnotes
 from vsnbench.report.figures.lettering import legend_below, shown, wrapped
 from vsnbench.report.figures.style import (
     COLLISION,
@@ -67,7 +69,7 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track], 
         for axes in grid.flat[len(goals) :]:
             axes.set_axis_off()
         for axes, goal in zip(grid.flat, goals, strict=False):
-            _bare_plan(site, axes, goal)
+            _bare_plan(site, axes, goal, one.condition)
             mine = [track for track in tracks if track.goal == goal]
             _draw_tracks(axes, mine)
             whole = next((each.summary for each in one.goals if each.goal == goal), None)
@@ -118,7 +120,7 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         for axes in grid.flat[len(plans) :]:
             axes.set_axis_off()
         for axes, (site, one), title, words in zip(grid.flat, plans, titles, below, strict=False):
-            _bare_plan(site, axes, None)
+            _bare_plan(site, axes, None, one.condition)
             _draw_shares(axes, site, one)
             axes.set_title(title, pad=3)
             axes.text(0.5, -0.01, words, transform=axes.transAxes, ha="center", va="top", fontsize=6)
@@ -195,9 +197,17 @@ def _looks() -> "tuple[list[Line2D], list[str]]":
     return [*samples, Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none")], [*_LOOKS, "start"]
 
 
-def _bare_plan(site: Site, axes: "Axes", goal: str | None) -> None:
+def _bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition) -> None:
+    """Draw the plan, and of a goal from where STOP succeeded under the protocol that was in force."""
+    rules = ProtocolParameters.from_record(condition.protocol) if goal and condition.protocol else None
     style = PlanStyle(
-        starts=False, labels=False, room_names=False, scale_bar=False, legend=False, highlight=goal or "nothing"
+        starts=False,
+        labels=False,
+        room_names=False,
+        scale_bar=False,
+        legend=False,
+        highlight=goal or "nothing",
+        success=success_region(site, goal, rules) if goal and rules and site.instances(goal) else None,
     )
     draw_floor_plan(site, axes, style)
 
