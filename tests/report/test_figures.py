@@ -136,8 +136,8 @@ def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> N
     report, beside = build_and_draw(lab.url, Selection())
     here = list(drawings(report, lab.url))
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
-    assert [drawing.name for drawing in here][:2] == ["success-by-goal", "outcomes-over-actions"]
-    assert sum(drawing.name.startswith("trajectories") for drawing in here) == MOST_TRAJECTORIES
+    assert [drawing.name for drawing in here][:3] == ["success-by-goal", "success-by-cell", "outcomes-over-actions"]
+    assert sum(drawing.name.startswith("trajectories") for drawing in here) == 7 < MOST_TRAJECTORIES
     for one, other in zip(beside, here, strict=True):
         assert one.figure is None, "nothing is left to be drawn"
         assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())

@@ -80,12 +80,14 @@ def build_and_draw(
     shared = TRAJECTORIES_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
     with _beside(can_fork=can_fork) as beside:
         plans: list[_Plan] = []
-        waiting: list[Future[Drawing | None]] = []
+        waiting: dict[int, Future[Drawing | None]] = {}
         drawn: list[Drawing] = []
 
         def draw_what_needs_no_counts(uncounted: Report) -> None:
             plans.extend(_plans(uncounted, url))
-            waiting.extend(beside.submit(plan.finished) for plan in _drawn_beside(plans, shared))
+            waiting.update(
+                {plan.summary.condition.number: beside.submit(plan.finished) for plan in _drawn_beside(plans, shared)}
+            )
             drawn.extend(chart.finish() for chart in _charts(uncounted))
 
         report = build(
@@ -95,9 +97,9 @@ def build_and_draw(
             beside=beside,
         )
         drawn += [histogram.finish() for histogram in _histograms(report)]
-        mine = _drawn_beside(plans, shared)
-        trajectories = [plan.finished() for plan in plans if plan not in mine]
-        trajectories = [*(each.result() for each in waiting), *trajectories]
+        numbers = [plan.summary.condition.number for plan in plans]
+        here = {n: plan.finished() for n, plan in zip(numbers, plans, strict=True) if n not in waiting}
+        trajectories = [here[n] if n in here else waiting[n].result() for n in numbers]
     return report, _in_order([*drawn, *(each for each in trajectories if each)])
 
 
