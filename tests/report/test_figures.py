@@ -136,7 +136,7 @@ def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> N
     report, beside = build_and_draw(lab.url, Selection())
     here = list(drawings(report, lab.url))
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
-    assert [drawing.name for drawing in here][:3] == ["success-by-goal", "success-by-cell", "outcomes-over-actions"]
+    assert [drawing.name for drawing in here][:3] == ["success-by-goal", "success-by-cell", "success-by-cell-2"]
     assert sum(drawing.name.startswith("trajectories") for drawing in here) == 7 < MOST_TRAJECTORIES
     for one, other in zip(beside, here, strict=True):
         assert one.figure is None, "nothing is left to be drawn"
