@@ -180,6 +180,9 @@ def test_what_cannot_be_locked_is_one_line_and_nothing_is_written(lab: Lab) -> N
         "vlv does not know monitor": good.replace("aviary:Heron", "vlv").replace("bed, chair", "monitor"),
         "no starting position 40": good.replace('"1-2"', '"1-40"'),
         "no model 'aviary'": good.replace("aviary:Heron", "aviary"),
+        "4 blocks are too few: not even an arm that wins every one of them": good.replace(
+            "stopping: plan", "about: cells-like-these\nstopping: decided"
+        ),
         "compares two models or more": good.replace('  magpie:\n    model: "aviary:Magpie"\n', ""),
         "heron and magpie are the same model with the same settings": good.replace("aviary:Magpie", "aviary:Heron"),
     }

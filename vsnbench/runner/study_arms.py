@@ -18,6 +18,7 @@ from vsnbench.runner.campaign import choose_starts
 from vsnbench.runner.launch import heed_survey
 from vsnbench.study.file import StudyFile
 from vsnbench.study.schedule import Schedule, draw_schedule
+from vsnbench.study.stopping import decide
 
 logger = logging.getLogger(__name__)
 
@@ -48,7 +49,9 @@ class StudyPlace:
         for goal in dict.fromkeys(goal for arm in study.arms for goal in study.goals_of(arm)):
             if goal not in site.categories:
                 raise StudyError(f"goals: site {site.name} has no {goal}; it has {', '.join(sorted(site.categories))}")
-        return cls(study, site, draw_schedule(study, starts, site.excluded), directory)
+        schedule = draw_schedule(study, starts, site.excluded)
+        _check_can_be_decided(study, schedule)
+        return cls(study, site, schedule, directory)
 
     def options(self, arm: str) -> dict[str, Any]:
         """Return what an arm's model is made with; its paths lead from the study's file."""
@@ -117,6 +120,20 @@ class StudyPlace:
             seed=self.study.seed,
             trials=self.trials(arm),
             conditions=described.conditions,
+        )
+
+
+def _check_can_be_decided(study: StudyFile, schedule: Schedule) -> None:
+    """Refuse a study that would be over before its first trial.
+
+    Raises:
+        StudyError: not even an arm that wins every block could be told apart.
+    """
+    blocks = len({one.block for one in schedule.trials if one.goal in study.goals})
+    if study.stopping == "decided" and decide(study, [{} for _ in range(blocks)]).over:
+        raise StudyError(
+            f"stopping: {blocks} blocks are too few: not even an arm that wins every one of them could be told apart; "
+            "ask for more goals, starting_positions or repetitions, or for stopping: plan"
         )
 
 

@@ -237,6 +237,8 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
 
 def _of(study: StudyFile, one: Answer, shown: Mapping[str, str], where: str) -> str:
     k, m = one.successes
+    if not one.cells:
+        return f"nothing is known of {' and '.join(shown[arm] for arm in (one.first, one.second) if arm)}"
     if one.second is None:
         rate = study.primary.rate if isinstance(study.primary, Rate) else 0.5
         told = f"{shown[one.first]} succeeds in {k} of {one.cells} cells [{one.low:.0%}, {one.high:.0%}]"
