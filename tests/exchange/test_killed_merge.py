@@ -62,16 +62,22 @@ def two_labs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict
     ],
 )
 def test_a_killed_merge_leaves_the_record_as_it_was_or_done_and_nothing_else(
-    tmp_path: Path, two_labs: tuple[Path, Path, dict[str, object]], moment: tuple[str, str, str], done: bool
+    tmp_path: Path,
+    two_labs: tuple[Path, Path, dict[str, object]],
+    moment: tuple[str, str, str],
+    done: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     here, there, both = two_labs
     target = copy_of(here, tmp_path / "target")
     before, files = content(target)["episodes"], set(everything(target / "episodes"))
     root = Path(__file__).parents[2]
+    copies = tmp_path / "copies"
+    copies.mkdir()
     killed = subprocess.run(
         [sys.executable, "-c", DYING, *moment, str(target), str(there)],
         cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
+        env={**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(copies)},
     )
     assert killed.returncode == -signal.SIGKILL
     assert set(content(target)["episodes"]) == (set(both) if done else set(before))
@@ -85,8 +91,10 @@ def test_a_killed_merge_leaves_the_record_as_it_was_or_done_and_nothing_else(
         assert content(target)["episodes"] == both
     else:
         assert {name.removeprefix("episodes/") for name in left} == files
+    monkeypatch.setattr("tempfile.tempdir", str(copies))
     merged_into(target, there)
     assert content(target)["episodes"] == both
+    assert list(copies.iterdir()) == [], "the killed merge's copy of the other database"
 
 
 def test_a_number_that_a_killed_merge_had_used_is_given_to_an_episode_without_its_files(tmp_path: Path) -> None:
