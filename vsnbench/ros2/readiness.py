@@ -27,9 +27,12 @@ def missing_part(link: "RobotLink", warned: set[str]) -> RobotError | None:
     if earlier := _earlier_session(link):
         return RobotError(f"{earlier} drives this robot already", advice="wait until it has ended")
     for topic in (names.odometry, names.color, names.depth):
-        if rivals := now.rivals(topic, now_s):
-            apart = f"{rivals.advice}, or give each robot a namespace (--robot {link.profile_name}@NAMESPACE)"
-            return RobotError(rivals.statement, advice=apart)
+        # By the graph, which knows an endpoint before anything was heard; of a killed node for some seconds more.
+        publishers = link.graph.publishers(topic)
+        if len(publishers) > 1:
+            nodes = " and ".join(sorted(one.node for one in publishers))
+            apart = f"end one of them, or give each robot a namespace (--robot {link.profile_name}@NAMESPACE)"
+            return RobotError(f"{nodes} both publish {topic}", advice=apart)
     if fault := link.velocities.connect():
         return fault
     if now_s - now.driven_s < AGE_LIMIT_S:
