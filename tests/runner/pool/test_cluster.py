@@ -8,6 +8,7 @@ import socket
 import sqlite3
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -109,7 +110,16 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[s
 
 
 def _host_of(port: int) -> str:
-    """Return the address that the client server took: Ray prefers another than loopback."""
+    """Return the address that the client server takes, as soon as it does: Ray prefers another than loopback."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if host := _listener(port):
+            return host
+        time.sleep(0.1)
+    raise AssertionError(f"nobody listens on {port}")
+
+
+def _listener(port: int) -> str:
     for connection in psutil.net_connections("tcp"):
         if connection.status == psutil.CONN_LISTEN and connection.laddr and connection.laddr.port == port:
             return (
@@ -118,7 +128,7 @@ def _host_of(port: int) -> str:
                 .replace("::", "127.0.0.1")
                 .replace("0.0.0.0", "127.0.0.1")
             )
-    raise AssertionError(f"nobody listens on {port}")
+    return ""
 
 
 def _knows(process: psutil.Process, token: str) -> bool:
