@@ -71,7 +71,10 @@ def cyclic(_observation: Observation) -> Decision:
         (fail_with(UnreadableError()), "act: UnreadableError: (its message cannot be read: RuntimeError)"),
         (
             lambda _observation: "forward",
-            "act: not a decision that can be carried out and recorded: it is no Decision but a str",
+            (
+                "act: not a decision that can be carried out and recorded: it is no Decision but a str: "
+                "return Decision(Action.MOVE_FORWARD), for example"
+            ),
         ),
         (
             cyclic,

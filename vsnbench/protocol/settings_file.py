@@ -204,7 +204,7 @@ def _words(detail: ErrorDetails) -> str:
         return f"{given.strip()} is no number: write {given.strip().replace(',', '.')}, with a point"
     if isinstance(given, list) and detail["type"] == "too_long":
         most = detail["ctx"]["max_length"]
-        comma = ": a decimal comma? 1.5 is written with a point" if len(given) == 2 * most else ""
+        comma = ": a decimal comma? 1.5 is written with a point" if len(given) <= 2 * most else ""
         return f"{len(given)} values in place of {most}{comma}"
     return detail["msg"]
 
