@@ -26,7 +26,8 @@ demo: setup ## Set up and run the main job in the embedded apartment, then repor
 
 test: setup-test check ## Set up and pass every check and test: under 20 minutes on two cores.
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros and not ros2"
-	$(BIN)/python -m pytest -m "ros or ros2"
+	$(BIN)/python -m pytest -m ros
+	.venv-ros2/bin/python -m pytest -m ros2 tests/ros2
 
 check: setup-test ## Lint, format check and types.
 	$(BIN)/ruff check .
@@ -53,4 +54,4 @@ weights: setup-test ## Train the small PIRLNav from nothing, for an hour and a h
 	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2
 
 clean: ## Remove the environment and everything that was made.
-	rm -rf .venv $(DEMO_RESULTS) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
+	rm -rf .venv .venv-ros2 $(DEMO_RESULTS) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist

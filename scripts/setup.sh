@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
     run) extras="[neural]" system="" ;;
-    test) extras="[neural,postgresql,bags,ray,ros2,dev]" system="chromium postgresql ros" ;;
+    test) extras="[neural,postgresql,bags,ray,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
 
@@ -34,4 +34,5 @@ pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"
 pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system
+[ $kind = run ] || scripts/install_ros2.sh
 echo "$fingerprint" > "$stamp"

@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# Make .venv-ros2 for the tests of ROS 2: all that .venv has, and the wheels of the extra `ros2`. They are kept out of
+# .venv, which has ROS 1: the two have packages of messages with the same names, and plain scripts that import rospy (the
+# distribution's own tools, the tests' nodes) would find the wrong ones.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+[ -x .venv-ros2/bin/python ] || .venv/bin/python -m venv --without-pip .venv-ros2
+site() { "$1" -c 'import sysconfig; print(sysconfig.get_path("purelib"))'; }
+printf '%s\n%s\n' "$PWD" "$(site .venv/bin/python)" > "$(site .venv-ros2/bin/python)/beside.pth"
+mapfile -t wheels < <(.venv/bin/python -c '
+import pathlib, tomllib
+print(*tomllib.loads(pathlib.Path("pyproject.toml").read_text())["project"]["optional-dependencies"]["ros2"], sep="\n")')
+.venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet "${wheels[@]}"
+.venv-ros2/bin/python -c 'import rclpy, nav_msgs.msg, vsnbench, pytest'
