@@ -25,10 +25,10 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.attendant import EndedEpisode, Nobody
-from vsnbench.runner.campaign import plan_trials
 from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.selection import plan_trials
 from vsnbench.runner.session import run_session
 from vsnbench.runner.stopping import Stopping
 from vsnbench.viewer.live import RerunEpisodes

@@ -92,12 +92,18 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
 
 ALL = commands(README)
 ON_A_ROBOT = [line for line in ALL if "turtlebot2" in line]
+INLINE = re.findall(r"`(vsnbench [^`\n]+)`", README)
+"""Named within a sentence: understood, not run."""
+SERVING = [line for line in ON_A_ROBOT if " discrete-move" in line]
+"""They serve until they are ended."""
 HERE = [line for line in ALL if line not in ON_A_ROBOT]
 
 
 def test_readme_has_command_lines() -> None:
     assert len(HERE) > 12
     assert len(ON_A_ROBOT) >= 3
+    assert len(SERVING) == 1, "without it the robot moves for nobody"
+    assert len(INLINE) > 4
 
 
 @pytest.mark.slow
@@ -143,7 +149,7 @@ def served_until_ctrl_c(lab: Lab, command: str) -> None:
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     """A lab with a simulated Turtlebot 2 behind a real ROS master."""
     with live_network(tmp_path_factory.mktemp("ros")) as network:
-        network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--robot", "turtlebot2", "--site", "apartment")
+        network.start("-m", "vsnbench.cli.main", "ros1", "simulate", "--robot", "turtlebot2", "--site", "apartment")
         network.wait_for_publisher("/odom")
         yield Lab(tmp_path_factory.mktemp("robot-lab"), network)
 
@@ -152,18 +158,18 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
 @pytest.mark.slow
 def test_the_lines_for_a_real_robot_do_too(robot: Lab) -> None:
     assert robot.ros is not None
-    waiting = [line for line in ON_A_ROBOT if " ros " in line]
-    for line in waiting:  # they serve until they are ended
+    for line in SERVING:
         robot.ros.start("-m", "vsnbench.cli.main", *shlex.split(line)[1:])
     robot.ros.wait_for_service("/discrete_move")
-    for line in (line for line in ON_A_ROBOT if line not in waiting):
+    for line in (line for line in ON_A_ROBOT if line not in SERVING):
         done = robot.run(cheaper(line))
         assert done.returncode == 0, f"{line}: {done.stdout}{done.stderr}"
 
 
-@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [ROOT / "README.md", *DOCS], ids=lambda page: page.name)
 def test_every_command_of_a_page_is_understood(page: Path) -> None:
-    for line in commands(page.read_text(encoding="utf-8")):
+    text = page.read_text(encoding="utf-8")
+    for line in INLINE if page.name == "README.md" else commands(text):
         words = shlex.split(line.split(">")[0].split("&&")[0])
         if page.name == "cli.md" or any(mark in line for mark in ("|", "...", "[", "{")):
             continue  # a synopsis

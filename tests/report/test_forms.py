@@ -169,7 +169,7 @@ def test_a_latex_caption_says_what_n_and_the_interval_are(hostile: Report) -> No
     caption = re.search(r"\\caption\{(.*)\}\n", latex(hostile.sheets()))
     assert caption
     assert "n = 2 episodes of 2 planned trials" in caption[1]
-    assert "Wilson's interval of the success rate" in caption[1]
+    assert "Wilson's interval of the success rate at the effective sample size" in caption[1]
 
 
 def test_the_document_loads_what_its_tables_need() -> None:

@@ -25,10 +25,13 @@ from vsnbench.report.sheets import (
 )
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 
+_INTERVAL = (
+    "Wilson's interval of the success rate at the effective sample size, percent; starting positions are clusters"
+)
 _RATES = (
     Column("k/n", note="successful episodes of episodes that count, one a trial"),
     Column("SR %", note="success rate (paper, Section 4.1)"),
-    Column("95 % interval", note="Wilson's interval of the success rate, percent; starting positions are clusters"),
+    Column("95 % interval", note=_INTERVAL),
 )
 _MEASURES = (
     Column("actions", note="mean number of actions over all episodes: the paper's average"),

@@ -27,7 +27,7 @@ from vsnbench.protocol.site import Site
 from vsnbench.record.results import Kept
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
-from vsnbench.runner.campaign import choose_goals
+from vsnbench.runner.selection import choose_goals
 
 logger = logging.getLogger(__name__)
 

@@ -21,10 +21,10 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
-from vsnbench.runner.campaign import choose_starts, is_surveyed, most_goals, named_site, plan_trials
 from vsnbench.runner.crew import WorkersAsked, open_crew, wish_of
 from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.pool.messages import Keeping
+from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
 from vsnbench.runner.session import SessionResult
 from vsnbench.runner.stopping import Stopping
 

@@ -14,8 +14,8 @@ from vsnbench.protocol.site import Site, embedded_sites, load_site
 from vsnbench.robots.contract import PlacedByHand, Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.bench import Bench, BenchPlan, close_policy, on_bench, settle_threads
-from vsnbench.runner.campaign import choose_starts
 from vsnbench.runner.launch import heed_survey
+from vsnbench.runner.selection import choose_starts
 from vsnbench.study.file import StudyFile
 from vsnbench.study.schedule import Schedule, draw_schedule
 from vsnbench.study.stopping import decide

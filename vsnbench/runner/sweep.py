@@ -14,9 +14,9 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.attendant import Attendant, Overview
-from vsnbench.runner.campaign import TWIN, choose_starts, most_goals, named_goals, named_site, read_numbers
 from vsnbench.runner.launch import DEFAULT_SITE, Launched, RunRequest, launch
 from vsnbench.runner.pool.capacity import Capacity
+from vsnbench.runner.selection import TWIN, choose_starts, most_goals, named_goals, named_site, read_numbers
 
 logger = logging.getLogger(__name__)
 

@@ -47,6 +47,7 @@ def test_more_than_memory_holds_is_refused_with_the_figures() -> None:
 
 def test_a_model_on_a_gpu_is_not_copied_unless_asked_for() -> None:
     assert chosen(Wish(4, asked_for=False), BOX, prepared(GIB, "cuda")) == 1
+    assert chosen(Wish(16, asked_for=False), BOX, prepared(GIB, "cuda:0")) == 1, "nor with more cores than memory holds"
     assert chosen(Wish(3, asked_for=True), BOX, prepared(GIB, "cuda")) == 3
 
 

@@ -104,7 +104,13 @@ _EPISODE_COLUMNS = (
 
 GLOSSARY = (
     ("k/n, SR", "Successful episodes of the episodes that count, one a trial; the success rate is their share."),
-    ("95 % interval", "Wilson's interval: rates outside it are hard to reconcile with what was seen."),
+    (
+        "95 % interval",
+        (
+            "Wilson's interval at the effective sample size, which is less than n where episodes share a starting "
+            "position: rates outside it are hard to reconcile with what was seen."
+        ),
+    ),
     (
         "success",
         (

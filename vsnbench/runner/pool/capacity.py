@@ -75,13 +75,17 @@ def takes_bytes(measured: Prepared) -> int:
 def chosen(wish: Wish, capacity: Capacity, measured: Prepared) -> int:
     """Return how many workers are to run, once one of them is there.
 
+    A model on a GPU is there once unless more were asked for: the GPU's memory is not looked at.
+
     Raises:
         UsageError: more were asked for than memory holds.
     """
     one_bytes = takes_bytes(measured)
     held = max(1, capacity.free_bytes // one_bytes)
+    if not wish.asked_for and measured.description.card.runs_on.get("device", "cpu") != "cpu":
+        return 1
     if wish.at_most <= held:
-        return wish.at_most if wish.asked_for or measured.description.card.runs_on.get("device", "cpu") == "cpu" else 1
+        return wish.at_most
     if wish.asked_for:
         raise UsageError(
             f"--workers {wish.at_most}: one takes about {one_bytes / GIB:.1f} GiB and {capacity.free_bytes / GIB:.1f} "

@@ -1,4 +1,4 @@
-"""The plan of a campaign: which trials there are, in which order, each with its own seed."""
+"""What a run is about: the site, starts and goals that somebody asks for, and the trials that they make, in order."""
 
 import random
 from collections.abc import Callable, Container, Sequence

@@ -1,4 +1,4 @@
-"""The plan of a campaign: trials, order, seeds, and what may be asked for."""
+"""What may be asked for, and the trials that it makes: sites, starts, goals, order."""
 
 import pytest
 from hypothesis import given
@@ -9,7 +9,7 @@ from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.site import load_site
-from vsnbench.runner.campaign import choose_goals, choose_starts, plan_trials
+from vsnbench.runner.selection import choose_goals, choose_starts, plan_trials
 
 APARTMENT = load_site("apartment")
 ANY = ModelCard("any")
