@@ -51,6 +51,22 @@ def test_a_model_on_a_gpu_is_not_copied_unless_asked_for() -> None:
     assert chosen(Wish(3, asked_for=True), BOX, prepared(GIB, "cuda")) == 3
 
 
+@pytest.mark.parametrize(
+    ("wish", "device", "gpu", "started"),
+    [
+        (Wish(4, asked_for=False), None, False, 4),
+        (Wish(4, asked_for=False), None, True, 1),
+        (Wish(4, asked_for=False), "cpu", True, 4),
+        (Wish(4, asked_for=True), "cuda", True, 4),
+        (Wish(9, asked_for=True), None, False, 1),
+    ],
+)
+def test_one_is_looked_at_first_where_memory_is_short_or_a_gpu_may_be_used(
+    wish: Wish, device: str | None, gpu: bool, started: int
+) -> None:
+    assert Capacity(16, 12 * GIB, gpu).at_first(wish, device) == started
+
+
 def test_what_was_chosen_is_said_in_a_line() -> None:
     assert BOX.words(2, GIB) == "2 workers: 4 cores, 4.0 GiB free; one takes about 1.0 GiB"
     assert Capacity(1, GIB).words(1, GIB).startswith("1 worker: 1 core, ")

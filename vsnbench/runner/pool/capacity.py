@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -16,6 +17,8 @@ AMPLE_BYTES = 3 * GIB
 """With so much free for each, workers are started together; with less, one is measured first."""
 RUNNING_BYTES = 400 * 2**20
 """What an episode takes over a bench that has only been made: compiled code, images, Rerun, the database."""
+_GPU_DEVICES = ("nvidia[0-9]*", "kfd")
+"""In /dev, where there is a GPU that PyTorch could use: NVIDIA's, AMD's."""
 FEWEST_TRIALS = 10
 """A worker needs some seconds to get ready: fewer trials are run in the driver's own process."""
 
@@ -35,6 +38,8 @@ class Capacity:
 
     cores: int
     free_bytes: int
+    has_gpu: bool = False
+    """A model may run on one; that is known for certain when the first has been made."""
 
     @classmethod
     def of_this_machine(cls) -> Self:
@@ -45,11 +50,19 @@ class Capacity:
             cores = min(cores, max(1, math.ceil(granted)))
         if (left := _cgroup_memory_left()) is not None:
             free = min(free, left)
-        return cls(cores, free)
+        gpu = sys.platform == "darwin" or any(any(Path("/dev").glob(name)) for name in _GPU_DEVICES)
+        return cls(cores, free, gpu)
 
-    def is_ample_for(self, workers: int) -> bool:
-        """Whether so many fit in any case."""
-        return workers * AMPLE_BYTES <= self.free_bytes
+    def at_first(self, wish: Wish, device: str | None) -> int:
+        """Return how many workers are started before anything is known of one of them.
+
+        Args:
+            wish: how many somebody wants.
+            device: that the model was told to run on; None for whichever it chooses.
+        """
+        may_be_on_gpu = self.has_gpu and device != "cpu"
+        fit = wish.at_most * AMPLE_BYTES <= self.free_bytes
+        return wish.at_most if fit and (wish.asked_for or not may_be_on_gpu) else 1
 
     def words(self, workers: int, one_bytes: int) -> str:
         """Say what was chosen, and from what."""

@@ -98,7 +98,7 @@ class LocalPool:
         self._events: deque[PoolEvent] = deque()
         capacity = Capacity.of_this_machine()
         try:
-            self._start(wish.at_most if capacity.is_ample_for(wish.at_most) else 1)
+            self._start(capacity.at_first(wish, plan.model_options.get("device")))
             first = self._await_first()
             self._description = first.description
             self._count = chosen(wish, capacity, first)
