@@ -19,22 +19,39 @@ HERE = Path(__file__).parent
 PROFILE = HERE / "profile_of_test_base.yaml"
 CLIENT = HERE.parent / "ros1" / "nodes" / "client.py"
 
+ACROSS_MACHINES = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+"""What is between a workstation and a robot; on one machine Fast DDS would share memory."""
+
 
 class ClientError(Exception):
     """What the robot raised in the client's process."""
 
 
-def free_domain() -> int:
-    """Return a domain in which nobody is: the first participant's port of it is free."""
-    for step in range(101):
-        domain = 1 + (os.getpid() + step) % 101
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("", 7410 + 250 * domain))
-            except OSError:
-                continue
-            return domain
-    raise AssertionError("every domain is taken")
+def is_bound(to_bind: socket.socket, host: str, port: int) -> bool:
+    try:
+        to_bind.bind((host, port))
+    except OSError:
+        return False
+    return True
+
+
+class Domain:
+    """A domain of ROS 2 in which nobody is, and which no other test takes until it is given back."""
+
+    def __init__(self) -> None:
+        for step in range(101):
+            self.number = 1 + (os.getpid() + step) % 101
+            port = 7410 + 250 * self.number
+            self._held = socket.socket()
+            # Tests keep one another out by the TCP port; the first participant's is the UDP port.
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                if is_bound(self._held, "127.0.0.1", port) and is_bound(probe, "", port):
+                    return
+            self._held.close()
+        raise AssertionError("every domain is taken")
+
+    def close(self) -> None:
+        self._held.close()
 
 
 @dataclass
@@ -42,14 +59,14 @@ class Graph2:
     """One graph: a domain, and the processes that were started in it."""
 
     directory: Path
-    domain: int = field(default_factory=free_domain)
+    domain: Domain = field(default_factory=Domain)
     processes: list[Process] = field(default_factory=list)
 
     @property
     def environment(self) -> dict[str, str]:
         return {
             **os.environ,
-            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_DOMAIN_ID": str(self.domain.number),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.directory),
             "PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), os.environ.get("PYTHONPATH", "")]),
@@ -81,6 +98,7 @@ class Graph2:
                 process.popen.stdin.close()
         for process in self.processes:
             sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")
+        self.domain.close()
 
 
 def told(process: Process, words: str) -> float:
@@ -109,7 +127,7 @@ class Client2:
         self._errors = (graph.directory / "client.log").open("ab")
         self.popen = subprocess.Popen(
             [sys.executable, str(CLIENT), str(profile), str(patience_s)],
-            env=graph.environment,
+            env=graph.environment | ACROSS_MACHINES,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -140,7 +158,7 @@ class Client2:
 
 @dataclass
 class Rig2:
-    """A robot whose base never stops by itself, and its client."""
+    """A robot whose base never stops by itself unless it is told to, and its client."""
 
     graph: Graph2
     robot: Process
@@ -151,6 +169,7 @@ class Rig2:
         """Ask for an action, and return once the base is moving."""
         future = self.client.later("execute", action)
         wait_until(lambda: moves(self.robot) or future.done(), "the base moves")
+        assert not future.done(), future.result()
         return future
 
     def stood_after(self, fault_s: float) -> float:
@@ -173,13 +192,18 @@ def live_graph(directory: Path) -> Iterator[Graph2]:
         graph.close()
 
 
+def start_discrete_move(graph: Graph2) -> Process:
+    node = graph.vsnbench("ros2", "discrete-move", "--robot", PROFILE)
+    wait_until(lambda: "carrying out movements" in node.output, "discrete_move is up")
+    return node
+
+
 @contextmanager
 def live_rig(directory: Path, *, beside_base: bool) -> Iterator[Rig2]:
+    """A robot that is steered by this machine, or beside its base, which then listens to TwistStamped."""
     with live_graph(directory) as graph:
-        robot = graph.start(HERE / "nodes" / "robot.py")
-        node = graph.vsnbench("ros2", "discrete-move", "--robot", PROFILE) if beside_base else None
-        if node is not None:
-            wait_until(lambda: "carrying out movements" in node.output, "discrete_move is up")
+        robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if beside_base else []))
+        node = start_discrete_move(graph) if beside_base else None
         client = Client2(graph)
         try:
             yield Rig2(graph, robot, client, node)

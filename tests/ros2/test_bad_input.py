@@ -1,13 +1,14 @@
 """What no session may begin with over ROS 2 is said in one line, before the robot moves."""
 
+import json
 import subprocess
 import sys
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
-from tests.ros1.network import wait_until
-from tests.ros2.graph import HERE, PROFILE, Graph2, live_graph, stands_since
+from tests.ros1.network import Process, wait_until
+from tests.ros2.graph import HERE, PROFILE, Domain, live_graph
 
 pytestmark = pytest.mark.ros2
 
@@ -22,12 +23,35 @@ main()
 """
 
 
-def refusal(graph: Graph2, robot: str | Path = PROFILE, domain: int | None = None) -> str:
-    """Return the line in which a client says why it cannot reach the robot."""
-    words = [sys.executable, str(HERE / "nodes" / "refused.py"), str(robot), "4"]
-    environment = graph.environment | ({"ROS_DOMAIN_ID": str(domain)} if domain else {})
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=90)
-    return done.stdout.strip().splitlines()[-1]
+PATIENCE_S = 6
+ROBOTS = {"deaf": ["--deaf"], "lasting": ["--lasting"], "stamped": ["--stamped"], "two": []}
+"""Namespaces, and what is wrong with the robot in each."""
+
+
+def answers(process: Process) -> list[str]:
+    return json.loads(process.output.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """What a client is told of each robot, all of them on one graph, and of one in a domain where there is none."""
+    directory = tmp_path_factory.mktemp("ros2")
+    profile = directory / "robot.yaml"
+    profile.write_text(PROFILE.read_text() + "  command_type: geometry_msgs/msg/Twist\n")
+    with live_graph(directory) as graph:
+        elsewhere = Domain()
+        robots = [graph.start(ROBOT, "--namespace", name, *options) for name, options in ROBOTS.items()]
+        robots.append(graph.start(ROBOT, "--namespace", "two", "--name", "second_robot"))
+        ask = HERE / "nodes" / "refused.py"
+        lost = graph.start(ask, str(PATIENCE_S), profile, ROS_DOMAIN_ID=str(elsewhere.number))
+        wait_until(lambda: all("up" in one.output for one in robots), "the robots are up")
+        # A namespace goes with a profile's name, which here is its file's path.
+        asked = graph.start(ask, str(PATIENCE_S), *(f"{profile}@{name}" for name in ROBOTS))
+        assert asked.wait(60) == 0, asked.output
+        assert lost.wait(60) == 0, lost.output
+        elsewhere.close()
+        assert not [one for one in robots if "moves" in one.output]
+        yield dict(zip([*ROBOTS, "nowhere"], answers(asked) + answers(lost), strict=True))
 
 
 @pytest.mark.parametrize("words", [["ros2", "simulate"], ["ros2", "discrete-move"]])
@@ -38,43 +62,23 @@ def test_without_rclpy_one_line_says_what_to_install(words) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_in_the_wrong_domain_the_domain_is_named(tmp_path) -> None:
-    with live_graph(tmp_path) as graph:
-        other = graph.domain % 101 + 1
-        said = refusal(graph, domain=other)
-    assert "nobody listens to velocities on /cmd_vel" in said
-    assert "waited 4 s" in said
+def test_in_the_wrong_domain_the_waiting_is_named(said) -> None:
+    assert "nobody listens to velocities on /cmd_vel" in said["nowhere"]
+    assert f"waited {PATIENCE_S} s" in said["nowhere"]
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--deaf"], "nobody listens to velocities on /cmd_vel"),
-        (["--lasting"], "/cmd_vel: /test_robot asks for transient local and would never hear"),
-        (
-            ["--stamped"],
-            "TwistStamped on /cmd_vel, the profile says geometry_msgs/msg/Twist; set interface.command_type",
-        ),
-    ],
-)
-def test_a_base_that_would_not_hear_us_is_refused(tmp_path, options, said) -> None:
-    profile = tmp_path / "robot.yaml"
-    profile.write_text(PROFILE.read_text() + "  command_type: geometry_msgs/msg/Twist\n")
-    with live_graph(tmp_path) as graph:
-        robot = graph.start(ROBOT, *options)
-        assert said in refusal(graph, profile)
-        assert stands_since(robot) is None
-        assert "moves" not in robot.output
+def test_a_base_that_would_not_hear_us_is_refused(said) -> None:
+    assert "nobody listens to velocities on /deaf/cmd_vel" in said["deaf"]
+    assert "/lasting/cmd_vel: /lasting/test_robot asks for transient local and would never hear" in said["lasting"]
 
 
-def test_two_robots_without_a_namespace_are_refused_and_a_stamped_one_is_driven(tmp_path) -> None:
-    with live_graph(tmp_path) as graph:
-        first = graph.start(ROBOT, "--stamped")
-        assert refusal(graph) == "reached"
-        second = graph.start(ROBOT, "--name", "second_robot")
-        wait_until(lambda: "both publish" in refusal(graph), "two robots are seen")
-        said = refusal(graph)
-        assert "/second_robot" in said
-        assert "/test_robot" in said
-        assert "give each robot a namespace" in said
-        assert "moves" not in first.output + second.output
+def test_a_base_that_listens_to_the_other_type_is_refused_with_the_field_to_set(said) -> None:
+    stamped = "geometry_msgs/msg/TwistStamped"
+    begins = f"/stamped/test_robot listens to {stamped} on /stamped/cmd_vel, the profile says geometry_msgs/msg/Twist ("
+    assert said["stamped"].startswith(begins)
+    assert said["stamped"].endswith(f": set interface.command_type to {stamped}")
+
+
+def test_two_robots_in_one_namespace_are_refused(said) -> None:
+    assert "/two/second_robot and /two/test_robot both publish /two/odom" in said["two"]
+    assert "give each robot a namespace" in said["two"]

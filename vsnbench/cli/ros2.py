@@ -92,4 +92,5 @@ def discrete_move(
         names.root,
         lambda node: DiscreteMoveNode(node, profile, config),
         f"carrying out movements for {names.discrete_move}",
+        by_network_alone=True,
     )

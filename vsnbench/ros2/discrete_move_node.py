@@ -49,6 +49,7 @@ class DiscreteMoveNode:
             node.sleep_until,
         )
         self._closed = threading.Event()
+        self._odometry_heard = False
         listen = node.rclpy.create_subscription
         listen(Odometry, names.odometry, self._on_odometry, SENSOR_DATA)
         listen(String, names.resolve(ACCOUNT.lstrip("/")), self._on_account, LATCHED)
@@ -66,7 +67,7 @@ class DiscreteMoveNode:
     def _answer(self, question: Mapping[str, Any], asker_gone: Callable[[], bool]) -> Mapping[str, Any]:
         movement = str(question.get("movement", ""))[:40]
         if movement == "Ping":
-            return {}
+            return {"missing": self._missing()}
         if movement == "Reset":
             self._mover.forget_heading()
             return {}
@@ -76,6 +77,13 @@ class DiscreteMoveNode:
         else:
             logger.warning("%s: False: %s", outcome.movement, outcome.reason)
         return asdict(outcome)
+
+    def _missing(self) -> str:
+        """Return what of the base this node has not found yet; empty for nothing."""
+        if not self._odometry_heard:
+            return "it has heard no odometry yet"
+        fault = self._velocities.connect()
+        return fault.statement if fault else ""
 
     def _carry_out(self, movement: str, question: Mapping[str, Any], asker_gone: Callable[[], bool]) -> Outcome:
         if self._closed.is_set():
@@ -90,6 +98,7 @@ class DiscreteMoveNode:
 
     def _on_odometry(self, message: Any) -> None:
         self._mover.take_odometry(*planar(message), seconds(message.header.stamp))
+        self._odometry_heard = True
 
     def _on_account(self, message: Any) -> None:
         try:

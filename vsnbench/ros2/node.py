@@ -44,9 +44,20 @@ _SPIN_S = 0.1
 
 
 class Ros2Node:
-    """A node that spins in a thread of its own until it is closed; callbacks come in that thread."""
+    """A node that spins in a thread of its own until it is closed; callbacks come in that thread.
 
-    def __init__(self, name: str, namespace: str = "") -> None:
+    Args:
+        name: the node's name.
+        namespace: its namespace.
+        by_network_alone: never share memory with the other nodes on this machine, as Fast DDS does by default: who is
+            killed or stopped while it holds a lock there holds up those who publish to it, a base's driver included.
+            For nodes that hear no images, whose size is what shared memory is good for. A transport that the
+            environment names stays.
+    """
+
+    def __init__(self, name: str, namespace: str = "", *, by_network_alone: bool = False) -> None:
+        if by_network_alone:
+            os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         # It would write a log file for every process; what matters goes through our own logging.
         os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
         quiet = ["--ros-args", "--log-level", "error", "--disable-external-lib-logs", "--disable-rosout-logs"]
@@ -125,7 +136,9 @@ class Closable(Protocol):
         ...
 
 
-def run_node(name: str, namespace: str, make: Callable[[Ros2Node], Closable], what: str) -> None:
+def run_node(
+    name: str, namespace: str, make: Callable[[Ros2Node], Closable], what: str, *, by_network_alone: bool = False
+) -> None:
     """Be a node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
@@ -133,6 +146,7 @@ def run_node(name: str, namespace: str, make: Callable[[Ros2Node], Closable], wh
         namespace: its namespace, that of the robot.
         make: what starts the node's work; may refuse.
         what: what the node does, in words, for the terminal.
+        by_network_alone: see `Ros2Node`.
 
     Raises:
         RobotError: the work was refused.
@@ -140,7 +154,7 @@ def run_node(name: str, namespace: str, make: Callable[[Ros2Node], Closable], wh
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
-    node = Ros2Node(name, namespace)
+    node = Ros2Node(name, namespace, by_network_alone=by_network_alone)
     try:
         work = make(node)
         try:

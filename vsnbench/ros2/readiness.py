@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_DISCOVERY_S = 1.0
-"""Who is on the graph is found out within this time, on a network that is well."""
+_DISCOVERY_S = 3.5
+"""Who is on the graph is found out within this time: what was lost at first comes again after 3 s (DDS's usual period
+of announcements and of heartbeats). Before it is over, that a node was not seen says nothing."""
 
 
 def missing_part(link: "RobotLink", warned: set[str]) -> RobotError | None:

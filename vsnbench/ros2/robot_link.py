@@ -180,17 +180,20 @@ class RobotLink:
     def choose_server(self) -> RobotError | None:
         """Find out, once a session, who carries out movements; returns why nobody can, None when somebody does.
 
-        A node beside the base that the graph knows has to answer; afterwards the choice stands.
+        A node beside the base that the graph knows has to answer, and to have found the base; afterwards the choice
+        stands.
         """
         expected = bool(self.graph.subscribers(f"{self.names.discrete_move}/question"))
         if self._server == "workstation" or not (expected or self._server):
             self._server = "workstation"
             return None
         try:
-            self._beside_base.ask({"movement": "Ping"}, 1.0)
+            missing = self._beside_base.ask({"movement": "Ping"}, 1.0).get("missing", "")
         except NoAnswerError as error:
             start = f"(vsnbench ros2 discrete-move --robot {self.profile_name})"
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
+        if missing:
+            return RobotError(f"{self.names.discrete_move} is up and cannot move the base: {missing}")
         self._server = "vsnbench"
         return None
 

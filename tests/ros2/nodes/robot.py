@@ -2,7 +2,7 @@
 
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `release`, `timeout S`. Camera: `blind`, `small`, `past`. Either:
 `good`. Arguments: `--stamped` listens to TwistStamped, `--lasting` asks for velocities that last, `--deaf` listens
-to none, `--name NAME` for a second one.
+to none; `--namespace NAME`, and `--name NAME` for a second one in it.
 """
 
 import argparse
@@ -31,8 +31,9 @@ options.add_argument("--stamped", action="store_true")
 options.add_argument("--lasting", action="store_true")
 options.add_argument("--deaf", action="store_true")
 options.add_argument("--name", default="test_robot")
+options.add_argument("--namespace", default="")
 chosen = options.parse_args()
-node = Ros2Node(chosen.name)
+node = Ros2Node(chosen.name, chosen.namespace)
 make = node.rclpy
 odometry = make.create_publisher(Odometry, "odom", SENSOR_DATA)
 bumper = make.create_publisher(Bool, "bumper", SENSOR_DATA)
@@ -47,6 +48,8 @@ if not chosen.deaf:
     )
 threading.Thread(target=lambda: [told.put(line.split()) for line in sys.stdin], daemon=True).start()
 
+sys.stdout.write("up\n")
+sys.stdout.flush()
 pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
 current, heard_s, moved = Twist(), -math.inf, False
 last = odometry_due = camera_due = time.monotonic()
