@@ -112,6 +112,7 @@ def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path)
     ("content", "message"),
     [
         ("{", "not JSON"),
+        ("[" * 200_000, "not JSON"),
         ('{"success": 0.65, "num_episodes": 2000}', "means over episodes cannot be imported"),
         ("[]", "has no list of episodes"),
         ('[{"success": 1, "num_steps": 3}]', "episode 1: has no object_category"),

@@ -25,6 +25,7 @@ def test_holm_closes_the_family_of_bonferroni() -> None:
     assert holm([]) == ()
 
 
+@settings(deadline=None, max_examples=30)
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_holm_never_lowers_a_p_value_and_keeps_their_order(p_values: list[float]) -> None:
     adjusted = holm(p_values)

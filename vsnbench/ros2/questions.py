@@ -126,6 +126,6 @@ def _read(text: str) -> dict[str, Any]:
         return {}
     try:
         said = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return said if isinstance(said, dict) else {}

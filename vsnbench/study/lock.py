@@ -50,7 +50,7 @@ def read_note(file: Path) -> LockNote | None:
         return None
     except OSError as problem:
         raise StudyError(f"cannot read {path}: {problem.strerror or problem}") from problem
-    except (ValueError, TypeError, KeyError) as problem:
+    except (ValueError, TypeError, KeyError, RecursionError) as problem:
         raise StudyError(f"{path} is not what `vsnbench study lock` wrote: restore it, or remove it") from problem
 
 

@@ -235,7 +235,7 @@ def test_without_onnxruntime_pytorch_runs_in_its_place_and_says_so(
     with caplog.at_level(logging.WARNING):
         assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.TORCH
     assert f"{package} not installed; running in PyTorch" in caplog.text
-    with pytest.raises(ModelError, match=rf"needs {package}: pip install 'vsnbench\[neural\]'"):
+    with pytest.raises(ModelError, match=rf"needs {package}; pip install 'vsnbench\[neural\]'"):
         PIRLNav(small_checkpoint, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), "cpu")
 
 
