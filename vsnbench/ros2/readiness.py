@@ -22,9 +22,8 @@ of announcements and of heartbeats). Before it is over, that a node was not seen
 
 def missing_part(link: "RobotLink", warned: set[str]) -> RobotError | None:
     """Return the first part that does not answer and what to do about it; None when all do."""
+    time.sleep(max(0.0, link.node.began_s + _DISCOVERY_S - time.monotonic()))
     names, now, now_s = link.names, link.snapshot(), time.monotonic()
-    if now_s - link.node.began_s < _DISCOVERY_S:
-        return RobotError("the graph is being discovered")
     if earlier := _earlier_session(link):
         return RobotError(f"{earlier} drives this robot already", advice="wait until it has ended")
     for topic in (names.odometry, names.color, names.depth):
