@@ -49,10 +49,10 @@ class Ros2Node:
     Args:
         name: the node's name.
         namespace: its namespace.
-        by_network_alone: never share memory with the other nodes on this machine, as Fast DDS does by default: who is
-            killed or stopped while it holds a lock there holds up those who publish to it, a base's driver included.
-            For nodes that hear no images, whose size is what shared memory is good for. A transport that the
-            environment names stays.
+        by_network_alone: never share memory with the other nodes on this machine, as Fast DDS does by default: a
+            precaution, so that a node that is killed leaves no lock behind for a base's driver to wait for. For nodes
+            that hear no images, whose size is what shared memory is good for. A transport that the environment names
+            stays.
     """
 
     def __init__(self, name: str, namespace: str = "", *, by_network_alone: bool = False) -> None:
