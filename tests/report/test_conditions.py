@@ -118,6 +118,14 @@ def test_the_footnote_says_weights_and_every_setting_that_differs() -> None:
     assert "same" not in first
 
 
+def test_a_setting_handed_on_under_its_own_name_is_said_once() -> None:
+    settings = [{"recall": one, "detector": {"recall": one, "range_m": far}} for one, far in ((0.85, 5), (0.4, 3))]
+    first, _ = footnotes(name_apart([condition(n, settings=each) for n, each in enumerate(settings, start=1)]))
+    assert first.count("recall=0.85,") == 1
+    assert "detector.recall" not in first
+    assert "detector.range_m=5" in first
+
+
 def test_a_model_run_twice_is_asked_for_by_its_full_name(tmp_path: Path) -> None:
     lab = Lab(tmp_path)
     lab.write([Attempt()], protocol=ProtocolParameters(max_actions=100))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import PIL.Image
 import pytest
+import shapely
 
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.database.migrate import open_record
@@ -142,3 +143,27 @@ def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> N
         assert one.figure is None, "nothing is left to be drawn"
         assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())
         assert one.width_in == other.width_in > 0
+
+
+def test_counts_on_a_success_map_keep_off_walls_and_other_disks(lab: Lab) -> None:
+    lab.write([Attempt(start=start.number) for start in lab.site.starts])
+    _, figures = drawn(lab)
+    figure = figures["success-map"].figure
+    assert figure is not None
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    counts = [text for text in axes.texts if "/" in text.get_text()]
+    assert len(counts) == len(lab.site.starts)
+    walls = shapely.union_all([wall.shape for wall in lab.site.walls])
+    places = shapely.MultiPoint([start.position for start in lab.site.starts])
+    for text in counts:
+        box = shapely.box(*text.get_window_extent().transformed(axes.transData.inverted()).extents).buffer(-0.02)
+        assert not box.intersects(walls), text.get_text()
+        assert box.distance(places) > 0.2
+
+
+def test_trajectories_and_cells_say_what_their_marks_are(lab: Lab) -> None:
+    lab.write([Attempt(start=1, steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)])
+    _, figures = drawn(lab)
+    assert "STOP succeeds within" in texts(figures["trajectories-1"])
+    assert "half of them did" in texts(figures["success-by-cell"])

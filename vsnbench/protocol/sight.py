@@ -42,6 +42,7 @@ class Sight:
         same = ring[:-1] == ring[1:]
         self._edges: npt.NDArray[np.float64] = np.stack([corners[:-1][same], corners[1:][same]], axis=1)
         self._edge_lines = np.asarray(shapely.linestrings(self._edges), dtype=object)
+        self._regions: dict[tuple[bytes, float], BaseGeometry] = {}
 
     def distance_m(self, here: Point, shape: BaseGeometry) -> float:
         """Return the distance from a point to what it sees of a footprint; 0 inside it, inf when it sees nothing."""
@@ -56,6 +57,12 @@ class Sight:
 
     def region(self, shape: BaseGeometry, within_m: float) -> BaseGeometry:
         """Return from where a footprint is in sight and nearer than `within_m`; to about a centimetre near walls."""
+        known = (shape.wkb, within_m)
+        if known not in self._regions:
+            self._regions[known] = self._region(shape, within_m)
+        return self._regions[known]
+
+    def _region(self, shape: BaseGeometry, within_m: float) -> BaseGeometry:
         reach = shape.buffer(within_m, quad_segs=_CIRCLE_QUARTER)
         if not self.walls.intersects(reach):
             return reach

@@ -179,12 +179,13 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
         for place, own in zip(twins, facets, strict=True):
             words = ", ".join(own[facet] for facet in telling if facet in own)
             names[place] = f"{model} {words}" if words else model
-            differing[place] = tuple(
+            apart = [
                 word
                 for facet, word in own.items()
                 # Of noise that others have none of, `sensor noise on` says it.
                 if "=" in word and any(_differs(facet, word, other) for other in facets)
-            )
+            ]
+            differing[place] = tuple(word for word in apart if not _said_by_another(word, apart))
     taken = list(names.values())
     for place, one in enumerate(conditions):
         clashes = taken.count(names[place]) > 1
@@ -192,6 +193,12 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
         if clashes or bare:
             names[place] = f"{names[place]} #{one.number}"
     return tuple(replace(one, name=names[place], differing=differing[place]) for place, one in enumerate(conditions))
+
+
+def _said_by_another(word: str, others: Sequence[str]) -> bool:
+    """Whether a setting within another one repeats one that is not: a model hands it on under the same name."""
+    path, _, value = word.partition("=")
+    return "." in path and f"{path.rpartition('.')[2]}={value}" in others
 
 
 def _is_code(facet: str) -> bool:

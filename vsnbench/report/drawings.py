@@ -1,8 +1,10 @@
 """Chooses the figures of a report and draws them."""
 
+import gc
 import multiprocessing
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +32,9 @@ MOST_TRAJECTORIES = 12
 TRAJECTORIES_BESIDE = 2
 """Of these conditions, and of every other one after them, a second process draws the trajectories: the first ones take
 about as long as all that is left."""
+
+_ALLOCATIONS = 20_000
+"""After so many new objects more than freed ones garbage is looked for: every time it costs a walk over all figures."""
 
 _ORDER = (
     "differences",
@@ -78,7 +83,7 @@ def build_and_draw(
     """
     can_fork = "fork" in multiprocessing.get_all_start_methods()
     shared = TRAJECTORIES_BESIDE if can_fork else 0  # matplotlib draws in one thread at a time
-    with _beside(can_fork=can_fork) as beside:
+    with _few_collections(), _beside(can_fork=can_fork) as beside:
         plans: list[_Plan] = []
         waiting: dict[int, Future[Drawing | None]] = {}
         drawn: list[Drawing] = []
@@ -105,6 +110,17 @@ def build_and_draw(
 
 def _drawn_beside(plans: "Sequence[_Plan]", shared: int) -> "Sequence[_Plan]":
     return [*plans[:shared], *plans[shared + 1 :: 2]] if shared else ()
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """Look for garbage a tenth as often, in the process beside too: figures are made of cycles, and few at a time."""
+    before = gc.get_threshold()
+    gc.set_threshold(_ALLOCATIONS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _beside(*, can_fork: bool) -> Executor:

@@ -51,7 +51,7 @@ def _pairs(question: Question, number: int) -> Sheet:
             Column("A - B", note="difference in success rate, points; paired: the mean over the cells"),
             Column("95 % interval", note="of the difference, points"),
             Column("p", note="after Holm's correction for every pair"),
-            Column("", number=False),
+            Column("finding", number=False),
         ),
         rows=tuple(rows),
         notes=(left_out,) if left_out else (),

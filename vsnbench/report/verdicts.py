@@ -34,7 +34,7 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
         )
     p = f"p {compared(rate.p)}"
     if rate.scope != ALL and comparison.asked > 1:
-        p += f", {compared(rate.adjusted_p)} after Holm's correction for {comparison.asked} questions"
+        p += f", p {compared(rate.adjusted_p)} after Holm's correction for {comparison.asked} questions"
     if rate.significant:
         better, worse = (a, b) if rate.difference > 0 else (b, a)
         return f"{where}: {better} succeeds more often than {worse}: {numbers}, {p}.{caveat}"

@@ -1,1 +1,1 @@
-"""All inference, a file a subject: numpy, scipy and, where it has the thing, statsmodels; nothing of the record."""
+"""All inference, a file a subject, from numpy and scipy; nothing of the record."""

@@ -14,11 +14,12 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
 
     If all the questions' answers are "no difference", at most 5 % of families hold one below 0.05.
     """
-    if not p_values:
-        return ()
-    from statsmodels.stats.multitest import multipletests
-
-    return tuple(float(p) for p in multipletests(list(p_values), method="holm")[1])
+    adjusted = [0.0] * len(p_values)
+    largest = 0.0
+    for place, question in enumerate(sorted(range(len(p_values)), key=lambda each: p_values[each])):
+        largest = max(largest, min(1.0, (len(p_values) - place) * float(p_values[question])))
+        adjusted[question] = largest
+    return tuple(adjusted)
 
 
 def letters(models: int, differ: Callable[[int, int], bool]) -> tuple[str, ...]:

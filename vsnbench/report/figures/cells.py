@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 MOST_PANELS = 6
 """To a figure."""
 _UNTRIED = "#e9e6e0"
+_HALF = "#80b8d9"
+"""Half way from white to the colour of success."""
 _LINE_IN = 0.125
 _TITLE_PT = 7.0
 
@@ -66,8 +68,10 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
             axes.set_title(title, fontsize=_TITLE_PT, color=INK, loc="left")
         for axes in axes_of[:, 0]:
             axes.set_ylabel("starting position")
-        samples = [Patch(facecolor=color, edgecolor=INK, linewidth=0.4) for color in (SUCCESS, "white", _UNTRIED)]
-        legend_below(figure, samples, ["every episode succeeded", "none did", "not tried"])
+        samples = [
+            Patch(facecolor=color, edgecolor=INK, linewidth=0.4) for color in (SUCCESS, _HALF, "white", _UNTRIED)
+        ]
+        legend_below(figure, samples, ["every episode succeeded", "half of them did", "none did", "not tried"])
     caption = (
         "Success by starting position and goal; the darker, the larger the share of a cell's episodes that succeeded. "
         "A dark row is a place from which all goals are found, a light column a goal that is found from nowhere."

@@ -71,7 +71,8 @@ def _drawing(
         light_grid(axes, "x")
     caption = (
         f"{question.where}: the difference in success rate of every pair, on the goals that both were asked for and "
-        "the cells that both were tried in. A filled blue mark: told apart, after Holm's correction for all pairs."
+        "the cells that both were tried in. A filled blue mark: told apart, "
+        "after Holm's correction for all pairs; an open grey one: not told apart."
     )
     return Drawing(
         page_name("differences", number),

@@ -1,6 +1,6 @@
 """Floor plans: where the robot went by goal and outcome, and from which starting positions it succeeds."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.goal_distance import success_region
@@ -9,6 +9,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 from vsnbench.report.conditions import Condition, footnotes
 from vsnbench.report.figures.lettering import legend_below, shown, wrapped
+from vsnbench.report.figures.lettering import width_in as letters_in
 from vsnbench.report.figures.style import (
     COLLISION,
     COLUMN_IN,
@@ -23,7 +24,7 @@ from vsnbench.report.figures.style import (
     page_name,
     styled,
 )
-from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
+from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan, success_outline
 from vsnbench.report.record import goal_order
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.trajectories import Track
@@ -44,6 +45,9 @@ _LOOKS = {
 MOST_MAPS = 6
 """Maps of successes to a figure."""
 _TITLE_PT = 7.0
+_SHARE_PT = 5.5
+_DISK_M = 0.27
+"""Radius of a starting position's disk."""
 
 
 def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track], left_out: str = "") -> Drawing | None:
@@ -83,7 +87,8 @@ def trajectory_plan(site: Site, one: ConditionSummary, tracks: Sequence[Track], 
         f"trajectories-{one.condition.number}",
         f"Trajectories of {name}",
         f"Floor plans with the trajectories of {name}, one plan a goal, by outcome.",
-        "Where the robot went, one plan a goal, its instances in colour; the numbers are successes of episodes."
+        "Where the robot went, one plan a goal, its instances in colour; the numbers are successes of episodes. "
+        "Within the green outline STOP succeeds."
         f"{left_out}",
         footnotes([one.condition]),
         figure,
@@ -121,7 +126,7 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
             axes.set_axis_off()
         for axes, (site, one), title, words in zip(grid.flat, plans, titles, below, strict=False):
             _bare_plan(site, axes, None, one.condition)
-            _draw_shares(axes, site, one)
+            _draw_shares(axes, site, one, room_in + 0.25)
             axes.set_title(title, pad=3)
             axes.text(0.5, -0.01, words, transform=axes.transAxes, ha="center", va="top", fontsize=6)
     conditions = [one.condition for _, one in plans]
@@ -136,26 +141,58 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
     )
 
 
-def _draw_shares(axes: "Axes", site: Site, one: ConditionSummary) -> None:
+def _draw_shares(axes: "Axes", site: Site, one: ConditionSummary, width_in: float) -> None:
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
     rates = {each.start: each.summary for each in one.starts}
-    for number, (x, y) in _places(site, one).items():
+    places = _places(site, one)
+    words = {number: f"{rates[number].successes}/{rates[number].episodes}" for number in places}
+    beside = _beside_disks(site, places, words, width_in)
+    for number, (x, y) in places.items():
         summary = rates[number]
-        axes.add_artist(Circle((x, y), 0.27, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=12))
+        axes.add_artist(Circle((x, y), _DISK_M, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=12))
         if summary.successes:
             share = 360 * summary.success_rate
-            axes.add_artist(Wedge((x, y), 0.27, 90 - share, 90, facecolor=SUCCESS, alpha=0.55, zorder=12.1))
+            axes.add_artist(Wedge((x, y), _DISK_M, 90 - share, 90, facecolor=SUCCESS, alpha=0.55, zorder=12.1))
         axes.text(x, y, str(number), ha="center", va="center_baseline", fontsize=6, weight="bold", zorder=13)
         axes.text(
-            *(x, y - 0.31, f"{summary.successes}/{summary.episodes}"),
+            *(*beside[number], words[number]),
             ha="center",
-            va="top",
-            fontsize=5.5,
+            va="center",
+            fontsize=_SHARE_PT,
             zorder=13,
             path_effects=[withStroke(linewidth=1.6, foreground="white")],  # to be read over a wall too
         )
+
+
+def _beside_disks(
+    site: Site, places: Mapping[int, tuple[float, float]], words: Mapping[int, str], plan_in: float
+) -> dict[int, tuple[float, float]]:
+    """Return the middle of each position's words, metres: below its disk, or wherever beside it no wall or disk is."""
+    import shapely
+
+    walls = shapely.union_all([wall.shape for wall in site.walls])
+    x_min, _, x_max, _ = walls.bounds
+    inch_m = (x_max - x_min + 0.3) / plan_in
+    disks = {number: shapely.Point(place).buffer(_DISK_M) for number, place in places.items()}
+    middles = {}
+    for number, (x, y) in places.items():
+        wide, high = letters_in(words[number], _SHARE_PT) * inch_m, _SHARE_PT / 72 * inch_m
+        off_x, off_y = _DISK_M + 0.06 + wide / 2, _DISK_M + 0.04 + high / 2
+        around = [(x, y - off_y), (x, y + off_y), (x + off_x, y), (x - off_x, y)]
+        taken = shapely.union_all([walls, *(disk for other, disk in disks.items() if other != number)])
+        middles[number] = next(
+            (
+                (mid_x, mid_y)
+                for mid_x, mid_y in around
+                if not taken.intersects(
+                    shapely.box(mid_x - wide / 2, mid_y - high / 2, mid_x + wide / 2, mid_y + high / 2)
+                )
+            ),
+            around[0],
+        )
+    return middles
 
 
 def outcome(track: Track) -> str:
@@ -194,7 +231,8 @@ def _looks() -> "tuple[list[Line2D], list[str]]":
         Line2D([], [], color=color, linestyle=dashes, marker=marker, markersize=3, linewidth=0.9)
         for color, dashes, marker in _LOOKS.values()
     ]
-    return [*samples, Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none")], [*_LOOKS, "start"]
+    start = Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none")
+    return [*samples, start, success_outline([], [])], [*_LOOKS, "start", "STOP succeeds within"]
 
 
 def _bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition) -> None:

@@ -14,6 +14,8 @@ from vsnbench.report.plan.ink import INK, Ink
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from numpy.typing import ArrayLike
     from shapely.geometry.base import BaseGeometry
 
 _SUCCESS = "#2e7d32"
@@ -105,13 +107,19 @@ def _bounds(site: Site) -> tuple[float, float, float, float]:
     return x_min, y_min, x_max, y_max
 
 
+def success_outline(x_m: "ArrayLike", y_m: "ArrayLike") -> "Line2D":
+    """Return the line that bounds from where STOP succeeds, metres; also the sample for a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D(x_m, y_m, color=_SUCCESS, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4.5)
+
+
 def _draw_success(axes: "Axes", region: "BaseGeometry") -> None:
     import shapely
-    from matplotlib.lines import Line2D
 
     for ring in shapely.get_rings(shapely.get_parts(region)):
         x_m, y_m = shapely.get_coordinates(ring).T
-        axes.add_artist(Line2D(x_m, y_m, color=_SUCCESS, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4.5))
+        axes.add_artist(success_outline(x_m, y_m))
 
 
 def _draw_start(axes: "Axes", start: StartingPosition) -> None:
