@@ -131,7 +131,9 @@ def test_a_server_that_steers_another_topic_is_not_ready(tmp_path) -> None:
         server = network.start(HERE / "nodes" / "upstream_like_server.py", "/cmd_vel:=/elsewhere")
         network.wait_for_service("/discrete_move")
         second = network.start(HERE / "nodes" / "camera.py", "__name:=second_camera")
-        wait_until(lambda: len(network.master.state().publishers["/camera/color/image_raw"]) == 2, "two cameras")
+        wait_until(
+            lambda: len(network.master.state().publishers.get("/camera/color/image_raw", ())) == 2, "two cameras"
+        )
         done = doctor("--robot", str(PROFILE), "--results", str(tmp_path), environment=network.environment)
         assert done.returncode == 1
         seen = " ".join(done.stdout.split())
