@@ -106,13 +106,8 @@ def command(
     place = ResultsDirectory.locate(results, db)
     with_paper = reference is not None
     if output is not None or serve:
-        import gc
-
         from vsnbench.report.drawings import build_and_draw
 
-        # Figures and fonts are made of millions of objects that live until the end: looking through all of them for
-        # garbage as often as usual takes a tenth of the time. The process beside is a fork, and inherits this.
-        gc.set_threshold(200_000, 20, 20)
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
         write_or_serve(report, drawn, output, port if serve else None)
     else:
