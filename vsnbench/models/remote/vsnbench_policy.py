@@ -39,6 +39,7 @@ import os
 import platform
 import random
 import signal
+import socket
 import ssl
 import sys
 import threading
@@ -52,7 +53,6 @@ import msgpack
 import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve as _serve
-from websockets.sync.server import unix_serve as _unix_serve
 
 WIRE_VERSION = 1
 """What docs/wire.md describes; both sides must say the same."""
@@ -140,7 +140,10 @@ def serve(
         context.load_cert_chain(certificate, key)
         name = "ssl" if "ssl" in inspect.signature(_serve).parameters else "ssl_context"
         options[name] = context
-    server = _unix_serve(handle, unix_path, **options) if unix_path else _serve(handle, host, port, **options)
+    if unix_path:
+        server = _serve(handle, sock=_listening_at(unix_path), **options)
+    else:
+        server = _serve(handle, host, port, **options)
     with server:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -151,6 +154,15 @@ def serve(
         where = unix_path or "{}://{}:{}".format("wss" if certificate else "ws", host, bound)
         logger.warning("%s listens at %s", card["name"], where)
         server.serve_forever()
+
+
+def _listening_at(path: str) -> socket.socket:
+    """Return a listening socket; its file is there only once somebody who connects is heard."""
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(path + ".new")
+    listener.listen()
+    Path(path + ".new").rename(path)
+    return listener
 
 
 def checked_card(policy: Any) -> dict[str, Any]:
