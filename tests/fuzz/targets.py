@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import random
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,7 +33,7 @@ class Target(Protocol):
         """Spoil a good input and load it; None for `index` loads it as it is."""
 
 
-class _SettingsFile:
+class _SettingsFile(ABC):
     """A YAML file behind a function that reads it."""
 
     in_suite: ClassVar[int] = 400
@@ -47,8 +48,9 @@ class _SettingsFile:
         self.path.write_bytes(good if index is None else mutations.yaml_text(rng, good))
         self.read()
 
+    @abstractmethod
     def read(self) -> None:
-        raise NotImplementedError
+        """Have the project read the file."""
 
 
 SMALL_SITE = """

@@ -5,6 +5,7 @@ import json
 import random
 import warnings
 import zipfile
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +18,7 @@ from tests.fuzz import mutations
 DATA = Path(__file__).resolve().parents[1] / "data"
 
 
-class _Checkpoint:
+class _Checkpoint(ABC):
     """A PyTorch file; its tensors are spoilt before it is written, or its bytes afterwards."""
 
     in_suite: ClassVar[int] = 300
@@ -27,14 +28,17 @@ class _Checkpoint:
         self.state = self.make()
         self.small = self.written(self.as_file(dict(list(self.state.items())[:6])))
 
+    @abstractmethod
     def make(self) -> "dict[str, Any]":
-        raise NotImplementedError
+        """Return good tensors by name."""
 
+    @abstractmethod
     def as_file(self, state: Mapping[str, Any]) -> Any:
-        raise NotImplementedError
+        """Return what a file with these tensors holds."""
 
+    @abstractmethod
     def read(self) -> None:
-        raise NotImplementedError
+        """Have the project read the file."""
 
     def written(self, content: Any) -> bytes:
         import torch

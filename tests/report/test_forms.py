@@ -191,6 +191,8 @@ def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
     assert tables.split(r"\label{tab:overview}")[0].rsplit(r"\begin{", 1)[1].startswith("table}"), "it fits a column"
 
 
+# LaTeX is larger than all else that the tests need, and no part of their set-up: where it is absent, the tests above
+# still hold the document's structure, and only that a compiler takes it goes unseen.
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
 def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> None:
     (tmp_path / "report.tex").write_text(document(reference_sheets()), encoding="utf-8")

@@ -59,6 +59,7 @@ def test_a_fault_in_a_movement_stops_the_base_within_a_second(rig, fault, said, 
     assert stood_s < AT_REST_S
 
 
+@pytest.mark.parametrize("rig", ["workstation"], indirect=True)  # who steers changes nothing for the camera
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
@@ -68,8 +69,6 @@ def test_a_fault_in_a_movement_stops_the_base_within_a_second(rig, fault, said, 
     ],
 )
 def test_a_camera_that_fails_is_named_while_the_robot_stands(rig, fault, said) -> None:
-    if rig.node is not None:
-        pytest.skip("who steers changes nothing for the camera")
     rig.client("begin")
     assert rig.client("observe")["rgb"] == [48, 64, 3]
     told(rig.robot, fault)
@@ -83,9 +82,8 @@ def test_a_camera_that_fails_is_named_while_the_robot_stands(rig, fault, said) -
     assert stands_since(rig.robot) is not None or "moves" not in rig.robot.output
 
 
+@pytest.mark.parametrize("rig", ["beside the base"], indirect=True)  # elsewhere there is none to be killed
 def test_a_discrete_move_that_is_killed_is_missed_and_one_that_is_started_again_moves(rig) -> None:
-    if rig.node is None:
-        pytest.skip("this process carries out the movements itself")
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
     kill_s = time.monotonic()
