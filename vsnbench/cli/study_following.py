@@ -50,6 +50,7 @@ def run(
     from vsnbench.cli.study_file import open_study
     from vsnbench.cli.study_running import run_and_tell
     from vsnbench.errors import StudyError
+    from vsnbench.runner.attendance import TerminalAttendance
 
     study = open_study(file, results, db)
     if study.changed:
@@ -60,7 +61,7 @@ def run(
         only_next=only_next,
         until=_moment(until),
         memory_bytes=None if model_memory is None else round(model_memory * 2**30),
-        unattended=unattended,
+        attendance=TerminalAttendance(unattended),
         live=live,
     )
     leave_strays_behind(code, before)

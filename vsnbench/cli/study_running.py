@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from vsnbench.errors import StudyError
-from vsnbench.runner.attendance import TerminalAttendance
+from vsnbench.runner.attendance import Attendance
 from vsnbench.runner.blind import words_hidden
 from vsnbench.runner.stopping import StopAuthor, Stopped
 from vsnbench.runner.study_arms import StudyPlace, telling_words
@@ -25,10 +25,18 @@ def run_and_tell(
     only_next: bool,
     until: datetime | None,
     memory_bytes: int | None,
-    unattended: bool,
+    attendance: Attendance,
     live: bool,
 ) -> int:
     """Run and return the exit code: 0 when nothing more is wanted, 1 with trials left, 129, 130 or 143 when stopped.
+
+    Args:
+        study: what to run.
+        only_next: one trial.
+        until: no trial is begun from then on.
+        memory_bytes: for the loaded models; half of the machine's when None.
+        attendance: finds whoever is asked to place the robot and to judge: the terminal, a page, or nobody.
+        live: show each episode as it happens.
 
     Raises:
         StudyError: the site or the schedule is not what was locked.
@@ -49,7 +57,7 @@ def run_and_tell(
         request = StudyRequest(study.recorded, place, study.results, only_next, until, memory_bytes)
         try:
             with RerunEpisodes(live=live) as viewer:
-                result = run_study(request, TerminalAttendance(unattended), viewer)
+                result = run_study(request, attendance, viewer)
                 viewer.linger()
         except Stopped as stopped:
             by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
