@@ -29,7 +29,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "report": _PURE | {"database", "record", "study"},
     "exchange": {"protocol", "database", "record"},
     "runner": {"protocol"} | _MACHINERY | _RESOURCES,
-    "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner"},
+    "console": {"protocol", "simulator", "sensing"} | _RESOURCES | {"viewer", "report", "exchange", "runner"},
+    "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner", "console"},
 }
 GROUND = {
     "compilation",
