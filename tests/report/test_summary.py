@@ -116,11 +116,27 @@ def test_campaigns_that_ask_the_same_question_are_pooled_and_others_are_not(lab:
 def test_shared_goals_have_their_own_total(lab: Lab) -> None:
     lab.write([Attempt("chair"), Attempt("bed", success=False)], model="a")
     lab.write([Attempt("chair"), Attempt("plant", success=False)], model="b")
-    results = results_of(lab)
-    assert results.shared_goals == ("chair",)
-    for one in results.conditions:
+    for one in results_of(lab).conditions:
+        assert one.shared_goals == ("chair",)
         assert one.shared is not None
         assert (one.shared.successes, one.shared.episodes) == (1, 1)
+
+
+def test_goals_are_shared_by_those_that_can_be_laid_beside_each_other(lab: Lab) -> None:
+    starts, goals = range(1, 9), ("chair", "sofa", "bed")
+    lab.write([Attempt(goal, start) for goal in goals for start in starts], model="a")
+    lab.write([Attempt(goal, start) for goal in (*goals[1:], "plant") for start in starts], model="b")
+    lab.write([Attempt("sofa"), Attempt("sofa", 2)], model="a first try")
+    lab.write([Attempt("bed", start) for start in range(1, 21)], model="oracle", surveyed=True)
+    lab.write([Attempt("chair", start) for start in range(1, 21)], model="a", simulated=False)
+    shared = {one.condition.name: (one.shared_goals, one.shared is not None) for one in results_of(lab).conditions}
+    assert shared == {
+        "a simulated": (("sofa", "bed"), True),
+        "b": (("sofa", "bed"), True),
+        "a first try": (("sofa", "bed"), False),  # it has not all of them: a total would be of other goals
+        "oracle": (("sofa", "bed"), False),
+        "a real": (("chair",), False),
+    }
 
 
 def test_starting_positions_that_never_succeed_are_named(lab: Lab) -> None:

@@ -66,7 +66,7 @@ def print_comparisons(
 
         content = answer_fields(comparisons, contest, asked)
         content["models"] = [model_fields(one, None, record) for one in summaries]
-        content["twins"] = [twin_fields(one) for one in twins(Results(tuple(summaries), ()))]
+        content["twins"] = [twin_fields(one) for one in twins(Results(tuple(summaries)))]
         typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
         return
     sheets = answer_sheets(comparisons, contest, asked)

@@ -77,7 +77,7 @@ class Report:
         sheets = question_sheets(self.questions)
         if len(results.conditions) > 1:
             sheets.append(overview_sheet(results))
-        sheets += [goal_sheet(one, results.shared_goals) for one in results.conditions]
+        sheets += [goal_sheet(one) for one in results.conditions]
         if self.reference:
             sheets.append(beside_sheet(results))
         found = twins(results)

@@ -17,6 +17,7 @@ from vsnbench.report.conditions import Condition
 from vsnbench.report.effects import MEASURED, EffectComparison, effects
 from vsnbench.report.outlook import Outlook, Reach, outlook_of, reach_of
 from vsnbench.report.pairing import Matches, Pairing, match, pair, same_places, seeded
+from vsnbench.report.peers import ENOUGH_COVERAGE
 from vsnbench.report.record import Record, empty_record, goal_order
 from vsnbench.report.summary import ConditionSummary, Results, Summary
 from vsnbench.statistics.clustered import Outcomes, independent_difference
@@ -27,9 +28,6 @@ from vsnbench.statistics.rates import CONFIDENCE, Interval, Proportion, barnard,
 
 if TYPE_CHECKING:
     import pandas as pd
-
-ENOUGH_COVERAGE = 0.95
-"""Below this share of trials done, no winner is named."""
 
 ALL, SHARED = "all goals", "shared goals"
 

@@ -86,8 +86,7 @@ def published_results() -> Results:
     goals = [set(model.goals) for model in paper.models]
     shared = tuple(goal for goal in paper.models[0].goals if all(goal in each for each in goals))
     return Results(
-        conditions=tuple(_condition(paper, model, shared, place) for place, model in enumerate(paper.models, start=1)),
-        shared_goals=shared,
+        tuple(_condition(paper, model, shared, place) for place, model in enumerate(paper.models, start=1)),
     )
 
 
@@ -118,6 +117,7 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         shared=_sum([summaries[goal] for goal in shared]),
         starts=(),
         ends=(),
+        shared_goals=shared,
     )
 
 

@@ -1,20 +1,16 @@
 """The question that a report is read for: which model succeeds more often in the same circumstances, and how sure."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vsnbench.harmless_text import harmless
-from vsnbench.report.compare import ENOUGH_COVERAGE, SHARED, Comparison, RateComparison, compare
-from vsnbench.report.conditions import Condition
+from vsnbench.report.compare import SHARED, Comparison, RateComparison, compare
 from vsnbench.report.contest import Contest, Standing, contest_of
+from vsnbench.report.peers import circumstances, is_competitor, shortcoming
 from vsnbench.report.record import Record
 from vsnbench.report.sheets import listed
 from vsnbench.report.summary import ConditionSummary, Results
 from vsnbench.report.verdicts import verdicts
-
-FEWEST_EPISODES = 15
-"""With fewer a model is no peer of the others: the paper asks for at least 15 starting positions (Section 4.1)."""
 
 MOST_MEMBERS = 6
 """Models that one question is about, those with the most episodes; `vsnbench compare` takes any others."""
@@ -46,20 +42,6 @@ class Question:
         return tuple((one, rate) for one in self.comparisons for rate in one.rates if rate.scope == SHARED)
 
 
-def is_competitor(one: ConditionSummary) -> bool:
-    """Whether a condition can be laid beside others: not handed the site, enough episodes, nearly all trials done."""
-    return not one.condition.surveyed and not shortcoming(one)
-
-
-def shortcoming(one: ConditionSummary) -> str:
-    """Say why there is too little to compare; empty where there is enough."""
-    if one.total.episodes < FEWEST_EPISODES:
-        return f"{one.total.episodes} episodes, and {FEWEST_EPISODES} are the least"
-    if one.total.coverage < ENOUGH_COVERAGE:
-        return f"{one.total.episodes} of {one.total.planned} trials done"
-    return ""
-
-
 def questions(record: Record, results: Results) -> tuple[Question, ...]:
     """Ask, wherever two models or more were tested in the same circumstances, which of them succeeds more often.
 
@@ -68,7 +50,7 @@ def questions(record: Record, results: Results) -> tuple[Question, ...]:
     groups: dict[str, list[ConditionSummary]] = {}
     for one in results.conditions:
         if not one.condition.surveyed:
-            groups.setdefault(_circumstances(one.condition), []).append(one)
+            groups.setdefault(circumstances(one.condition), []).append(one)
     found = []
     for group in groups.values():
         enough = sorted(filter(is_competitor, group), key=lambda one: -one.total.episodes)
@@ -89,13 +71,6 @@ def questions(record: Record, results: Results) -> tuple[Question, ...]:
             )
         )
     return tuple(sorted(found, key=lambda one: one.members[0].condition.simulated))
-
-
-def _circumstances(condition: Condition) -> str:
-    settings = [dict(condition.protocol), dict(condition.conditions)]
-    return json.dumps(
-        [condition.robot, condition.simulated, condition.site_sha256, *settings], sort_keys=True, default=str
-    )
 
 
 def _led(contest: Contest) -> str:

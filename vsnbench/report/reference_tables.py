@@ -30,7 +30,7 @@ def reference_sheets() -> list[Sheet]:
     paper, results = published(), published_results()
     sheets = [_real_against_virtual(results)]
     for model, one in zip(paper.models, results.conditions, strict=True):
-        sheet = kept(goal_sheet(one, results.shared_goals))
+        sheet = kept(goal_sheet(one))
         notes = [f"Source: {paper.source}, Table {model.table}; the intervals are Wilson's and ours."]
         if model.never_succeeding_starts:
             notes.append(

@@ -12,6 +12,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.cells import CellCounts, Codes, EpisodeColumns
 from vsnbench.report.conditions import Condition
+from vsnbench.report.peers import shared_goals
 from vsnbench.report.record import Record, goal_order
 from vsnbench.statistics.clustered import Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
@@ -119,9 +120,11 @@ class ConditionSummary:
     goals: tuple[GoalSummary, ...]
     total: Summary
     shared: Summary | None
-    """Total over the goals that all conditions of the report have in common; None when that says nothing new."""
+    """Total over `shared_goals`; None when that says nothing new."""
     starts: tuple[StartSummary, ...]
     ends: tuple[EndCount, ...]
+    shared_goals: tuple[str, ...] = ()
+    """Goals that all who can be laid beside it were asked for, in the order of the tables (`peers.shared_goals`)."""
 
     @property
     def never_succeeding(self) -> tuple[int, ...]:
@@ -134,8 +137,6 @@ class Results:
     """All conditions of a report."""
 
     conditions: tuple[ConditionSummary, ...]
-    shared_goals: tuple[str, ...]
-    """Goals that every condition was asked for, in the order of the tables."""
 
     @property
     def episodes(self) -> int:
@@ -145,16 +146,22 @@ class Results:
 
 def summarise(record: Record) -> Results:
     """Condense a record into its tables."""
-    asked = {one.number: set(_of(record.planned, one)["goal"].astype(str)) for one in record.conditions}
-    shared = set.intersection(*asked.values()) if asked else set()
     everything = EpisodeColumns.of(record.episodes)
     episodes, none = dict(everything.by(everything.condition)), everything[:0]
+    planned = {one.number: record.planned[record.planned["condition"] == one.number] for one in record.conditions}
+    shared = shared_goals(
+        record.conditions,
+        asked={number: set(trials["goal"].astype(str)) for number, trials in planned.items()},
+        done={
+            number: (int(episodes.get(number, none).state.of(COUNTED).sum()), int(trials["trials"].sum()))
+            for number, trials in planned.items()
+        },
+    )
     return Results(
-        conditions=tuple(
-            _condition(one, episodes.get(one.number, none), _of(record.planned, one), shared)
+        tuple(
+            _condition(one, episodes.get(one.number, none), planned[one.number], shared[one.number])
             for one in record.conditions
-        ),
-        shared_goals=tuple(sorted(shared, key=goal_order)),
+        )
     )
 
 
@@ -177,7 +184,7 @@ def _condition(
     )
     own = {one.goal for one in goals}
     common = None
-    if shared and shared != own:
+    if shared and shared < own:
         trials = int(planned.loc[planned["goal"].isin(shared), "trials"].sum())
         common = _summary(episodes[episodes.goal.of(*shared)], trials, on(*shared))
     return ConditionSummary(
@@ -190,6 +197,7 @@ def _condition(
             for start in sorted(trials_by_start.index.tolist())
         ),
         ends=_ends(episodes),
+        shared_goals=tuple(sorted(shared, key=goal_order)),
     )
 
 
@@ -249,10 +257,6 @@ def _ends(episodes: EpisodeColumns) -> tuple[EndCount, ...]:
         EndCount(reason, int((of := ended.of(reason) & over).sum()), int((of & counted).sum())) for reason in reasons
     )
     return tuple(count for count in counts if count.attempts)
-
-
-def _of(frame: "pd.DataFrame", condition: Condition) -> "pd.DataFrame":
-    return frame[frame["condition"] == condition.number]
 
 
 def _mean(numbers: "NDArray[Any]") -> float:

@@ -1,7 +1,7 @@
 """The tables of a report as sheets: by goal, by starting position, by end reason."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
@@ -80,12 +80,12 @@ def overview_sheet(results: Results) -> Sheet:
     )
 
 
-def goal_sheet(one: ConditionSummary, shared_goals: Iterable[str] = ()) -> Sheet:
+def goal_sheet(one: ConditionSummary) -> Sheet:
     """Success by goal category under one condition (paper, Tables 4 and 5, with what they leave out)."""
     rows = [_summary_row(goal.goal, goal.summary) for goal in one.goals]
     rows.append(_summary_row("all", one.total, total=True))
     if one.shared:
-        rows.append(_summary_row(f"shared: {listed(shared_goals)}", one.shared, total=True))
+        rows.append(_summary_row(f"shared: {listed(one.shared_goals)}", one.shared, total=True))
     return Sheet(
         name=f"goals-{one.condition.number}",
         title=f"{one.condition.name}: success by goal",

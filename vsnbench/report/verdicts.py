@@ -1,8 +1,9 @@
 """A comparison in plain sentences: who is better, how sure that is, and what was left out."""
 
 from vsnbench.harmless_text import harmless
-from vsnbench.report.compare import ALL, ENOUGH_COVERAGE, SHARED, Comparison, RateComparison
+from vsnbench.report.compare import ALL, SHARED, Comparison, RateComparison
 from vsnbench.report.outlook import advice
+from vsnbench.report.peers import ENOUGH_COVERAGE
 
 
 def verdicts(comparison: Comparison) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from vsnbench.database.read_model import COUNTED
 from vsnbench.harmless_text import harmless
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import COLUMN_IN, Drawing
-from vsnbench.report.question import is_competitor
+from vsnbench.report.peers import is_competitor
 from vsnbench.report.record import Record
 from vsnbench.report.sheets import Cell, Sheet, count, decimal, footnotes_of, word
 from vsnbench.report.strips import strip_of

@@ -83,6 +83,7 @@ def _lines(results: Results) -> Iterator[dict[str, Any]]:
             "campaigns": " ".join(map(str, one.condition.campaigns)),
             "seeds": " ".join(map(str, one.condition.seeds)),
             "differing": ", ".join(one.condition.differing),
+            "shared_goals": " ".join(one.shared_goals),
         }
         for goal in one.goals:
             yield {**condition, "goal": goal.goal, **summary_fields(goal.summary)}

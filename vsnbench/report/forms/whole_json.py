@@ -32,7 +32,6 @@ def to_json(
     content = {
         "confidence": 0.95,
         "interval": "wilson, at the effective sample size of the starting positions",
-        "shared_goals": list(results.shared_goals),
         "models": [model_fields(one, activity, record) for one in results.conditions],
         "questions": [_question(one) for one in questions],
         "twins": [twin_fields(one) for one in twins(results)],
@@ -65,6 +64,7 @@ def model_fields(one: ConditionSummary, activity: Activity | None, record: Recor
         "conditions": known(dict(condition.conditions)),
         "goals": [{"goal": goal.goal, **summary_fields(goal.summary)} for goal in one.goals],
         "total": summary_fields(one.total),
+        "shared_goals": list(one.shared_goals),
         "total_shared_goals": summary_fields(one.shared) if one.shared else None,
         "starts": [{"start": start.start, **summary_fields(start.summary)} for start in one.starts],
         "end_reasons": [
