@@ -1,8 +1,9 @@
 """A blind study of three models, killed with SIGKILL five times on its way, against plain runs with the same seed.
 
-From `study new` to `study report` as typed, in processes of their own. Says whether the schedule was kept, whether any
-trial counts twice, whether every outcome is that of `vsnbench run`, and greps all that an operator sees of the blind
-run for the models' names, labels and hashes. The issue's size takes some 25 minutes on two quiet cores:
+From `study new` to `study report` as typed, in recorded terminals. Says whether the schedule was kept, whether any
+trial counts twice, whether every outcome is that of `vsnbench run`, and looks through all that an operator sees of the
+blind run (`operators_view.py`; two of the sessions with `--live`, whose stream is kept too) for the models' names,
+labels and hashes. The whole of 4 goals from 15 positions takes some 15 minutes on two quiet cores:
 
     python benchmarks/study_killed.py --starts 1-15
     python benchmarks/study_killed.py --starts 1-2 --goals bed,chair      # some 3 minutes
@@ -15,22 +16,28 @@ import random
 import re
 import signal
 import sqlite3
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+from operators_view import LiveStream, Terminal, call, files_below, naming, verbs
+
 ARMS = ("pirlnav", "vlv", "forward")
-ACTIONS = re.compile(rb"move[_ ]forward", re.IGNORECASE)
-"""The action has the name of a model; it is in every recording whoever drives."""
-
-
-def call(*words: str) -> "subprocess.CompletedProcess[bytes]":
-    return subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], capture_output=True, check=False)
+SEED = "11"
+LIVE = (0, 3)
+"""Which of the sessions are run with `--live`."""
+COMPARED = ("outcome", "end_reason", "success", "actions", "distance_to_goal_m", "path_length_m")
+SCHEDULE = (
+    "SELECT s.rank, a.name, t.goal, t.start, e.id FROM study_trial s JOIN trial t ON t.id = s.trial_id "
+    "JOIN study_arm a ON a.campaign_id = t.campaign_id "
+    "LEFT JOIN episode e ON e.trial_id = t.id AND e.state = 'judged' ORDER BY s.rank"
+)
 
 
 def rows(query: str) -> list[tuple[object, ...]]:
+    """Return what the study's database says; nothing while it is being written."""
     try:
         with sqlite3.connect("file:results/vsnbench.db?mode=ro", uri=True, timeout=10) as database:
             return database.execute(query).fetchall()
@@ -38,11 +45,70 @@ def rows(query: str) -> list[tuple[object, ...]]:
         return []
 
 
-SCHEDULE = (
-    "SELECT s.rank, a.name, t.goal, t.start, e.success FROM study_trial s JOIN trial t ON t.id = s.trial_id "
-    "JOIN study_arm a ON a.campaign_id = t.campaign_id LEFT JOIN (SELECT e.trial_id, v.success FROM episode e "
-    "JOIN verdict v ON v.episode_id = e.id WHERE e.state = 'judged') e ON e.trial_id = t.id ORDER BY s.rank"
-)
+def done() -> int:
+    """Return how many trials have a result."""
+    return len(rows("SELECT DISTINCT trial_id FROM episode WHERE state = 'judged'"))
+
+
+def run_killed(moments: list[int], began: float) -> tuple[set[str], list[Path]]:
+    """Run the study, killed after so many trials each time, to its end; return the titles and the live streams seen."""
+    titles: set[str] = set()
+    streams: list[Path] = []
+    for number, moment in enumerate([*moments, None]):
+        live = number in LIVE
+        terminal = Terminal(["study", "run", *(["--live"] if live else [])], Path(f"seen/terminal-{number}.txt"))
+        stream = LiveStream(terminal, Path(f"seen/live-{number}.rrd"))
+        while terminal.process.poll() is None and (moment is None or done() < moment):
+            titles |= terminal.titles()
+            if live:
+                stream.poll()
+            time.sleep(0.5)
+        if moment is not None:
+            terminal.process.send_signal(signal.SIGKILL)
+        code = terminal.ended()
+        stream.ended()
+        streams += [stream.file] if stream.file.exists() else []
+        told = f"killed after {moment} trials" if moment is not None else f"the last session ends with {code}"
+        print(f"{told}, {time.monotonic() - began:.0f} s", flush=True)
+    return titles, streams
+
+
+def plain_runs(goals: str, starts: str) -> None:
+    """Run the same trials one model after another, without any study."""
+    for arm in ARMS:
+        words = ("--goal", goals, "--starts", starts, "--seed", SEED, "--results", "plain", "--workers", "2")
+        answer = call("run", "--model", arm, *words)
+        assert answer.returncode == 0, answer.stderr
+
+
+def outcomes(results: str) -> dict[tuple[object, ...], tuple[object, ...]]:
+    """Return how every trial went, by model, goal and starting position; void attempts apart."""
+    listed = json.loads(call("episodes", "list", "--results", results, "--json").stdout)
+    return {
+        (one["model"], one["goal"], one["start"]): tuple(one[name] for name in COMPARED)
+        for one in listed
+        if one["outcome"] != "void"
+    }
+
+
+def telling_words() -> Iterator[str]:
+    """Yield the models' names, labels and hashes, and hashes as far as they are ever shown."""
+    yield from ARMS
+    for row in rows("SELECT DISTINCT name, weights_label, weights_sha256, sha256 FROM model"):
+        for word in filter(None, map(str, row)):
+            yield word
+            if re.fullmatch("[0-9a-f]{64}", word):
+                yield from (word[:8], word[:12], word[:16])
+    yield from (str(key) for (key,) in rows("SELECT key FROM campaign"))
+
+
+def shown_episodes() -> list[int]:
+    """Return a few episodes to look at closely: two of every arm, and what the kills left."""
+    found: list[int] = []
+    for (campaign,) in rows("SELECT id FROM campaign"):
+        of_it = f"SELECT e.id FROM episode e JOIN trial t ON t.id = e.trial_id WHERE t.campaign_id = {campaign}"
+        found += [int(str(row[0])) for row in rows(f"{of_it} ORDER BY e.id LIMIT 2")]
+    return found + [int(str(row[0])) for row in rows("SELECT id FROM episode WHERE state = 'void' LIMIT 3")]
 
 
 def main() -> int:
@@ -51,79 +117,43 @@ def main() -> int:
     parser.add_argument("--goals", default="bed,chair,sofa,toilet")
     parser.add_argument("--kills", type=int, default=5)
     asked = parser.parse_args()
-    repository = Path(__file__).resolve().parent.parent
-    os.environ["PYTHONPATH"] = str(repository)
+    os.environ["PYTHONPATH"] = str(Path(__file__).resolve().parent.parent)
     os.chdir(tempfile.mkdtemp(prefix="vsnbench-study-"))
-    began, seen = time.monotonic(), b""
+    Path("seen").mkdir()
+    began = time.monotonic()
+    print(f"in {Path.cwd()}", flush=True)
     arms = [word for arm in ARMS for word in ("--arm", arm)]
-    for words in (("new", *arms, "--goal", asked.goals, "--starts", asked.starts, "--seed", "11"), ("lock",)):
-        assert call("study", *words).returncode == 0, words
+    for words in (("new", *arms, "--goal", asked.goals, "--starts", asked.starts, "--seed", SEED), ("lock",)):
+        answer = call("study", *words)
+        assert answer.returncode == 0, answer.stderr
     schedule = [row[:4] for row in rows(SCHEDULE)]
     moments = sorted(random.Random(3).sample(range(1, len(schedule)), min(asked.kills, len(schedule) - 1)))
-    for moment in moments:
-        with Path("run.log").open("ab") as log:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "vsnbench.cli.main", "study", "run"], stdout=log, stderr=log
-            )
-        while process.poll() is None and sum(row[4] is not None for row in rows(SCHEDULE)) < moment:
-            time.sleep(0.2)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        print(f"killed after {moment} of {len(schedule)} trials, {time.monotonic() - began:.0f} s", flush=True)
-    last = call("study", "run")
-    print(f"study run ends with {last.returncode}, {time.monotonic() - began:.0f} s", flush=True)
-    seen += last.stdout + last.stderr + Path("run.log").read_bytes()
-    outcomes = rows(SCHEDULE)
-    for words in (
-        *(("study", "status"), ("study", "report"), ("study", "report", "--output", "study-report")),
-        *(("episodes", "list", "--limit", "0"), ("episodes", "show", "1", "--json"), ("db", "status")),
-        *(("report", "--all-tables"), ("report", "--output", "page")),
-    ):
+    titles, streams = run_killed(moments, began)
+
+    seen = {"ps": "\n".join(titles).encode()}
+    for words in verbs(shown_episodes()):
         answer = call(*words)
         assert answer.returncode == 0, (words, answer.stderr)
-        seen += answer.stdout + answer.stderr
-    hashes = rows("SELECT DISTINCT name, weights_label, weights_sha256, sha256 FROM model")
-    telling = {str(word) for row in hashes for word in row if word} | set(ARMS)
-    telling |= {word[:12] for word in telling if re.fullmatch("[0-9a-f]{64}", word)}
-    files = [
-        file for top in ("results/episodes", "page", "study-report") for file in Path(top).rglob("*") if file.is_file()
-    ]
-    places = {"screen": seen, **{str(file): file.read_bytes() + str(file).encode() for file in files}}
-    patterns = {
-        word: re.compile(rb"(?<![A-Za-z0-9])" + re.escape(word.encode()) + rb"(?![A-Za-z0-9])") for word in telling
-    }
-    told = [
-        (place, word)
-        for place, content in places.items()
-        for word, pattern in patterns.items()
-        if pattern.search(ACTIONS.sub(b"", content))
-    ]
+        seen[" ".join(words)] = answer.stdout + answer.stderr
+    files = [*files_below("results", "seen")]
+    told = naming(telling_words(), seen, files)
+
+    assert call("study", "unblind", "--reason", "every trial is done").returncode == 0
+    plain_runs(asked.goals, asked.starts)
+    ours, theirs = outcomes("results"), outcomes("plain")
+    differ = [trial for trial in {*ours, *theirs} if ours.get(trial) != theirs.get(trial)]
     twice = rows("SELECT trial_id FROM episode WHERE state = 'judged' GROUP BY trial_id HAVING COUNT(*) > 1")
     void = rows("SELECT COUNT(*) FROM episode WHERE state = 'void'")[0][0]
-    plain: dict[tuple[object, ...], object] = {}
-    for arm in ARMS:
-        words = (
-            "--goal",
-            asked.goals,
-            "--starts",
-            asked.starts,
-            "--seed",
-            "11",
-            "--results",
-            "plain",
-            "--workers",
-            "1",
-        )
-        assert call("run", "--model", arm, *words).returncode == 0
-    for one in json.loads(call("episodes", "list", "--results", "plain", "--json").stdout):
-        plain[one["model"], one["goal"], one["start"]] = one["success"]
-    differ = [row for row in outcomes if plain.get(tuple(row[1:4])) != (None if row[4] is None else bool(row[4]))]
-    print(f"schedule kept: {[row[:4] for row in outcomes] == schedule}")
+    kept = [row[:4] for row in rows(SCHEDULE)] == schedule and all(row[4] is not None for row in rows(SCHEDULE))
+    print(call("study", "report").stdout.decode())
+    print(f"schedule kept, every trial judged: {kept}")
     print(f"trials that count twice: {len(twice)}; void attempts, run again: {void}")
-    print(f"outcomes that are not those of plain runs: {len(differ)} of {len(outcomes)}")
-    print(f"places in which a model is named: {len(told)} of {len(places)} {told[:3]}")
-    print(f"{time.monotonic() - began:.0f} s in {Path.cwd()}")
-    return 0 if [row[:4] for row in outcomes] == schedule and not (twice or differ or told) else 1
+    print(f"outcomes that are not those of plain runs: {len(differ)} of {len(schedule)} {differ[:3]}")
+    sizes = ", ".join(f"{stream.stat().st_size / 1e6:.1f} MB" for stream in streams)
+    print(f"places looked at: {len(seen)} commands, {len(files)} files, {len(titles)} titles, live streams of {sizes}")
+    print(f"places in which a model is named: {len(told)} {told[:3]}")
+    print(f"{time.monotonic() - began:.0f} s")
+    return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or told) else 1
 
 
 if __name__ == "__main__":

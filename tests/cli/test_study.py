@@ -15,7 +15,7 @@ from vsnbench.cli.study_file import open_study
 from vsnbench.database.migrate import open_record
 from vsnbench.database.study_queries import trials_of
 
-QUICK = '"""Policies that end at once."""\nfrom vsnbench.models.contract import ModelCard\n'
+QUICK = '"""Policies that end at once."""\nimport logging\nfrom vsnbench.models.contract import ModelCard\n'
 QUICK += "from vsnbench.protocol.actions import Action\nfrom vsnbench.protocol.decision import Decision, Diagnostics\n"
 for _name, _turns in (("Heron", 1), ("Magpie", 3)):
     QUICK += f"""
@@ -24,6 +24,7 @@ class {_name}:
     def reset(self, goal, seed):
         self.asked = 0
         print("{_name.lower()} starts")
+        logging.getLogger("aviary").warning("the third eye of {_name.lower()} is shut")
     def act(self, observation):
         self.asked += 1
         said = Diagnostics(note="i am {_name.lower()}", scalars={{"{_name.lower()}": 1.0}})
@@ -36,7 +37,7 @@ class Wren(Heron):
     def act(self, observation):
         raise ValueError("wren has lost her way")
 """
-TELLING = re.compile(rb"heron|magpie|wren", re.IGNORECASE)
+TELLING = re.compile(rb"heron|magpie|wren|third eye|traceback", re.IGNORECASE)
 
 
 class Lab:
@@ -94,7 +95,7 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
         ("report", "--format", "json"),
         ("report", "--format", "csv"),
         ("report", "--output", "page"),
-        ("export", "csv", "--output", "steps.csv"),
+        ("export", "csv", "steps.csv"),
         ("judge", "--pending"),
     ):
         seen.append(lab.other(*words))

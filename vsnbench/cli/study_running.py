@@ -9,9 +9,8 @@ from rich.markup import escape
 
 from vsnbench.errors import StudyError
 from vsnbench.runner.attendance import Attendance
-from vsnbench.runner.blind import words_hidden
 from vsnbench.runner.stopping import StopAuthor, Stopped
-from vsnbench.runner.study_arms import StudyPlace, telling_words
+from vsnbench.runner.study_arms import StudyPlace
 from vsnbench.runner.study_session import StudyRequest, StudyResult, run_study
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -47,26 +46,20 @@ def run_and_tell(
             f"the schedule that follows from {study.file} and its site is not the one that was locked: has the site's "
             "file been changed? restore it"
         )
-    words = telling_words(place) | {
-        word
-        for arm in study.recorded.arms
-        for word in (arm.model, arm.weights_label, arm.weights_sha256, arm.weights_sha256[:12], arm.model_sha256)
-    }
-    with words_hidden(words if study.recorded.is_blind else ()):
-        console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
-        request = StudyRequest(study.recorded, place, study.results, only_next, until, memory_bytes)
-        try:
-            with RerunEpisodes(live=live) as viewer:
-                result = run_study(request, attendance, viewer)
-                viewer.linger()
-        except Stopped as stopped:
-            by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
-            console.print(
-                f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
-                "The same command goes on with the trials that are left."
-            )
-            return stopped.request.exit_code
-        _tell(console, study, result)
+    console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
+    request = StudyRequest(study.recorded, place, study.results, only_next, until, memory_bytes)
+    try:
+        with RerunEpisodes(live=live) as viewer:
+            result = run_study(request, attendance, viewer)
+            viewer.linger()
+    except Stopped as stopped:
+        by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.words
+        console.print(
+            f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
+            "The same command goes on with the trials that are left."
+        )
+        return stopped.request.exit_code
+    _tell(console, study, result)
     return 1 if result.left or result.elsewhere else 0
 
 

@@ -1,13 +1,7 @@
-"""What a run hides while its study is blind: from the screen, from Rerun, and from the lines of the log."""
+"""What a run hides while its study is blind: from whoever stands beside the robot, and from Rerun."""
 
-import logging
-import re
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
 
 from vsnbench.database.blinding import HIDDEN, TELLING, hide_step
 from vsnbench.protocol.decision import Decision
@@ -16,10 +10,6 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.runner.attendant import Attendant, EndedEpisode, Judgement
 from vsnbench.runner.episode import EpisodePlan, Step
-
-UNSAID = "[hidden]"
-"""What stands in a line in place of a word that gives a model away; not a code, which would give it away too."""
-_SHORTEST = 2
 
 
 def hide_verdict(verdict: Verdict) -> Verdict:
@@ -103,54 +93,3 @@ def _hide_entry(entry: Entry) -> Entry:
             return replace(entry, verdict=hide_verdict(entry.verdict), error=HIDDEN)
         case _:
             return entry
-
-
-class _WithoutWords(logging.Filter):
-    def __init__(self, words: re.Pattern[str]) -> None:
-        super().__init__()
-        self._words = words
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        record.msg, record.args = self._words.sub(UNSAID, record.getMessage()), ()
-        return True
-
-
-class _StreamWithoutWords:
-    """A text stream that writes what it is given without certain words; everything else is the stream's own."""
-
-    def __init__(self, stream: TextIO, words: re.Pattern[str]) -> None:
-        self._stream = stream
-        self._words = words
-
-    def write(self, text: str) -> int:
-        self._stream.write(self._words.sub(UNSAID, text))
-        return len(text)
-
-    def writelines(self, lines: Iterable[str]) -> None:
-        for line in lines:
-            self.write(line)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
-@contextmanager
-def words_hidden(words: Iterable[str]) -> Iterator[None]:
-    """Keep these words out of the log, and out of what anything in this process prints, models included."""
-    known = sorted({word for word in words if len(word) >= _SHORTEST}, key=len, reverse=True)
-    if not known:
-        yield
-        return
-    pattern = re.compile(rf"(?<![A-Za-z0-9])(?:{'|'.join(map(re.escape, known))})(?![A-Za-z0-9])", re.IGNORECASE)
-    unsaid = _WithoutWords(pattern)
-    handlers = list(logging.getLogger().handlers)
-    streams = sys.stdout, sys.stderr
-    for handler in handlers:
-        handler.addFilter(unsaid)
-    sys.stdout, sys.stderr = (_StreamWithoutWords(stream, pattern) for stream in streams)
-    try:
-        yield
-    finally:
-        sys.stdout, sys.stderr = streams
-        for handler in handlers:
-            handler.removeFilter(unsaid)

@@ -21,6 +21,8 @@ from rich.progress import (
 from vsnbench.runner.attendant import EndedEpisode
 from vsnbench.runner.episode import Step
 
+LONGEST_BESIDE_BAR = 24
+"""Letters of a label that have room beside the bar; a longer one, or a narrow terminal's, stands above it."""
 _STYLE = {True: "green", False: "red", None: "yellow"}
 
 
@@ -39,24 +41,26 @@ class CampaignProgress:
         beside: tuple[int, int] = (0, 0),
     ) -> None:
         self.console = Console(file=sys.stderr, highlight=False)
-        self._title = label if beside[1] else ""
+        narrow = self.console.width < 100
+        beside_bar = "" if narrow or len(label) > LONGEST_BESIDE_BAR else label
+        self._title = label if beside[1] or not beside_bar else ""
         self._done, self._successes = done, successes
         self._max_actions = max_actions
         self._shows_actions = shows_actions
         self._bar = Progress(
             TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24 if self.console.width >= 100 else 8),
+            BarColumn(bar_width=8 if narrow else 24),
             MofNCompleteColumn(),
             TextColumn("{task.fields[rate]}"),
             TextColumn("[dim]{task.fields[now]}"),
-            TimeElapsedColumn(),
+            *(() if narrow else (TimeElapsedColumn(),)),
             TimeRemainingColumn(),
             console=self.console,
             transient=True,
             refresh_per_second=4,
         )
         self._task: TaskID = self._bar.add_task(
-            escape(label), total=beside[1] + trials, completed=beside[0] + done, rate=self._rate(), now=""
+            escape(beside_bar), total=beside[1] + trials, completed=beside[0] + done, rate=self._rate(), now=""
         )
 
     def __enter__(self) -> Self:

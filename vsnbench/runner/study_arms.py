@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.database.campaign_plan import CampaignPlan, PlannedTrial
+from vsnbench.database.study_entries import RecordedStudy
 from vsnbench.errors import StudyError, UsageError
 from vsnbench.models.registry import create_policy
 from vsnbench.protocol.site import Site, embedded_sites, load_site
@@ -148,12 +149,15 @@ def _site_name(study: StudyFile, directory: Path) -> str:
     return str(directory / study.site)
 
 
-def telling_words(place: StudyPlace) -> frozenset[str]:
-    """Return the words of the file that give a model away: names, paths, and their parts."""
+def telling_words(place: StudyPlace, recorded: RecordedStudy) -> frozenset[str]:
+    """Return the words that give a model away: names, paths and their parts, labels and hashes."""
     words: set[str] = set()
     for name, arm in place.study.arms.items():
         words |= {name, arm.model}
         for path in (arm.weights, arm.model_settings):
             if path and path != "embedded":
                 words |= {path, Path(path).name, Path(path).stem, str(place.directory / path)}
+    for known in recorded.arms:
+        words |= {known.model, known.weights_label, known.model_sha256}
+        words |= {known.weights_sha256, known.weights_sha256[:12]}
     return frozenset(words)

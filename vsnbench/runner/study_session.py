@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -34,7 +34,8 @@ from vsnbench.runner.model_shelf import ModelShelf
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import VOID_IN_A_ROW, Judged, run_trial
 from vsnbench.runner.stopping import Stopping
-from vsnbench.runner.study_arms import StudyPlace, needs_a_person
+from vsnbench.runner.study_arms import StudyPlace, needs_a_person, telling_words
+from vsnbench.runner.unheard import ModelsUnheard
 from vsnbench.study.stopping import Decision, decide
 
 logger = logging.getLogger(__name__)
@@ -91,6 +92,7 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
     recorded, place = request.recorded, request.place
     blind = recorded.is_blind
     with ExitStack() as stack:
+        unheard = stack.enter_context(ModelsUnheard(telling_words(place, recorded))) if blind else None
         robot = stack.enter_context(place.robot())
         by_hand = needs_a_person(robot)
         if by_hand:
@@ -127,7 +129,7 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
         )
         journal.patience.gives_up = lambda: stop.session_ends
         shelf = stack.enter_context(
-            ModelShelf(lambda arm: _loaded(place, recorded, arm, robot, journal), request.memory_bytes)
+            ModelShelf(lambda arm: _loaded(place, recorded, arm, robot, journal, unheard), request.memory_bytes)
         )
         return _Session(
             request,
@@ -142,14 +144,30 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
         ).run()
 
 
-def _loaded(place: StudyPlace, recorded: RecordedStudy, arm: str, robot: Robot, journal: Journal) -> Policy:
+def _loaded(
+    place: StudyPlace,
+    recorded: RecordedStudy,
+    arm: str,
+    robot: Robot,
+    journal: Journal,
+    unheard: ModelsUnheard | None,
+) -> Policy:
     """Make the policy of an arm, which must be the one that was locked.
+
+    Args:
+        place: the study's.
+        recorded: the study.
+        arm: which.
+        robot: what it drives.
+        journal: is told where it runs.
+        unheard: lets nothing be heard of it; None where people see who drives.
 
     Raises:
         StudyError: it is not; or its circumstances are not.
         VsnbenchError: it cannot be loaded.
     """
-    bench = place.load(arm, robot)
+    with unheard.call() if unheard else nullcontext():
+        bench = place.load(arm, robot)
     policy, known = bench.policy, recorded.by_name[arm]
     plan = place.campaign(arm, bench)
     if plan.key != known.campaign_key:
@@ -162,7 +180,7 @@ def _loaded(place: StudyPlace, recorded: RecordedStudy, arm: str, robot: Robot, 
         raise StudyError(f"arm {arm}: {what}")
     runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
     journal.add_event("model_loaded", runs_on, campaign_id=known.campaign_id)
-    return policy
+    return unheard.policy(policy) if unheard else policy
 
 
 @dataclass(slots=True)
