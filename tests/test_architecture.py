@@ -36,6 +36,7 @@ GROUND = {
     "compilation",
     "compute_threads",
     "database_url",
+    "end_signals",
     "errors",
     "git_checkout",
     "harmless_text",

@@ -27,7 +27,7 @@ from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros1.hazard_events import subscribe_hazard
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
-from vsnbench.ros1.node import now_s, sleep_until
+from vsnbench.ros1.node import now_s, publish_while_open, sleep_until
 from vsnbench.sensing.discrete_mover import DiscreteMover, Hazard, Outcome
 from vsnbench.sensing.odometry import OdometryTracker, heading_of_quaternion
 
@@ -93,7 +93,7 @@ class DiscreteMoveNode:
         twist = Twist()
         twist.linear.x = command.linear_m_s
         twist.angular.z = command.angular_rad_s
-        self._commands.publish(twist)
+        publish_while_open(self._commands, twist)
 
     def _on_odometry(self, message: Any) -> None:
         pose = message.pose.pose
@@ -115,7 +115,7 @@ class DiscreteMoveNode:
 
     def _report(self, outcome: Outcome) -> None:
         """Say on /rosout and on our own topic what the service's bool cannot carry."""
-        self._outcomes.publish(String(json.dumps(asdict(outcome))))
+        publish_while_open(self._outcomes, String(json.dumps(asdict(outcome))))
         if outcome.answer:
             logger.info("%s: done in %.2f s", outcome.movement, outcome.duration_s)
         else:

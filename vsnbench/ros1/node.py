@@ -4,19 +4,19 @@ Imported only where ROS is installed.
 """
 
 import os
-import signal
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import rosgraph.names
 import rospy
 import rospy.rostime
 
+from vsnbench.end_signals import EndAsked
 from vsnbench.errors import RobotError
 from vsnbench.ros1.graph_check import server_of
 from vsnbench.ros1.master import Master, MasterError, call_xmlrpc
@@ -155,33 +155,71 @@ def run_node(
         RobotError: no master answers, a node of this name runs already or takes our place, or another one serves what
             this one would.
     """
-    ended, replaced = threading.Event(), threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: ended.set())
+    ended, replaced = EndAsked().listen(), threading.Event()
     master = start_node(name, ros_arguments)
     if simulated_time:
         rospy.set_param("/use_sim_time", True)
+    work = _WorkOnce()
 
     def on_shutdown() -> None:
-        if not ended.is_set():
-            replaced.set()
-            ended.set()
+        """Leave, whoever ends the node: ROS runs this while the topics are open, and closes them after it."""
+        try:
+            work.close()
+        finally:
+            if not ended:
+                replaced.set()
+                ended.ask()
 
     rospy.on_shutdown(on_shutdown)
     for service in serves:
         require_unserved(service, master)
-    node = make(master)
+    work.begin(make(master))
     try:
         sys.stderr.write(f"{what}; Ctrl-C ends it\n")
         watch = MasterWatch(master, serves)
         while not ended.wait(1.0):
             watch.check()
     finally:
-        node.close()
-        # The last command leaves through rospy's own threads.
-        time.sleep(0.1)
         rospy.signal_shutdown("ended")
+        work.close()
     if replaced.is_set():
         raise RobotError(
             f"ROS ended this node: another one called {master.caller} has taken its place", advice="end one of the two"
         )
+
+
+class _WorkOnce:
+    """A node's work, closed once, by whichever thread comes first; the other waits for it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._work: Closable | None = None
+
+    def begin(self, work: Closable) -> None:
+        with self._lock:
+            self._work = work
+
+    def close(self) -> None:
+        with self._lock:
+            if self._work is not None:
+                self._work.close()
+                self._work = None
+                # The last command leaves through rospy's own threads.
+                time.sleep(0.1)
+
+
+def publish_while_open(publisher: rospy.Publisher, message: Any) -> bool:
+    """Publish, unless ROS has closed the topic because this node ends; return whether it went out.
+
+    A thread that still works while the node is ended has nobody left to tell.
+
+    Raises:
+        rospy.ROSException: the topic is closed though the node goes on: a fault of ours.
+    """
+    try:
+        publisher.publish(message)
+    except rospy.ROSException:
+        if not rospy.core.is_shutdown_requested():
+            raise
+        return False
+    return True

@@ -24,7 +24,7 @@ from vsnbench.ros1.hazard_events import subscribe_hazard
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
-from vsnbench.ros1.node import now_s, start_node
+from vsnbench.ros1.node import now_s, publish_while_open, start_node
 from vsnbench.ros1.readiness import missing_part
 from vsnbench.ros1.service_call import ServiceClient
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
@@ -60,6 +60,8 @@ class RobotLink:
         self._place = ServiceClient(PLACE, PlaceRobot, self.master, self.master.caller)
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
         self._holding = threading.Event()
+        # Whoever ends this node, the robot does not drive on: ROS runs this while the topics are open.
+        rospy.on_shutdown(self.stand_still)
         self._subscribe()
 
     def close(self) -> None:
@@ -121,8 +123,8 @@ class RobotLink:
             rospy.Subscriber(CATEGORIES, String, self._on_categories, queue_size=1)
 
     def stand_still(self) -> None:
-        """Command zero velocity."""
-        self._commands.publish(Twist())
+        """Command zero velocity; a node that ROS has ended said so when it ended, and reaches no robot any more."""
+        publish_while_open(self._commands, Twist())
 
     def hold_still(self) -> None:
         """Command zero velocity, and answer every velocity that somebody else commands with zero at once."""

@@ -6,7 +6,6 @@ Imported only where ROS 2 is installed.
 
 import contextlib
 import os
-import signal
 import sys
 import tempfile
 import threading
@@ -20,6 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
+from vsnbench.end_signals import EndAsked
 from vsnbench.errors import RobotError
 from vsnbench.ros2.installation import discovery
 
@@ -151,9 +151,7 @@ def run_node(
     Raises:
         RobotError: the work was refused.
     """
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: ended.set())
+    ended = EndAsked().listen()
     node = Ros2Node(name, namespace, by_network_alone=by_network_alone)
     try:
         work = make(node)

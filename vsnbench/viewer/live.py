@@ -1,13 +1,12 @@
 """The Rerun copies that a run makes of its episodes, and with `--live` the viewer that shows them as they happen."""
 
 import logging
-import signal
 import sys
-import threading
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from vsnbench.end_signals import EndAsked
 from vsnbench.errors import UsageError
 from vsnbench.record.entries import EpisodeHeader
 from vsnbench.viewer.recording import FILE_NAME, EpisodeRecording
@@ -64,14 +63,9 @@ class RerunEpisodes:
         if self._viewer is None or not sys.stderr.isatty():
             return
         how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
-        asked = threading.Event()
-        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the viewer is ended with this process
-        before = {number: signal.signal(number, lambda *_: asked.set()) for number in signals}
-        try:
+        asked = EndAsked()
+        with asked.listening():  # the viewer is ended with this process
             sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
             while self._viewer.is_open and not asked.wait(0.2):
                 pass
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
         sys.stderr.write("\n")
