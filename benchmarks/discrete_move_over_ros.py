@@ -1,9 +1,13 @@
-"""How precisely discrete_move moves over a real ROS network, by odometry rate and dead time of the base.
+"""How precisely movements are carried out over a real ROS network, by odometry rate and dead time of the base.
 
-For each setting: a master, `vsnbench ros1 simulate` in an empty hall, `vsnbench ros1 discrete-move`, random movements
-through the service; what the odometry and the simulator's truth say afterwards becomes a line of the table.
+For each setting: `vsnbench ros1 simulate` or `ros2 simulate` in an empty hall, and random movements, carried out by
+`vsnbench ros1 discrete-move`, by `ros2 discrete-move` beside the base, or by the workstation's own loop; for ROS 2 also
+with a relay between that holds every message back 30 ms each way. What the odometry and the simulator's truth say
+afterwards becomes a line of a table. Lines gather in a file; the page is made of all of them.
 
-    python benchmarks/discrete_move_over_ros.py --actions 300 --jobs 2 > docs/discrete-move-accuracy.md
+    python benchmarks/discrete_move_over_ros.py --actions 300 --jobs 4 --rows rows.jsonl
+    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --ways ros2 ros2-beside ros2-wifi --rows rows.jsonl
+    python benchmarks/discrete_move_over_ros.py --report --rows rows.jsonl > docs/discrete-move-accuracy.md
 """
 
 import argparse
@@ -24,44 +28,88 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 SETTINGS = [(rate_hz, lag_s, "") for rate_hz in (10.0, 20.0, 50.0) for lag_s in (0.0, 0.1)] + [(50.0, 0.1, "noise")]
 """Odometry's rate, dead time of the base, and whether odometry has noise."""
+WAYS = {
+    "ros1": "ROS 1, by `vsnbench ros1 discrete-move` (Turtlebot 2)",
+    "ros2": "ROS 2, by the workstation's own loop (TurtleBot 4)",
+    "ros2-beside": "ROS 2, by `vsnbench ros2 discrete-move` beside the base (TurtleBot 4)",
+    "ros2-wifi": "ROS 2, by the workstation's own loop, 30 ms each way from the base (TurtleBot 4)",
+    "ros2-beside-wifi": "ROS 2, by `vsnbench ros2 discrete-move` beside the base, the workstation 30 ms away",
+}
+DELAY_S, JITTER_S = 0.03, 0.01
 HALL = """
 name: hall
 rooms: [{name: hall, polygon: [[-25, -25], [25, -25], [25, 25], [-25, 25]]}]
 walls: [{start: [-25, -25], end: [25, -25]}]
 starts: [{number: 1, position: [0, 0], heading_deg: 17}]
 """
+RELAY = Path(__file__).with_name("nodes") / "delaying_relay.py"
+Setting = tuple[float, float, str]
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--actions", type=int, default=300)
     options.add_argument("--jobs", type=int, default=1, help="settings at the same time")
+    options.add_argument("--ways", nargs="+", choices=WAYS, default=["ros1"])
+    options.add_argument("--settings", type=int, default=len(SETTINGS), help="only the last so many settings")
+    options.add_argument("--rows", type=Path, help="file to which every line is added; what it holds is not run again")
+    options.add_argument("--report", action="store_true", help="run nothing: make the page of what --rows holds")
     options.add_argument("--worker", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.worker:
-        rate_hz, lag_s, noise = chosen.worker.split(":")
-        sys.stdout.write(json.dumps(measure(float(rate_hz), float(lag_s), noise, chosen.actions)) + "\n")
+        way, rate_hz, lag_s, noise = chosen.worker.split(":")
+        row = measure(way, (float(rate_hz), float(lag_s), noise), chosen.actions)
+        sys.stdout.write(json.dumps(row) + "\n")
         return
+    known = chosen.rows and chosen.rows.exists() and chosen.rows.read_text().splitlines()
+    rows = [json.loads(line) for line in known or []]
+    done = {(row["way"], row["rate_hz"], row["lag_s"], row["noise"]) for row in rows}
 
-    def run(setting: tuple[float, float, str]) -> dict:
-        words = [sys.executable, __file__, "--actions", str(chosen.actions), "--worker", "{}:{}:{}".format(*setting)]
-        with tempfile.TemporaryDirectory() as directory:
-            environment = os.environ | {
-                "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
-                "ROS_IP": "127.0.0.1",
-                "ROS_HOME": directory,
-                "ROS_LOG_DIR": directory,
-            }
-            done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-        sys.stderr.write(done.stderr)
-        return json.loads(done.stdout.splitlines()[-1])
+    def run(planned: tuple[int, str, Setting]) -> None:
+        number, way, setting = planned
+        try:
+            row = run_apart(way, setting, chosen.actions, number)
+        except RuntimeError as error:
+            sys.stderr.write(f"{error}\n")
+            return
+        rows.append(row)
+        if chosen.rows:
+            with chosen.rows.open("a") as file:
+                file.write(json.dumps(row) + "\n")
 
-    with ThreadPoolExecutor(chosen.jobs) as pool:
-        rows = list(pool.map(run, SETTINGS))
-    sys.stdout.write(report(rows, chosen.actions))
+    if not chosen.report:
+        wanted = [
+            (way, setting)
+            for way in chosen.ways
+            for setting in SETTINGS[-chosen.settings :]
+            if (way, *setting) not in done
+        ]
+        with ThreadPoolExecutor(chosen.jobs) as pool:
+            list(pool.map(run, [(number, *one) for number, one in enumerate(wanted)]))
+    sys.stdout.write(report(rows))
+
+
+def run_apart(way: str, setting: Setting, actions: int, number: int) -> dict[str, Any]:
+    """Run one setting in a process and on a network of its own; return its row."""
+    words = [sys.executable, __file__, "--actions", str(actions), "--worker", "{}:{}:{}:{}".format(way, *setting)]
+    with tempfile.TemporaryDirectory() as directory:
+        environment = os.environ | {
+            "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": directory,
+            "ROS_LOG_DIR": directory,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_DOMAIN_ID": str(20 + number % 80),
+            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",  # as between machines
+        }
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{words[-1]} is left out: {done.stderr[-600:]}")
+    return {**json.loads(done.stdout.splitlines()[-1]), "load": os.getloadavg()[1]}
 
 
 def free_port() -> int:
@@ -70,69 +118,90 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def measure(rate_hz: float, lag_s: float, noise: str, actions: int) -> dict:
+def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
     """Run one setting in this process and its children; return one row."""
+    from vsnbench.robots.profiles import embedded_profiles, load_profile
+
+    rate_hz, lag_s, noise = setting
     with ExitStack() as stack:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         (directory / "hall.yaml").write_text(HALL)
-        port = os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]
-        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "ros"]
 
-        def start(*words: str) -> None:
-            process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+        def start(*words: object) -> None:
+            process = subprocess.Popen(list(map(str, words)), stdout=subprocess.DEVNULL)
             stack.callback(process.wait)
             stack.callback(process.terminate)
 
-        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
-        start(sys.executable, rosmaster, "--core", "-p", port)
-        from vsnbench.robots.profiles import embedded_profiles
-        from vsnbench.ros1.master import Master
+        ros = way.partition("-")[0]
+        profile = directory / "robot.yaml"
+        embedded = embedded_profiles()["turtlebot2" if ros == "ros1" else "turtlebot4"]
+        profile.write_text(with_small_camera(embedded.read_text()))
+        near = str(profile)
+        if ros == "ros1":
+            rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+            start(sys.executable, rosmaster, "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1])
+            from vsnbench.ros1.master import Master
 
-        Master.from_environment().wait(20)
-        rate, lag = f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}"
-        profile = directory / "turtlebot2.yaml"
-        profile.write_text(small_camera(embedded_profiles()["turtlebot2"].read_text()))
-        noisy = ["--noise"] if noise else []
-        robot = f"--robot={profile}"
-        start(*vsnbench, "simulate", "--site", str(directory / "hall.yaml"), robot, rate, lag, *noisy)
-        start(*vsnbench, "discrete-move", robot)
-        return drive(profile, rate_hz, lag_s, noise, actions)
+            Master.from_environment().wait(20)
+        else:
+            near += "@near"
+        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", ros]
+        how = [f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}", *(["--noise"] if noise else [])]
+        start(*vsnbench, "simulate", "--site", directory / "hall.yaml", "--robot", near, *how)
+        if way == "ros1" or "beside" in way:
+            start(*vsnbench, "discrete-move", "--robot", near)
+        reached = near
+        if "wifi" in way:
+            start(
+                sys.executable,
+                RELAY,
+                profile,
+                "near",
+                "far",
+                DELAY_S,
+                JITTER_S,
+                *(["beside"] if "beside" in way else []),
+            )
+            reached = f"{profile}@far"
+        moved = drive(
+            load_profile(reached), setting, actions, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"
+        )
+        return {"way": way, "rate_hz": rate_hz, "lag_s": lag_s, "noise": noise, "actions": actions, **moved}
 
 
-def small_camera(profile: str) -> str:
+def with_small_camera(profile: str) -> str:
     """Return a profile whose camera costs next to nothing: pictures are not what is measured here."""
     profile = re.sub(r"width: \d+", "width: 64", re.sub(r"height: \d+", "height: 48", profile))
-    return profile.replace("kind: ros1", "kind: ros1\n  camera_rate_hz: 2")
+    return re.sub(r"kind: (ros\d)", r"kind: \1\n  camera_rate_hz: 4", profile)
 
 
-def drive(path: Path, rate_hz: float, lag_s: float, noise: str, actions: int) -> dict:
+def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str, Any]:
     """Ask for random movements and compare what was asked with odometry and truth."""
     from vsnbench.motion.law import ideal_duration_s
     from vsnbench.motion.settings import MotionSettings
-    from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros1.robot_link import RobotLink
+    from vsnbench.protocol.parameters import ProtocolParameters
+    from vsnbench.robots.ros_link import connect
+    from vsnbench.robots.ros_start import Patience, wait_until_ready
     from vsnbench.sensing.discrete_mover import MOVEMENTS
 
-    profile = load_profile(path)
-    link = RobotLink(profile)
-    give_up_s = time.monotonic() + 60
-    while not (link.can_be_placed and link.names.discrete_move in link.master.state().services):
-        if time.monotonic() > give_up_s:
-            raise SystemExit("the stack did not come up")
-        time.sleep(0.2)
+    link = connect(profile, ProtocolParameters())
+    # What carries out movements is chosen once a session, by what the graph knows: it has to be there by then.
+    time.sleep(0 if link.kind == "ros1" else 10)
+    wait_until_ready(link, Patience(180))
+    assert link.server == server, f"{link.server} carries out movements, not {server}"
     link.join_simulation()
     settings = MotionSettings.for_robot(profile)
-    choice = random.Random(f"{rate_hz} {lag_s} {noise}")
+    choice = random.Random("{} {} {}".format(*setting))
 
     def here() -> tuple:
-        asked_s = time.monotonic()
+        asked_s = time.monotonic() + (DELAY_S + 5 * JITTER_S if link.kind == "ros2" else 0)
         link.wait_for(lambda now: now.latest is not None and now.latest.arrival_s > asked_s, 5.0)
         link.wait_for(lambda now: now.truth is not None and now.truth.arrival_s > asked_s, 5.0)
         now = link.snapshot()
         return now.latest.pose, now.truth.payload
 
     errors_m, errors_deg, relative_deg, true_m, ratios, refused, dishonest = [], [], [], [], [], 0, 0
-    if not link.wait_for(lambda now: steady(now.readings, rate_hz), 120.0):
+    if not link.wait_for(lambda now: steady(now.readings, setting[0]), 120.0):
         raise SystemExit("the odometry does not come at its rate")
     reasons: list[str] = []
     before, true_before = here()
@@ -163,9 +232,6 @@ def drive(path: Path, rate_hz: float, lag_s: float, noise: str, actions: int) ->
         before, true_before = after, true_after
     link.close()
     return {
-        "rate_hz": rate_hz,
-        "lag_s": lag_s,
-        "noise": noise,
         "moves": len(errors_m),
         "turns": len(errors_deg),
         "refused": refused,
@@ -182,10 +248,9 @@ def drive(path: Path, rate_hz: float, lag_s: float, noise: str, actions: int) ->
 
 
 def steady(readings: tuple, rate_hz: float) -> bool:
-    """Return whether a second of odometry came without a gap: the simulator has compiled what it needs."""
-    arrivals = [reading.arrival_s for reading in readings[-int(rate_hz) - 1 :]]
-    gaps = [later - earlier for earlier, later in itertools.pairwise(arrivals)]
-    return len(gaps) >= rate_hz and max(gaps) < 3 / rate_hz
+    """Return whether odometry comes without a gap: the simulator has compiled what it needs."""
+    gaps = [later.arrival_s - earlier.arrival_s for earlier, later in itertools.pairwise(readings)]
+    return len(gaps) > 9 and max(gaps) < max(3 / rate_hz, 0.2)
 
 
 COLUMNS = [
@@ -194,33 +259,39 @@ COLUMNS = [
 ]
 
 
-def report(rows: list[dict], actions: int) -> str:
+def report(rows: list[dict[str, Any]]) -> str:
     """Return the rows as Markdown."""
+    actions = sorted({row["actions"] for row in rows})
     lines = [
-        "# Precision of discrete_move over ROS",
+        "# Precision of movements over ROS",
         "",
-        f"{actions} random movements a setting (25 cm forward or backward, 30° left or right) through the ROS service,",
-        "against `vsnbench ros1 simulate` in an empty hall, everything in real time. Errors are the odometry's, turns",
-        'against the absolute heading held since the start, which is what is promised; "call to call" is the',
-        'difference of two headings, the end of the move between them included. "true" is the simulator\'s own pose,',
-        "which wheel slip and noise part from the odometry. The tolerances are 5 mm and 0.1°; True outside of them is",
-        "dishonest. Time is the whole service call over the ideal profile's duration.",
+        f"{' or '.join(map(str, actions))} random movements a setting (25 cm forward or backward, 30° left or right),",
+        "against `vsnbench ros1 simulate` or `ros2 simulate` in an empty hall, everything in real time. Errors are the",
+        "odometry's, turns against the absolute heading held since the start, which is what is promised; call to call",
+        "is the difference of two headings, the end of the move between them included; true is the simulator's own",
+        "pose, which wheel slip and noise part from the odometry. The tolerances are 5 mm and 0.1°; an answer of True",
+        "outside of them is dishonest. Time is the whole call over the ideal profile's duration.",
         "Written by `benchmarks/discrete_move_over_ros.py`.",
-        "",
-        f"| {' | '.join(COLUMNS)} |",
-        f"|{' --- |' * len(COLUMNS)}",
     ]
-    lines += [
+    for way, title in WAYS.items():
+        of_way = {(row["rate_hz"], row["lag_s"], row["noise"]): row for row in rows if row["way"] == way}
+        if of_way:
+            lines += ["", f"## {title}", "", f"| {' | '.join(COLUMNS)} |", f"|{' --- |' * len(COLUMNS)}"]
+            lines += [table_line(of_way[setting]) for setting in SETTINGS if setting in of_way]
+            reasons = Counter(reason for row in of_way.values() for reason in row["reasons"])
+            lines += ["", *(f"False {count} times: {reason}" for reason, count in reasons.most_common())]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def table_line(r: dict[str, Any]) -> str:
+    """Return a row as a line of the table."""
+    return (
         f"| {r['rate_hz']:g} Hz{', noise' if r['noise'] else ''} | {r['lag_s']:g} s "
         f"| {r['moves'] + r['turns']} | {r['refused']} | {r['dishonest']} "
         f"| {r['worst_mm']:.2f} mm | {r['worst_true_mm']:.2f} mm | {r['worst_deg']:.3f}° "
         f"| {r['worst_relative_deg']:.3f}° | {r['drift_deg']:+.3f}° "
         f"| {r['median_ratio']:.2f}x | {r['p90_ratio']:.2f}x |"
-        for r in rows
-    ]
-    reasons = Counter(reason for row in rows for reason in row["reasons"])
-    lines += ["", *(f"False {count} times: {reason}" for reason, count in reasons.most_common())]
-    return "\n".join(lines) + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,35 @@
+"""A robot whose side of the wire is CycloneDDS and rosbags' serializer, with no rclpy, is driven as any other."""
+
+import pytest
+
+from tests.ros1.network import wait_until
+from tests.ros2.graph import HERE, Client2, live_graph
+
+pytestmark = pytest.mark.ros2
+
+LOCALHOST = """
+<CycloneDDS><Domain>
+<General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name='lo'/></Interfaces></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers></Discovery>
+<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>
+</Domain></CycloneDDS>
+"""
+"""What ROS 2's own layer over CycloneDDS asks of it: peers on this machine by unicast, as ROS_AUTOMATIC_DISCOVERY_RANGE
+says there, and types that match by name: vendor 1.15, Fast DDS, describes them in a way that CycloneDDS 11 rejects."""
+
+
+def test_a_robot_of_another_vendors_dds_sees_and_drives(tmp_path) -> None:
+    with live_graph(tmp_path) as graph:
+        robot = graph.start(HERE / "nodes" / "cyclonedds_robot.py", CYCLONEDDS_URI=LOCALHOST)
+        wait_until(lambda: "up" in robot.output or robot.popen.poll() is not None, "the robot is up")
+        client = Client2(graph)
+        try:
+            assert client("begin")["simulated"] is False
+            assert client("observe")["rgb"] == [48, 64, 3]
+            moved = client("execute", "MOVE_FORWARD")
+            assert moved["failure"] == ""
+            assert moved["displacement_m"] == pytest.approx(0.25, abs=0.005)
+            assert client("execute", "TURN_LEFT")["failure"] == ""
+            assert robot.popen.poll() is None, robot.output
+        finally:
+            client.close()
