@@ -9,7 +9,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
 _PURE = {"protocol", "statistics"}
-_MACHINERY = {"motion", "sensing", "simulator", "ros1", "ros2"}
+_MACHINERY = {"motion", "sensing", "simulator", "placement", "ros1", "ros2"}
 _RESOURCES = {"models", "robots", "database", "record", "study"}
 
 MAY_IMPORT: dict[str, set[str]] = {
@@ -18,6 +18,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "motion": {"protocol"},
     "sensing": {"protocol", "motion"},
     "simulator": {"protocol", "motion"},
+    "placement": {"protocol", "simulator"},
     "ros1": {"protocol", "motion", "sensing", "simulator"},
     "ros2": {"protocol", "motion", "sensing", "simulator"},
     "database": {"protocol"},

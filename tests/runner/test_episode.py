@@ -24,6 +24,7 @@ from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.runner.attendant import Nobody
 from vsnbench.runner.emergency_stop import PRESSED
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
+from vsnbench.runner.placing import PlacementLook, Placing
 from vsnbench.runner.stopping import Stopped, Stopping
 
 
@@ -37,7 +38,10 @@ class MemoryRecorder:
     outcome: EpisodeOutcome | None = None
     on_step: Callable[[Step], None] = lambda _step: None
 
-    def begin(self, plan: EpisodePlan, start: Fix) -> None:
+    def kept_photo(self, plan: EpisodePlan) -> bytes | None:
+        return None
+
+    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
         assert not self.steps
 
     def step(self, step: Step) -> None:
@@ -230,7 +234,7 @@ def test_a_robot_that_needs_a_person_is_placed_and_asked_about_again_until_it_st
             super().begin(start, seed)
 
     class Person(Nobody):
-        def place(self, start: StartingPosition, problem: str) -> None:
+        def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
             asked.append((start.number, problem))
 
     with Stopping() as stop:

@@ -31,6 +31,7 @@ from vsnbench.report.build import build
 from vsnbench.report.record import Selection
 from vsnbench.runner.attendant import EndedEpisode, Judgement, Nobody
 from vsnbench.runner.emergency_stop import PRESSED
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import SessionResult, run_session
 from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest
@@ -64,7 +65,7 @@ class Person(Nobody):
         self.placed: list[int] = []
         self.told: list[EndedEpisode] = []
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         self.placed.append(start.number)
 
     def episode_ended(self, ended: EndedEpisode) -> None:
@@ -157,7 +158,7 @@ def test_a_hang_up_at_the_question_leaves_the_episode_awaiting_and_loses_nothing
 
 def test_a_person_who_ends_the_session_instead_of_placing_the_robot_leaves_no_trace(results: ResultsDirectory) -> None:
     class Leaving(Person):
-        def place(self, start: StartingPosition, problem: str) -> None:
+        def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
             (state,) = states(results)
             assert state == ("claimed", None), "nobody else sends a robot to the same mark"
             raise Stopped(StopRequest(StopAuthor.PERSON, "Ctrl-C"))
@@ -312,8 +313,8 @@ def test_what_a_process_held_that_dies_meanwhile_is_taken_before_the_session_end
     class Dying(Person):
         """The other driver dies while this one is at its first trial."""
 
-        def place(self, start: StartingPosition, problem: str) -> None:
-            super().place(start, problem)
+        def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
+            super().place(start, problem, placing)
             with closing(sqlite3.connect(results.path / "vsnbench.db")) as connection:
                 connection.execute("UPDATE process SET start_ticks = 1 WHERE id = 1")
                 connection.commit()
@@ -340,7 +341,7 @@ def test_a_claim_is_renewed_however_long_a_person_takes(
     results: ResultsDirectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Slow(Person):
-        def place(self, start: StartingPosition, problem: str) -> None:
+        def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
             first = read(results, "SELECT lease_until FROM episode")
             give_up_s = time.monotonic() + 20
             while read(results, "SELECT lease_until FROM episode") == first and time.monotonic() < give_up_s:

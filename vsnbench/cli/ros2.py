@@ -26,6 +26,10 @@ def simulate(
     odometry_rate: Annotated[
         float | None, typer.Option("--odometry-rate", min=1, max=50, help="Hz, instead of the profile's.")
     ] = None,
+    pretend_real: Annotated[
+        bool,
+        typer.Option("--pretend-real", help="Play a robot that a person must place: near its marks, not at them."),
+    ] = False,
 ) -> None:
     """Be the robot: base and camera on the topics of its profile, around the embedded world, in real time.
 
@@ -52,7 +56,9 @@ def simulate(
     from vsnbench.simulator.noise import NoiseSettings
     from vsnbench.simulator.robot_player import SimulationOptions
 
-    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate)
+    options = SimulationOptions(
+        rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate, pretend_real
+    )
     run_node(
         NODE,
         names.root,

@@ -77,6 +77,14 @@ def command(
     noise: Annotated[
         bool, typer.Option("--noise", help="noisy depth and odometry in simulation", rich_help_panel=_HOW)
     ] = False,
+    pretend_real: Annotated[
+        bool,
+        typer.Option(
+            "--pretend-real",
+            help="rehearse at a desk: the simulated robot must be placed and judged by a person",
+            rich_help_panel=_HOW,
+        ),
+    ] = False,
     workers: Annotated[
         str,
         typer.Option(
@@ -183,6 +191,7 @@ def command(
         vsnbench run --model ws://gpu-box:8765 --goal all
         vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
+        vsnbench run --model oracle --goal chair --starts 3 --pretend-real
         vsnbench run --model oracle --goal all --site lab.yaml
         vsnbench run --model pirlnav --goal all --cluster ray://head:10001
         vsnbench run --model oracle,random --seeds 0-4 --sites twins:0-9 --goal all
@@ -218,6 +227,7 @@ def command(
         seed=seed,
         shuffle=shuffle,
         noise=noise,
+        pretend_real=pretend_real,
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,

@@ -11,6 +11,8 @@ class PoseSource(StrEnum):
 
     SIMULATED = "simulated"
     SURVEYED = "surveyed"
+    MEASURED = "measured"
+    """From depth images against the site's twin."""
     TAPE = "tape"
     ESTIMATED = "estimated"
 

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+
+from vsnbench.protocol.placement import PlacementTolerance
 
 
 class DepthGuard(BaseModel):
@@ -40,6 +42,17 @@ class ProtocolParameters(BaseModel):
     forward_m: float = Field(default=0.25, gt=0, le=2, description="length of MOVE_FORWARD and MOVE_BACKWARD")
     turn_deg: float = Field(default=30.0, gt=0, le=180, description="angle of TURN_LEFT and TURN_RIGHT")
     depth_guard: DepthGuard = Field(default_factory=DepthGuard)
+    placement: PlacementTolerance = Field(
+        default_factory=PlacementTolerance, description="how far off its mark a robot that was placed may stand"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_the_usual_tolerance(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the usual tolerance out: campaigns keep the hash that they had before there was one."""
+        content: dict[str, Any] = serialize(self)
+        if self.placement == PlacementTolerance():
+            content.pop("placement", None)
+        return content
 
     @property
     def in_sight(self) -> bool:

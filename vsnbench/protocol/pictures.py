@@ -58,12 +58,13 @@ def encode_depth_png(millimetres: npt.NDArray[np.uint16]) -> bytes:
 
 
 def encode_png(cells: npt.NDArray[np.uint8]) -> bytes:
-    """Return a one-channel image (H, W) as PNG.
+    """Return an image of one channel (H, W), or of red, green, blue and alpha (H, W, 4), as PNG.
 
     Raises:
         ValueError: it cannot be one.
     """
-    return _encoded(".png", np.ascontiguousarray(cells), [])
+    pixels = cells[..., [2, 1, 0, 3]] if cells.ndim == 3 else cells
+    return _encoded(".png", np.ascontiguousarray(pixels), [])
 
 
 def _encoded(suffix: str, pixels: npt.NDArray[Any], options: list[int]) -> bytes:

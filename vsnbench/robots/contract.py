@@ -8,6 +8,7 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import StartingPosition
 
@@ -84,6 +85,30 @@ class PlacedByHand(Robot, Protocol):
     """
 
     needs_a_person: bool
+
+
+@runtime_checkable
+class StartsWhereMeasured(PlacedByHand, Protocol):
+    """A robot whose estimated trajectory can begin where it was measured to stand, rather than at its mark."""
+
+    def stands_at(self, pose: Pose) -> None:
+        """Take that it stands there, in the site's frame; said after `begin` and before the first action."""
+        ...
+
+
+@runtime_checkable
+class CarriedInPlay(PlacedByHand, Protocol):
+    """A robot that plays a real one, the person who places it included: nobody can carry it, so `carry` does."""
+
+    is_carried_in_play: bool
+
+    def carry(self, start: StartingPosition, seed: int) -> None:
+        """Put it down near the mark, as a person does who was asked to; nearer, where it stands there already.
+
+        Raises:
+            RobotError: it cannot stand there.
+        """
+        ...
 
 
 @runtime_checkable

@@ -53,6 +53,7 @@ def open_robot(
     parameters: ProtocolParameters,
     *,
     noise: bool = False,
+    pretend_real: bool = False,
     read: frozenset[Sensor] = frozenset(Sensor),
 ) -> Robot:
     """Return a robot that is ready to begin an episode; close it, or use it as a context manager.
@@ -64,6 +65,7 @@ def open_robot(
         site: where the robot is.
         parameters: how far it moves and turns.
         noise: whether a simulated robot's sensors are to be as noisy as real ones.
+        pretend_real: whether a simulated robot is to play a real one, which a person places and judges.
         read: what the policy looks at; a simulated robot need not draw the labels of objects for nobody.
 
     Raises:
@@ -75,9 +77,18 @@ def open_robot(
         from vsnbench.simulator.noise import NoiseSettings
 
         profile = _simulated_profile(name)
+        if pretend_real:
+            from vsnbench.robots.pretended import PretendedRobot
+
+            return PretendedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
         return SimulatedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
     if noise:
         raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
+    if pretend_real:
+        raise UsageError(
+            f"robot {name} is not simulated within this process: only {_SIMULATED} robots can pretend to be real",
+            advice="over ROS the simulator pretends: `vsnbench ros1 simulate --pretend-real`",
+        )
     if is_profile(name):
         from vsnbench.robots.ros_robot import RosRobot
 

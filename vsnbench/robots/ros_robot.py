@@ -29,12 +29,14 @@ from vsnbench.robots.ros_link import connect
 from vsnbench.robots.ros_start import (
     Patience,
     await_fresh_odometry,
+    have_it_carried,
     have_it_placed_by_the_simulator,
+    present,
     require_it_stands,
     wait_until_ready,
 )
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
-from vsnbench.sensing.movement_check import AskedMovement, distance_along
+from vsnbench.sensing.movement_check import AskedMovement, MovementAlarmError, distance_along
 from vsnbench.sensing.pairing import MotionEnd
 from vsnbench.sensing.robot_snapshot import RobotSnapshot
 from vsnbench.sensing.simulation import SimulationAccount
@@ -54,14 +56,6 @@ _LAST_HOLD_S = 10.0
 """How long a base is held still against somebody who goes on driving it when the session ends."""
 _STILL_M, _STILL_RAD = 0.001, math.radians(0.05)
 _WORD_OF = {action: word for word, action in MOVEMENTS.items()}
-
-
-class _AlarmError(Exception):
-    """Something happened during a movement that must end it at once."""
-
-    def __init__(self, reason: str, *, sensor_lost: bool = False) -> None:
-        super().__init__(reason)
-        self.sensor_lost = sensor_lost
 
 
 class RosRobot:
@@ -96,10 +90,11 @@ class RosRobot:
         try:
             patience = Patience(patience_s)
             wait_until_ready(self._link, patience)
-            self.needs_a_person = not self._link.can_be_placed
-            if not self.needs_a_person:
+            if self._link.can_be_placed:
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
+            self.is_carried_in_play = self._simulation is not None and self._simulation.pretends_to_be_real
+            self.needs_a_person = self._simulation is None or self.is_carried_in_play
             self._camera = RosCamera(self._link, profile)
             frames = self._camera.depth_frames
             self.conditions: Mapping[str, Any] = conditions_of(self._link, self._simulation, frames)
@@ -140,7 +135,7 @@ class RosRobot:
         patience = Patience(self._patience_s)
         wait_until_ready(self._link, patience)
         patience.insist_on(lambda: require_same_conditions(self._link, self._simulation, self.conditions))
-        if self._simulation is not None:
+        if not self.needs_a_person:
             have_it_placed_by_the_simulator(self._link, start, seed, patience)
         else:
             require_it_stands(self._link)
@@ -150,8 +145,16 @@ class RosRobot:
         now = self._link.snapshot()
         assert now.latest is not None  # noqa: S101  # awaited above
         self._origin = now.latest.pose
-        self._end = _present(now)
+        self._end = present(now)
         self._start = start.pose
+
+    def carry(self, start: StartingPosition, seed: int) -> None:
+        """Have whoever plays the robot put it down near the mark; nearer, where it stands there already."""
+        have_it_carried(self._link, start, seed, Patience(self._patience_s))
+
+    def stands_at(self, pose: Pose) -> None:
+        """Take that the episode began there, as it was measured."""
+        self._start = pose
 
     def observe(self) -> Observation:
         """Return images taken after the last motion ended, the depth being the median of several.
@@ -186,7 +189,7 @@ class RosRobot:
         try:
             self._watch(asked, before)
             answered = self._ask(action, lambda: self._watch(asked, before))
-        except _AlarmError as alarm:
+        except MovementAlarmError as alarm:
             failure, sensor_lost = str(alarm), alarm.sensor_lost
         except NoAnswerError as error:
             failure = str(error)
@@ -223,7 +226,7 @@ class RosRobot:
         """Return the simulator's truth, or what the odometry makes of the surveyed start."""
         self._require_begun()
         now = self._link.snapshot()
-        if self._simulation is not None:
+        if not self.needs_a_person:
             if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
                 raise SensorLostError(
                     "the simulator is silent", advice=f"is vsnbench {self._link.kind} simulate running?"
@@ -267,21 +270,23 @@ class RosRobot:
         """Raise when something has happened for which no movement may go on."""
         link, now, now_s = self._link, self._link.snapshot(), time.monotonic()
         for hazard, where in now.hazard_events:
-            raise _AlarmError(f"{hazard.value} ({where})")
+            raise MovementAlarmError(f"{hazard.value} ({where})")
         if now.contact:
-            raise _AlarmError(f"touched {now.contact}")
+            raise MovementAlarmError(f"touched {now.contact}")
         if now.odometry_fault:
-            raise _AlarmError(now.odometry_fault.words, sensor_lost=True)
+            raise MovementAlarmError(now.odometry_fault.words, sensor_lost=True)
         if (silent_s := now.odometry_age_s(now_s)) > _ODOMETRY_TIMEOUT_S:
-            raise _AlarmError(str(_no_odometry(link.names.odometry, silent_s)), sensor_lost=True)
+            raise MovementAlarmError(str(_no_odometry(link.names.odometry, silent_s)), sensor_lost=True)
         if overshoot := asked.overshoot(before, self._relative(now)):
-            raise _AlarmError(f"{link.names.discrete_move} was stopped: {overshoot}")
+            raise MovementAlarmError(f"{link.names.discrete_move} was stopped: {overshoot}")
         unsteered_s = now_s - max(now.steered_s, self._asked_s)
         if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nobody steers: whatever the base was told last, it is told to stand now.
             link.stand_still()
         if unsteered_s > _WEDGED_S:
-            raise _AlarmError(f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server")
+            raise MovementAlarmError(
+                f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server"
+            )
 
     def _collision(self) -> Collision | None:
         now = self._link.snapshot()
@@ -311,7 +316,7 @@ class RosRobot:
         """Return the pose once the odometry stands still; a base with a lag rolls on after the answer."""
         self._link.wait_for(self._at_rest, _STANDSTILL_TIMEOUT_S)
         now = self._fresh()
-        self._end = _present(now)
+        self._end = present(now)
         return self._relative(now)
 
     def _at_rest(self, now: RobotSnapshot) -> bool:
@@ -337,11 +342,6 @@ class RosRobot:
     def _require_begun(self) -> None:
         if self._start is None:
             raise RobotError("the robot stands nowhere yet", advice="begin an episode first")
-
-
-def _present(now: RobotSnapshot) -> MotionEnd:
-    """Return the present on the robot's clock and on ours."""
-    return MotionEnd(now.latest.stamp_s if now.latest else 0.0, time.monotonic())
 
 
 def _no_odometry(topic: str, silent_s: float) -> SensorLostError:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from vsnbench.errors import NoAnswerError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.ros_link import RobotLink
+from vsnbench.sensing.pairing import MotionEnd
 from vsnbench.sensing.robot_snapshot import RobotSnapshot
 
 logger = logging.getLogger(__name__)
@@ -84,11 +85,24 @@ def have_it_placed_by_the_simulator(link: RobotLink, start: StartingPosition, se
         return now.truth is not None and now.truth.payload.distance_to(start.pose) < 0.02
 
     def place() -> None:
-        if problem := link.place(start.pose, seed, patience.left_s):
-            raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
+        _put(link, start, seed, patience)
         _wait(link, is_there, 2.0, "the simulator's ground truth")
 
     patience.insist_on(place)
+
+
+def have_it_carried(link: RobotLink, start: StartingPosition, seed: int, patience: Patience) -> None:
+    """Have a simulator that pretends to be real put the robot down near `start`, as a person would.
+
+    Raises:
+        RobotError: it cannot stand there, or the simulator does not answer.
+    """
+    patience.insist_on(lambda: _put(link, start, seed, patience))
+
+
+def _put(link: RobotLink, start: StartingPosition, seed: int, patience: Patience) -> None:
+    if problem := link.place(start.pose, seed, patience.left_s):
+        raise RobotError(f"the robot cannot stand at starting position {start.number}: {problem}")
 
 
 def require_it_stands(link: RobotLink) -> None:
@@ -113,6 +127,11 @@ def await_fresh_odometry(link: RobotLink, patience: Patience) -> None:
         return now.latest is not None and now.latest.arrival_s > asked_s
 
     patience.insist_on(lambda: _wait(link, fresh, 2.0, f"odometry on {link.names.odometry}"))
+
+
+def present(now: RobotSnapshot) -> MotionEnd:
+    """Return the present on the robot's clock and on ours: images from now on show what is."""
+    return MotionEnd(now.latest.stamp_s if now.latest else 0.0, time.monotonic())
 
 
 def _wait(link: RobotLink, condition: Callable[[RobotSnapshot], bool], timeout_s: float, what: str) -> None:

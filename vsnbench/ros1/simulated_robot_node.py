@@ -106,6 +106,7 @@ class SimulatedRobotNode:
             command_lag_s=self._options.command_lag_s,
             rate_factor=self._options.rate_factor,
             noise=None if noise is None else noise.model_dump(mode="json"),
+            pretends_to_be_real=self._options.pretend_real,
         )
 
     def _on_command(self, twist: Any) -> None:

@@ -10,6 +10,7 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
+from vsnbench.runner.placing import Placing
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +48,13 @@ class Attendant(Protocol):
         """Be told how an episode ended; one that awaits judgement is asked about afterwards."""
         ...
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Put the robot at `start`, and return when it stands there.
 
         Args:
             start: where it should stand, and facing where.
             problem: what was wrong with the last attempt; empty at first.
+            placing: measures how it stands there.
 
         Raises:
             RobotError: there is nobody who could put the problem right.
@@ -123,12 +125,13 @@ class Nobody:
         """Show it."""
         self._display.episode_ended(ended)
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Accept at once.
 
         Raises:
             RobotError: something is wrong that only a person could put right.
         """
+        del placing
         if problem:
             raise RobotError(f"starting position {start.number}: {problem}, and the run is unattended")
 

@@ -42,6 +42,8 @@ class BenchPlan:
     """As they were asked for."""
     robot: str = "simulated"
     noise: bool = False
+    pretend_real: bool = False
+    """A simulated robot plays a real one, which a person places."""
     parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
     model_options: Mapping[str, Any] = field(default_factory=dict)
     act_timeout_s: float | None = None
@@ -114,7 +116,14 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
     policy = create_policy(plan.model, plan.isolation, **plan.model_options)
     try:
         choose_goals(plan.goals, plan.site, policy.card)
-        with open_robot(plan.robot, plan.site, plan.parameters, noise=plan.noise, read=policy.card.sensors) as robot:
+        with open_robot(
+            plan.robot,
+            plan.site,
+            plan.parameters,
+            noise=plan.noise,
+            pretend_real=plan.pretend_real,
+            read=policy.card.sensors,
+        ) as robot:
             yield on_bench(plan, policy, robot)
     finally:
         close_policy(policy)

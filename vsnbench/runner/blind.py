@@ -10,6 +10,7 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.runner.attendant import Attendant, EndedEpisode, Judgement
 from vsnbench.runner.episode import EpisodePlan, Step
+from vsnbench.runner.placing import Placing
 
 
 def hide_verdict(verdict: Verdict) -> Verdict:
@@ -36,9 +37,9 @@ class BlindAttendant:
         """Pass it on."""
         self._attendant.episode_ended(_hide_end(ended))
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Pass it on."""
-        self._attendant.place(start, problem)
+        self._attendant.place(start, problem, placing)
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
         """Ask."""

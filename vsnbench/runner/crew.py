@@ -104,6 +104,8 @@ def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) ->
     single = ""
     if not is_simulated(plan.robot):
         single = f"robot {plan.robot} is one, and only our own simulated robots can be as many as workers"
+    elif plan.pretend_real:
+        single = "--pretend-real plays one robot, which one person places"
     elif live:
         single = "--live shows one episode after another"
     elif plan.model.startswith(("ws://", "wss://")):

@@ -19,6 +19,7 @@ from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.protocol.step_record import StepTimings
 from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.placing import PlacementLook, Placing
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping, StopRequest
 
@@ -85,8 +86,8 @@ class StoppedInEpisodeError(Stopped):
 class Beside(Protocol):
     """Whoever stands beside the robot while an episode runs (`vsnbench.runner.attendant` has the whole contract)."""
 
-    def place(self, start: StartingPosition, problem: str) -> None:
-        """Put the robot at `start`; `problem` is what was wrong with the last attempt."""
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
+        """Put the robot at `start`; `problem` is what was wrong with the last attempt, `placing` measures it."""
         ...
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
@@ -97,8 +98,12 @@ class Beside(Protocol):
 class EpisodeRecorder(Protocol):
     """Whatever keeps an episode: the database, the image files, a viewer."""
 
-    def begin(self, plan: EpisodePlan, start: Fix) -> None:
-        """Note that the episode has started; `start` is where the robot really stands."""
+    def kept_photo(self, plan: EpisodePlan) -> bytes | None:
+        """Return what this robot saw when it was first accepted at this start, as JPEG; None where nothing is kept."""
+        ...
+
+    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+        """Note that the episode has started; `start` is where the robot stands, as `placed` says if it was measured."""
         ...
 
     def step(self, step: Step) -> None:
@@ -139,8 +144,8 @@ def run_episode(
     stopped: Stopped | None = None
     error = ""
     try:
-        here = _stand_at_start(robot, plan, beside, stop)
-        recorder.begin(plan, here)
+        here, placed = _stand_at_start(robot, plan, recorder, beside, stop)
+        recorder.begin(plan, here, placed)
         recording = True
         with stop.interruptible():
             calls.reset(plan.site, plan.goal, here.pose, robot.identity.profile.base, plan.seed, plan.parameters)
@@ -185,23 +190,28 @@ def run_episode(
     return outcome
 
 
-def _stand_at_start(robot: Robot, plan: EpisodePlan, beside: Beside, stop: Stopping) -> Fix:
-    """Have the robot stand at its start, put there by whoever stands beside it where it needs that."""
-    by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
-    if by_hand and isinstance(robot, MadeReady):
+def _stand_at_start(
+    robot: Robot, plan: EpisodePlan, recorder: EpisodeRecorder, beside: Beside, stop: Stopping
+) -> tuple[Fix, PlacementLook | None]:
+    """Have the robot stand at its start, put there by whoever stands beside it where it needs that.
+
+    Returns:
+        where it stands, and what was seen there where that was measured.
+    """
+    if not (isinstance(robot, PlacedByHand) and robot.needs_a_person):
+        with stop.interruptible():
+            robot.begin(plan.start, plan.seed)
+            return robot.locate(), None
+    if isinstance(robot, MadeReady):
         with stop.interruptible():
             robot.make_ready()
     problem = ""
+    placing = Placing(robot, plan.site, plan.start, plan.seed, plan.parameters, stop, lambda: recorder.kept_photo(plan))
     while True:
-        if by_hand:
-            beside.place(plan.start, problem)
+        beside.place(plan.start, problem, placing)
         try:
-            with stop.interruptible():
-                robot.begin(plan.start, plan.seed)
-                return robot.locate()
+            return placing.begin(), placing.last
         except NotPlacedError as error:
-            if not by_hand:
-                raise
             problem = str(error)
 
 
@@ -239,5 +249,6 @@ def _judged(
         if reason is EndReason.STOP:
             reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"
     verdict = judge(reason, actions, distance, plan.parameters)
-    proposed = not robot.identity.simulated
+    by_hand = isinstance(robot, PlacedByHand) and robot.needs_a_person
+    proposed = by_hand or not robot.identity.simulated
     return EpisodeOutcome(verdict, actions, final, wall_s, error, proposed, began)

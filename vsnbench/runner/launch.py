@@ -48,6 +48,8 @@ class RunRequest:
     seed: int = 0
     shuffle: bool = False
     noise: bool = False
+    pretend_real: bool = False
+    """A simulated robot plays a real one: a rehearsal."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
     act_timeout_s: float | None = None
     """How long a model in this process may take for an action; without end when None."""
@@ -66,6 +68,7 @@ class RunRequest:
             goals=self.goals,
             robot=self.robot,
             noise=self.noise,
+            pretend_real=self.pretend_real,
             parameters=parameters,
             model_options=self.model_options,
             act_timeout_s=self.act_timeout_s,

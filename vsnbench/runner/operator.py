@@ -23,7 +23,9 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.answers import MisreadError, Said, confirmed, measured_m, what_was_touched
 from vsnbench.runner.attendant import Display, EndedEpisode, Judgement, Nobody
 from vsnbench.runner.emergency_stop import EmergencyStop
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest, leave_dead_terminal
+from vsnbench.runner.terminal_placing import check_at_terminal
 
 Answer = TypeVar("Answer")
 
@@ -96,7 +98,7 @@ class Operator(Nobody):
         self._stop = stop
         self._read_line = read_line
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Name the starting position and wait for Enter."""
         x, y = start.position
         where = f"x {x:.2f} m, y {y:.2f} m, facing {start.heading_deg:g}°"
@@ -108,6 +110,7 @@ class Operator(Nobody):
                 f"Put the robot at [bold]starting position {start.number}[/bold]: {where}{escape(note)}"
             )
             self._ask("Enter when it stands there (Ctrl-C ends the session): ")
+            check_at_terminal(placing, self._console, self._ask)
         self._console.print("[dim]driving; the space bar stops the robot and ends this episode[/dim]")
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:

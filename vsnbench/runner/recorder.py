@@ -22,8 +22,10 @@ from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
 from vsnbench.record.images import EpisodeImages, StampedPose, hash_images
+from vsnbench.record.mark_photos import MarkPhotos
 from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
+from vsnbench.runner.placing import PlacementLook
 
 
 class EpisodeKeeper(Protocol):
@@ -78,6 +80,7 @@ class EpisodeRecorderFanOut:
         self._plan: EpisodePlan | None = None
         self._images: EpisodeImages | None = None
         self._sink: EpisodeSink | None = None
+        self._photos = MarkPhotos(target.results, target.robot)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder")
         self._pending: Future[None] | None = None
         self._trajectory: list[StampedPose] = []
@@ -89,9 +92,15 @@ class EpisodeRecorderFanOut:
         """The episode's number."""
         return self._claim.id
 
-    def begin(self, plan: EpisodePlan, start: Fix) -> None:
+    def kept_photo(self, plan: EpisodePlan) -> bytes | None:
+        """Return what this robot saw when it was first accepted at this start; None where nothing is kept."""
+        return self._photos.find(plan.site, plan.start)
+
+    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
         """Open the episode in the database, its directory and the viewer's sink."""
         target, claim = self._target, self._claim
+        if placed is not None and placed.measured is not None and placed.measured.within_tolerance:
+            self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
         self._plan = plan
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)

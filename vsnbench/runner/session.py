@@ -26,6 +26,7 @@ from vsnbench.runner.episode import (
     StoppedInEpisodeError,
     run_episode,
 )
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -205,9 +206,9 @@ class Judged:
         """Tell the attendant."""
         self._attendant.step_taken(plan, step)
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Have the robot placed; that it had to be fetched from a failure first is an intervention there."""
-        self._attendant.place(start, problem)
+        self._attendant.place(start, problem, placing)
         if (fetched := self._left_standing) is not None:
             self._left_standing = None
             self._intervened(fetched, f"moved by hand after {fetched.outcome.verdict.end_reason}")

@@ -14,6 +14,14 @@ MOST_OFF_M, MOST_OFF_RAD = 0.10, math.radians(10)
 overshoot on a base with a lag, stay well below."""
 
 
+class MovementAlarmError(Exception):
+    """Something happened during a movement that must end it at once."""
+
+    def __init__(self, reason: str, *, sensor_lost: bool = False) -> None:
+        super().__init__(reason)
+        self.sensor_lost = sensor_lost
+
+
 @dataclass(frozen=True, slots=True)
 class AskedMovement:
     """One movement as it was asked for; signed: backwards and to the right are negative."""

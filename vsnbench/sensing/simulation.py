@@ -34,14 +34,16 @@ class SimulationAccount(BaseModel):
     command_lag_s: float = Field(ge=0, le=10)
     rate_factor: float = Field(gt=0, le=100, description="simulated seconds per second")
     noise: dict[str, Any] | None = Field(default=None, description="settings of its noise; none for exact sensors")
+    pretends_to_be_real: bool = Field(default=False, description="a rehearsal: a person is asked to place the robot")
 
     @property
     def conditions(self) -> Mapping[str, Any]:
         """What results depend on beside site and profile."""
         own = self.model_dump(
-            mode="json", include={"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise"}
+            mode="json",
+            include={"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise", "pretends_to_be_real"},
         )
-        return {name: value for name, value in own.items() if value is not None}
+        return {name: value for name, value in own.items() if value is not None and value is not False}
 
 
 def read_account(text: str) -> SimulationAccount:

@@ -92,7 +92,7 @@ class Renderer:
             self._buffers[height, width] = (np.empty((height, width), np.float32), np.empty((height, width), np.int32))
         nearness, seen = self._buffers[height, width]
         at = np.array([eye.x_m, eye.y_m, eye.z_m])
-        axes = _camera_axes(eye)
+        axes = camera_axes(eye)
         cx, cy = (width - 1) / 2, (height - 1) / 2
         order = np.argsort(np.linalg.norm(mesh.centres - at, axis=1) - mesh.radii, kind="stable")
         draw_faces(
@@ -156,7 +156,7 @@ def _surface(mesh: Mesh, light: LightMaps) -> tuple[npt.NDArray[Any], ...]:
     )
 
 
-def _camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
+def camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
     """Return the rows right, down, forward."""
     cos, sin = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     level, rise = math.cos(eye.tilt_rad), math.sin(eye.tilt_rad)

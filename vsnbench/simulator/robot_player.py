@@ -17,6 +17,7 @@ from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.simulator.noise import NoiseSettings, noisy_depth
 from vsnbench.simulator.physics import CONTROL_PERIOD_S
+from vsnbench.simulator.pretended_person import PretendedPerson
 from vsnbench.simulator.renderer import Renderer
 from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_base import Contact, SimulatedBase
@@ -35,6 +36,8 @@ class SimulationOptions:
     """Dead time of the base."""
     odometry_rate_hz: float | None = None
     """Instead of the profile's."""
+    pretend_real: bool = False
+    """Who asks for the robot to be placed finds it near the mark, as if a person had put it there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +103,7 @@ class RobotPlayer:
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
         self._shininess = _shininess(scene, len(site.objects))
+        self._person = PretendedPerson() if options.pretend_real else None
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._felt: Contact | None = None
@@ -135,6 +139,10 @@ class RobotPlayer:
     def put_down(self, pose: Pose, seed: int) -> str:
         """Do what a person does: put the robot down there; returns what it touches, empty for nothing."""
         with self._lock:
+            if self._person is not None:
+                pose = self._person.put_down(
+                    pose, self._base.pose, seed, lambda there: self._base.put_down(there, seed)
+                )
             touched = self._base.put_down(pose, seed)
             self._rng = np.random.default_rng(seed)
         return touched

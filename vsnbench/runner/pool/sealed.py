@@ -21,6 +21,7 @@ from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.stopping import Stopping
 
@@ -118,7 +119,8 @@ class _Kept:
 class _NobodyThere:
     """Nobody is beside a simulated robot on a cluster."""
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
+        del placing
         if problem:
             raise RobotError(f"starting position {start.number}: {problem}, and nobody is there")
 

@@ -23,6 +23,7 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.attendant import EndedEpisode, Judgement
 from vsnbench.runner.bench import Bench, BenchPlan, open_bench
 from vsnbench.runner.episode import EpisodePlan, Step
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import run_session
@@ -148,12 +149,13 @@ class _Reporter:
         """Tell how it ended."""
         self._connection.send(Ended(ended.number, self._order.trial, ended.outcome))
 
-    def place(self, start: StartingPosition, problem: str) -> None:
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Accept at once.
 
         Raises:
             RobotError: something is wrong that only a person could put right.
         """
+        del placing
         if problem:
             raise RobotError(f"starting position {start.number}: {problem}, and nobody is beside a worker's robot")
 

@@ -1,0 +1,66 @@
+"""What a pinhole camera sees of a scene as depth and faces alone: no light, no texture, hundreds of views a second."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.simulator.mesh import Mesh
+from vsnbench.simulator.renderer import Eye, camera_axes
+
+
+@dataclass(frozen=True, slots=True)
+class Pinhole:
+    """A pinhole camera's picture: its size, its focal length and its principal point, pixels."""
+
+    width: int
+    height: int
+    focal_px: float
+    centre_x: float
+    centre_y: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthView:
+    """One view, (H, W)."""
+
+    depth_m: npt.NDArray[np.float32]
+    """Metres along the optical axis; infinite where there is nothing."""
+    face: npt.NDArray[np.int32]
+    """Index of the mesh's face; -1 where there is nothing."""
+
+
+class DepthDrawer:
+    """Draws one mesh from anywhere; buffers are its own, one thread at a time."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
+
+    def draw(self, eye: Eye, pinhole: Pinhole) -> DepthView:
+        """Draw what the camera sees from there; the view's arrays are overwritten by the next one of the same size."""
+        from vsnbench.simulator.raster import draw_faces
+
+        mesh, size = self.mesh, (pinhole.height, pinhole.width)
+        if size not in self._buffers:
+            self._buffers[size] = (np.empty(size, np.float32), np.empty(size, np.int32))
+        nearness, seen = self._buffers[size]
+        at = np.array([eye.x_m, eye.y_m, eye.z_m])
+        order = np.argsort(np.linalg.norm(mesh.centres - at, axis=1) - mesh.radii, kind="stable")
+        draw_faces(
+            at,
+            camera_axes(eye),
+            pinhole.focal_px,
+            pinhole.centre_x,
+            pinhole.centre_y,
+            mesh.corners,
+            mesh.normals,
+            mesh.centres,
+            mesh.radii,
+            mesh.faces,
+            order,
+            nearness,
+            seen,
+        )
+        with np.errstate(divide="ignore"):
+            return DepthView(np.float32(1) / nearness, seen)
