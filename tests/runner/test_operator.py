@@ -8,10 +8,11 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from tests.runner.stand_ins import PLAN, QuietDisplay
+from tests.runner.stand_ins import APARTMENT, PLAN, QuietDisplay, StandInRobot
 from vsnbench.errors import UsageError
 from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
+from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.profiles import load_profile
@@ -20,6 +21,7 @@ from vsnbench.runner.attendant import EndedEpisode, Judgement
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.operator import Operator
+from vsnbench.runner.placing import Placing
 from vsnbench.runner.stopping import Stopped, Stopping
 
 START = StartingPosition(number=4, position=(2.5, 1.25), heading_deg=90, note="by the sofa")
@@ -53,6 +55,11 @@ def operator_at(terminal: Terminal) -> Operator:
     return Operator(terminal, EmergencyStop(lambda: None, stop.ask), stop, terminal.read_line)
 
 
+def placing_blind() -> Placing:
+    """The placing of a robot that has no depth camera to measure it with."""
+    return Placing(StandInRobot(sensors=frozenset({Sensor.RGB})), APARTMENT, START, 0, PARAMETERS, Stopping())
+
+
 def judged_by(terminal: Terminal, outcome: EpisodeOutcome) -> Judgement | None:
     judgement = operator_at(terminal).judge(EndedEpisode(12, PLAN_OF_31, outcome))
     assert not terminal.answers
@@ -70,7 +77,7 @@ def ended(reason: EndReason, actions: int) -> EpisodeOutcome:
 
 def test_the_starting_position_is_named_and_enter_waited_for() -> None:
     terminal = Terminal("")
-    operator_at(terminal).place(START, "")
+    operator_at(terminal).place(START, "", placing_blind())
     assert "starting position 4: x 2.50 m, y 1.25 m, facing 90° (by the sofa)" in terminal.text
     assert "not yet" not in terminal.text
     assert "the space bar stops the robot and ends this episode" in terminal.text
@@ -78,7 +85,7 @@ def test_the_starting_position_is_named_and_enter_waited_for() -> None:
 
 def test_what_was_wrong_is_said_when_asking_again() -> None:
     terminal = Terminal("")
-    operator_at(terminal).place(START, "the base still reports: wheel drop")
+    operator_at(terminal).place(START, "the base still reports: wheel drop", placing_blind())
     assert "not yet: the base still reports: wheel drop" in terminal.text
 
 
