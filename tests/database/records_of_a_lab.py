@@ -1,7 +1,8 @@
 """A small plan, and episodes of it, for the tests of the record."""
 
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
+from vsnbench.database.episodes import Claim
 from vsnbench.database.journal import Journal
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource

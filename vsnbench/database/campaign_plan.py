@@ -1,12 +1,21 @@
-"""What a campaign is: a condition and a seed, the trials that are asked for, and what has become of them."""
+"""What a campaign is: a condition and a seed, the trials that are asked for, and what has become of them.
+
+It is found or made here, and its plan extended; two who do it at once make one.
+"""
 
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
+from sqlalchemy import Connection, func, select
+
+from vsnbench.database import tables
 from vsnbench.database.engine import to_json
 from vsnbench.database.lifecycle import ACTIVE, EpisodeState
+from vsnbench.database.read_model import SUCCESS, standing_verdict_id
+from vsnbench.database.row_encoding import Row, find_or_insert, insert_if_absent, text
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity
 from vsnbench.protocol.site import Site
@@ -172,3 +181,151 @@ class CampaignStanding:
     def outcomes(self) -> tuple[bool, ...]:
         """For each trial that is done and judged, whether it succeeded."""
         return tuple(bool(one.success) for one in self.trials if one.state is EpisodeState.JUDGED)
+
+
+def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
+    """Return the campaign of the plan's condition and seed, with all that the plan asks for planned in it."""
+    key = plan.key
+    there = connection.execute(select(tables.Campaign.id).where(tables.Campaign.key == key)).scalar()
+    if there is None:
+        there = find_or_insert(
+            connection,
+            tables.Campaign,
+            {
+                **campaign_row(plan),
+                "site_id": find_or_insert(connection, tables.Site, site_row(plan.site), "sha256"),
+                "robot_id": find_or_insert(connection, tables.Robot, robot_row(plan.robot), "sha256"),
+                "model_id": find_or_insert(connection, tables.Model, model_row(plan.model), "sha256"),
+                "process_id": process_id,
+            },
+            "key",
+        )
+    # On a server this row is the lock by which two who extend one plan do it one after the other.
+    campaign = connection.execute(select(tables.Campaign).where(tables.Campaign.id == there).with_for_update()).one()
+    before = _trials(connection, there)
+    new = [trial for trial in plan.trials if trial not in before]
+    if new:
+        extend_plan(connection, there, new)
+    known = _trials(connection, there) if new else before
+    return OpenCampaign(
+        id=there,
+        key=key,
+        name=campaign.name,
+        seed=campaign.seed,
+        resumed=bool(before),
+        trials=tuple(known[trial] for trial in plan.trials),
+        added=len(new),
+    )
+
+
+def _trials(connection: Connection, campaign_id: int) -> dict[PlannedTrial, Trial]:
+    rows = connection.execute(
+        select(
+            tables.Trial.id, tables.Trial.campaign_id, tables.Trial.goal, tables.Trial.start, tables.Trial.repetition
+        ).where(tables.Trial.campaign_id == campaign_id)
+    )
+    return {PlannedTrial(row.goal, row.start, row.repetition): Trial(*row) for row in rows}
+
+
+def extend_plan(connection: Connection, campaign_id: int, new: Sequence[PlannedTrial]) -> None:
+    """Plan trials that a campaign does not have, in this order, after those that it has."""
+    highest = connection.execute(
+        select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id)
+    ).scalar()
+    first = 0 if highest is None else highest + 1
+    connection.execute(
+        insert_if_absent(connection, tables.Trial, ["campaign_id", "goal", "start", "repetition"]),
+        [
+            {
+                "campaign_id": campaign_id,
+                "rank": rank,
+                "goal": one.goal,
+                "start": one.start,
+                "repetition": one.repetition,
+            }
+            for rank, one in enumerate(new, start=first)
+        ],
+    )
+
+
+def standing(connection: Connection, campaign: OpenCampaign, process_id: int) -> CampaignStanding:
+    """Say what has become of the trials of an open campaign, in its order."""
+    first = (
+        select(func.min(tables.Episode.id))
+        .where(tables.Episode.trial_id == tables.Trial.id, tables.Episode.state != EpisodeState.VOID.value)
+        .correlate(tables.Trial)
+        .scalar_subquery()
+    )
+    rows = connection.execute(
+        select(
+            tables.Trial.id,
+            tables.Episode.id,
+            tables.Episode.state,
+            SUCCESS,
+            tables.Episode.process_id,
+            tables.Process.pid,
+            tables.Process.host,
+        )
+        .select_from(tables.Trial)
+        .join(tables.Episode, tables.Episode.id == first)
+        .join(tables.Process, tables.Process.id == tables.Episode.process_id)
+        .outerjoin(tables.Verdict, tables.Verdict.id == standing_verdict_id(tables.Episode.id))
+        .where(tables.Trial.campaign_id == campaign.id)
+    )
+    taken = {
+        trial: (episode, EpisodeState(state), success, at == process_id, f"process {pid} on {host}")
+        for trial, episode, state, success, at, pid, host in rows
+    }
+    free = (None, None, None, False)
+    return CampaignStanding(tuple(TrialStanding(trial, *taken.get(trial.id, free)) for trial in campaign.trials))
+
+
+def site_row(site: Site) -> Row:
+    """Return the row of a site, whole."""
+    return {"sha256": site.sha256, "name": site.name, "title": site.title, "content": site.content()}
+
+
+def robot_row(robot: RobotIdentity) -> Row:
+    """Return the row of a robot."""
+    return {
+        "sha256": robot.sha256,
+        "kind": text(robot.kind),
+        "name": robot.profile.name,
+        "title": robot.profile.title,
+        "simulated": robot.simulated,
+        "profile": robot.profile.content(),
+    }
+
+
+def model_row(model: ModelIdentity) -> Row:
+    """Return the row of a model."""
+    return {
+        "sha256": model.sha256,
+        "name": text(model.name),
+        "weights_sha256": model.weights_sha256,
+        "weights_label": text(model.weights_label),
+        "files": dict(model.files),
+        "code": dict(model.code),
+        "settings": dict(model.settings),
+        "goals": None if model.goals is None else sorted(model.goals),
+        "sensors": sorted(model.sensors),
+        "surveyed": model.surveyed,
+    }
+
+
+def campaign_row(plan: CampaignPlan) -> Row:
+    """Return the row of a campaign, without the rows that it points to."""
+    return {
+        "key": plan.key,
+        "name": text(plan.name) or _campaign_name(plan),
+        "created_at": datetime.now(UTC),
+        "protocol": plan.protocol.model_dump(mode="json"),
+        "protocol_sha256": plan.protocol_sha256,
+        "conditions": dict(plan.conditions),
+        "seed": plan.seed,
+    }
+
+
+def _campaign_name(plan: CampaignPlan) -> str:
+    simulated = "simulated " if plan.robot.simulated else ""
+    return f"{text(plan.model.name)} on {simulated}{plan.robot.profile.name} in {plan.site.name}"

@@ -182,6 +182,17 @@ def record_errors(engine: Engine) -> Iterator[None]:
         _raise_record_error(error, engine)
 
 
+@contextmanager
+def transaction(engine: Engine) -> Iterator[Connection]:
+    """Commit what happens inside, all of it or nothing.
+
+    Raises:
+        RecordError: the database could not be used.
+    """
+    with record_errors(engine), engine.begin() as connection:
+        yield connection
+
+
 def _raise_record_error(error: SQLAlchemyError, engine: Engine) -> NoReturn:
     """Raise what a user can do something about as RecordError, and our own mistakes as they are."""
     if not isinstance(error, DBAPIError):

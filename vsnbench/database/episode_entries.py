@@ -1,28 +1,14 @@
-"""What a writer hands to the journal about one episode beside its steps: how it begins and ends, as plain values."""
+"""What a writer hands over about one episode beside its steps: how it begins and ends, as plain values."""
 
 from dataclasses import dataclass
 from datetime import datetime
 
-from vsnbench.database.campaign_plan import Trial
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason, Verdict
 
 INTERVENTION = "intervention"
 """Kind of the events that say that a person acted on a real robot outside the protocol's placing: stopped it with the
 emergency key or Ctrl-C, called a collision that it did not feel, took it by hand out of where it had failed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """An episode that this process has taken: nobody else runs its trial until it is released, voided or ended."""
-
-    id: int
-    """The episode's number."""
-    uuid: str
-    trial: Trial
-    seed: int
-    images_directory: str
-    """Relative to the results directory; empty when no images are kept."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,12 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, insert, select, update
 
-from vsnbench.database import campaigns
+from vsnbench.database import campaign_plan
 from vsnbench.database.campaign_plan import CampaignPlan
-from vsnbench.database.claims import images_directory
 from vsnbench.database.episode_entries import EpisodeEnd
-from vsnbench.database.insertion import insert_row
-from vsnbench.database.judging import end_episode, judge
+from vsnbench.database.episodes import end_episode, images_directory, judge, step_row
 from vsnbench.database.lifecycle import RESULTS, EpisodeState
-from vsnbench.database.row_encoding import number, step_row
+from vsnbench.database.row_encoding import insert_row, number
 from vsnbench.database.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
@@ -49,8 +47,8 @@ def import_episodes(
     keep_files: KeepFiles | None = None,
 ) -> tuple[int, tuple[int, ...]]:
     """Write the episodes within a transaction; see `Journal.import_campaign`."""
-    campaign = campaigns.find_or_create(connection, plan, process_id)
-    standing = campaigns.standing(connection, campaign, process_id)
+    campaign = campaign_plan.find_or_create(connection, plan, process_id)
+    standing = campaign_plan.standing(connection, campaign, process_id)
     if len(standing.left) < len(campaign.trials):
         raise UsageError(
             f"{plan.name}: these episodes are in the record already, as campaign {campaign.id}",

@@ -1,38 +1,33 @@
 """The one place that writes the record: campaigns, episodes, steps, verdicts, events; each committed as it happens."""
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Self
 
-from sqlalchemy import Connection, Engine, insert
+from sqlalchemy import Engine, insert
 
-from vsnbench.database import campaigns, claims, studies
+from vsnbench.database import campaign_plan, studies
 from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
-from vsnbench.database.engine import LockPatience, open_engine, reading, record_errors
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd, RecoveredEpisode
+from vsnbench.database.engine import LockPatience, open_engine, reading, transaction
+from vsnbench.database.episode_entries import RecoveredEpisode
+from vsnbench.database.episodes import EpisodeWriter
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
-from vsnbench.database.insertion import insert_row
-from vsnbench.database.judging import end_episode, judge
 from vsnbench.database.merge_plan import MergePlan, OtherRecord, plan_merge
 from vsnbench.database.merging import PlaceFiles, carry_out, lock_merges
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
-from vsnbench.database.row_encoding import process_row, text
+from vsnbench.database.row_encoding import insert_row, process_row, text
 from vsnbench.database.sealed import SealedRows, keep_sealed
 from vsnbench.database.study_entries import RecordedStudy, StudyChange, StudyLock, StudyTrialStanding
 from vsnbench.database.study_queries import read_study, session_of_another, study_standing
 from vsnbench.database.tables import Event, Process
 from vsnbench.errors import RecordError
-from vsnbench.protocol.fix import Fix
-from vsnbench.protocol.judge import Verdict
-from vsnbench.protocol.step_record import StepRecord
 
 
-class Journal:
+class Journal(EpisodeWriter):
     """An open record. Safe to use from several threads and processes; a context manager.
 
     Every method commits before it returns, and raises RecordError when the database cannot be used.
@@ -67,7 +62,7 @@ class Journal:
         engine = open_engine(url, patience=patience)
         try:
             upgrade(engine)
-            with _transaction(engine) as connection:
+            with transaction(engine) as connection:
                 process_id = insert_row(connection, Process, process_row(provenance or gather_provenance()))
             journal = cls(engine, process_id, patience=patience)
             journal.recovered = journal.recover()
@@ -90,8 +85,8 @@ class Journal:
 
     def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
         """Return the campaign of the plan's condition and seed; trials that it did not have yet are planned in it."""
-        with _transaction(self.engine) as connection:
-            return campaigns.find_or_create(connection, plan, self._process_id)
+        with transaction(self.engine) as connection:
+            return campaign_plan.find_or_create(connection, plan, self._process_id)
 
     def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
         """Say what makes the model of a campaign that is new another one than the last of its name; empty for nothing.
@@ -102,72 +97,15 @@ class Journal:
         """
         if campaign.resumed:
             return ""
-        with _transaction(reading(self.engine)) as connection:
+        with transaction(reading(self.engine)) as connection:
             last = last_of_its_name(connection, text(model.name), campaign.id)
         found = differences(last[1], model) if last else ()
         return f"model {model.name} is not that of campaign {last[0]}: {', '.join(found)}" if last and found else ""
 
     def standing(self, campaign: OpenCampaign) -> CampaignStanding:
         """Say which of the trials that were asked for are done, are run elsewhere, or are left."""
-        with _transaction(reading(self.engine)) as connection:
-            return campaigns.standing(connection, campaign, self._process_id)
-
-    def claim_next(self, campaign_id: int, trial_ids: Sequence[int]) -> Claim | None:
-        """Take the first of these trials that is left, before anybody is asked to wheel a robot to its mark.
-
-        No other process runs it until the claim is released, voided or ended, or this process is taken for dead:
-        `renew` it while a person takes long. None when all of them are done or are run elsewhere.
-        """
-        with _transaction(self.engine) as connection:
-            return claims.claim_first(connection, self._process_id, campaign_id, trial_ids)
-
-    def renew(self, episode_id: int) -> bool:
-        """Show a sign of life for a claim; False when it is this process's no more."""
-        with _transaction(self.engine) as connection:
-            return claims.renew(connection, self._process_id, episode_id)
-
-    def place(self, episode_id: int, start: Fix) -> None:
-        """Write down where the robot of a claimed episode stands, and how that is known; until it begins, again.
-
-        Raises:
-            EpisodeClosedError: the claim is this process's no more, or the episode has begun.
-        """
-        with _transaction(self.engine) as connection:
-            claims.place(connection, self._process_id, episode_id, start)
-
-    def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
-        """Let a placed episode run.
-
-        Raises:
-            EpisodeClosedError: it is not placed, or this process's no more.
-        """
-        with _transaction(self.engine) as connection:
-            claims.begin(connection, self._process_id, episode_id, entry)
-
-    def release(self, episode_id: int) -> bool:
-        """Give back a claim that never began, without a trace; False when it has begun or is gone."""
-        with _transaction(self.engine) as connection:
-            return claims.release(connection, episode_id)
-
-    def append_step(self, episode_id: int, step: StepRecord) -> None:
-        """Write one step. Its images must be on disk before: then a committed step always has them.
-
-        Raises:
-            EpisodeClosedError: the episode does not run here: another process took this one for dead.
-        """
-        with _transaction(self.engine) as connection:
-            claims.append_step(connection, self._process_id, episode_id, step)
-
-    def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
-        """Write an episode's end and the protocol's verdict or proposal, both or neither.
-
-        A void end may come before the episode has begun: so an attempt that cannot begin says why.
-
-        Raises:
-            EpisodeClosedError: it has ended already, for instance because another process took this one for dead.
-        """
-        with _transaction(self.engine) as connection:
-            end_episode(connection, self._process_id, episode_id, end)
+        with transaction(reading(self.engine)) as connection:
+            return campaign_plan.standing(connection, campaign, self._process_id)
 
     def keep_sealed(self, episode_id: int, sealed: SealedRows) -> None:
         """Write the steps, events and end of an episode that a worker without this record has run: all, or nothing.
@@ -177,25 +115,8 @@ class Journal:
         Raises:
             EpisodeClosedError: the episode is this process's no more; nothing was added.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             keep_sealed(connection, self._process_id, episode_id, sealed)
-
-    def judge(self, episode_id: int, verdict: Verdict, *, author: str, source: str = "person", note: str = "") -> None:
-        """Append a judgement to an ended episode; from now on it stands.
-
-        Args:
-            episode_id: the episode's number.
-            verdict: the judgement; `success` None makes the episode void.
-            author: who judges.
-            source: `person`, `protocol`, `recovery` or `import`.
-            note: why, in the author's own words.
-
-        Raises:
-            UsageError: there is no such episode.
-            EpisodeClosedError: it has not ended yet.
-        """
-        with _transaction(self.engine) as connection:
-            judge(connection, episode_id, verdict, author=author, source=source, note=note)
 
     def import_campaign(
         self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], keep_files: KeepFiles | None = None
@@ -214,7 +135,7 @@ class Journal:
         Raises:
             UsageError: a trial of the plan has an episode already that is not void.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             return import_episodes(connection, self._process_id, plan, episodes, keep_files)
 
     def withdraw_import(self, campaign_id: int, *, author: str, note: str = "") -> int:
@@ -223,7 +144,7 @@ class Journal:
         Raises:
             UsageError: there is no such campaign, or it was run here.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             return withdraw(connection, campaign_id, author=author, note=note)
 
     def merge(
@@ -240,7 +161,7 @@ class Journal:
         Raises:
             RecordError: the records contradict each other, or this one was changed since `expected` was read.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             lock_merges(connection)
             plan = plan_merge(connection, others, thorough=False)
             if {arrival.uuid for arrival in plan.arrivals} != set(expected):
@@ -263,7 +184,7 @@ class Journal:
         """Write down something worth knowing that is not a step, and who did it where somebody did."""
         said = {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC)}
         where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             connection.execute(insert(Event), said | where)
 
     def lock_study(self, lock: StudyLock) -> RecordedStudy:
@@ -272,13 +193,13 @@ class Journal:
         Raises:
             StudyError: its trials are another study's, or were begun before the plan was locked.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             number = studies.lock_study(connection, lock, self._process_id)
             return read_study(connection, number)
 
     def amend_study(self, study_id: int, change: StudyChange) -> None:
         """Let another text be a study's plan; what changed, who changed it, when and why is kept."""
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             studies.amend_study(connection, study_id, self._process_id, change)
 
     def unblind_study(self, study_id: int, reason: str) -> None:
@@ -287,22 +208,22 @@ class Journal:
         Raises:
             StudyError: it is not blind.
         """
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             studies.unblind_study(connection, study_id, self._process_id, reason=reason)
 
     def note_in_study(self, study_id: int, kind: str, words: str = "") -> None:
         """Append to what was done to a study."""
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             studies.add_entry(connection, study_id, self._process_id, kind, words=words)
 
     def study_standing(self, study_id: int) -> tuple[StudyTrialStanding, ...]:
         """Say what has become of every scheduled trial of a study, in the order of its schedule."""
-        with _transaction(reading(self.engine)) as connection:
+        with transaction(reading(self.engine)) as connection:
             return study_standing(connection, study_id, self._process_id)
 
     def who_else_runs(self, study_id: int) -> str:
         """Name another living process that runs a study, with its operator; empty for none."""
-        with _transaction(reading(self.engine)) as connection:
+        with transaction(reading(self.engine)) as connection:
             return session_of_another(connection, study_id, self._process_id)
 
     def recover(self) -> tuple[RecoveredEpisode, ...]:
@@ -311,21 +232,15 @@ class Journal:
         What such a process had claimed and not begun is released.
         """
         here = this_process()
-        with _transaction(reading(self.engine)) as connection:
+        with transaction(reading(self.engine)) as connection:
             if not dead_episodes(connection, here):
                 return ()
-        with _transaction(self.engine) as connection:
+        with transaction(self.engine) as connection:
             # Looked at again under the lock: another process may have closed them first.
             found = [recover_one(connection, row) for row in dead_episodes(connection, here)]
         return tuple(one for one in found if one is not None)
 
     def interrupted(self) -> tuple[RecoveredEpisode, ...]:
         """Return every episode that ended because its process did; what it left on the disk may be cleared away."""
-        with _transaction(reading(self.engine)) as connection:
+        with transaction(reading(self.engine)) as connection:
             return interrupted(connection)
-
-
-@contextmanager
-def _transaction(engine: Engine) -> Iterator[Connection]:
-    with record_errors(engine), engine.begin() as connection:
-        yield connection

@@ -9,9 +9,8 @@ from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
 
-from vsnbench.database.campaigns import extend_plan
-from vsnbench.database.claims import images_directory
-from vsnbench.database.insertion import find_or_insert, insert_row
+from vsnbench.database.campaign_plan import extend_plan
+from vsnbench.database.episodes import images_directory
 from vsnbench.database.merge_plan import (
     IDENTITIES,
     Addition,
@@ -23,7 +22,7 @@ from vsnbench.database.merge_plan import (
     new_events,
     new_trials,
 )
-from vsnbench.database.row_encoding import Row, text
+from vsnbench.database.row_encoding import Row, find_or_insert, insert_row, text
 from vsnbench.database.tables import Campaign, Episode, Event, Process, Trial
 from vsnbench.database.whole_episodes import (
     add_events,

@@ -5,8 +5,8 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, Select, func, insert, select, update
 
-from vsnbench.database.claims import UNBEGUN, release
 from vsnbench.database.episode_entries import RecoveredEpisode
+from vsnbench.database.episodes import UNBEGUN, release
 from vsnbench.database.lifecycle import ACTIVE, LEASE, EpisodeState, moment
 from vsnbench.database.provenance import ProcessIdentity
 from vsnbench.database.row_encoding import verdict_row

@@ -1,20 +1,18 @@
-"""Turns what a writer hands over into the columns of the tables, and the columns of a step back into it."""
+"""Turns values into the columns of the tables and back, and inserts rows, also where another process does at once."""
 
 import math
 from datetime import UTC, datetime
 from typing import Any
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity
+from sqlalchemy import Connection, insert, select
+from sqlalchemy.dialects import postgresql, sqlite
+
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.provenance import Provenance
-from vsnbench.protocol.actions import Action
+from vsnbench.database.tables import Base
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import Verdict
-from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity
-from vsnbench.protocol.site import Site
-from vsnbench.protocol.step_record import StepRecord, StepTimings
 
 Row = dict[str, Any]
 """Column name -> value."""
@@ -23,10 +21,6 @@ Row = dict[str, Any]
 def number(value: float | None) -> float | None:
     """Return the number as the record keeps it: NULL for what is not finite."""
     return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def text(value: str) -> str:
@@ -73,57 +67,6 @@ def process_row(given: Provenance) -> Row:
     }
 
 
-def site_row(site: Site) -> Row:
-    """Return the row of a site, whole."""
-    return {"sha256": site.sha256, "name": site.name, "title": site.title, "content": site.content()}
-
-
-def robot_row(robot: RobotIdentity) -> Row:
-    """Return the row of a robot."""
-    return {
-        "sha256": robot.sha256,
-        "kind": text(robot.kind),
-        "name": robot.profile.name,
-        "title": robot.profile.title,
-        "simulated": robot.simulated,
-        "profile": robot.profile.content(),
-    }
-
-
-def model_row(model: ModelIdentity) -> Row:
-    """Return the row of a model."""
-    return {
-        "sha256": model.sha256,
-        "name": text(model.name),
-        "weights_sha256": model.weights_sha256,
-        "weights_label": text(model.weights_label),
-        "files": dict(model.files),
-        "code": dict(model.code),
-        "settings": dict(model.settings),
-        "goals": None if model.goals is None else sorted(model.goals),
-        "sensors": sorted(model.sensors),
-        "surveyed": model.surveyed,
-    }
-
-
-def campaign_row(plan: CampaignPlan) -> Row:
-    """Return the row of a campaign, without the rows that it points to."""
-    return {
-        "key": plan.key,
-        "name": text(plan.name) or _campaign_name(plan),
-        "created_at": datetime.now(UTC),
-        "protocol": plan.protocol.model_dump(mode="json"),
-        "protocol_sha256": plan.protocol_sha256,
-        "conditions": dict(plan.conditions),
-        "seed": plan.seed,
-    }
-
-
-def _campaign_name(plan: CampaignPlan) -> str:
-    simulated = "simulated " if plan.robot.simulated else ""
-    return f"{text(plan.model.name)} on {simulated}{plan.robot.profile.name} in {plan.site.name}"
-
-
 def episode_begin_row(begin: EpisodeBegin) -> Row:
     """Return the columns that an episode's beginning fills in."""
     return {
@@ -136,78 +79,6 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
 def placement_row(start: Fix) -> Row:
     """Return the columns that the placing of the robot fills in."""
     return {**pose_columns("start", start.pose), "start_source": start.source.value}
-
-
-def step_row(episode_id: int, step: StepRecord) -> Row:
-    """Return the row of a step; one that the guard refused ends where it began."""
-    result = step.result
-    collision = result.collision if result else None
-    return {
-        "episode_id": episode_id,
-        "number": step.number,
-        "raw_action": text(step.raw_action) or step.action.value,
-        "action": step.action.value,
-        "blocked": step.blocked,
-        "completed": result is not None and result.completed,
-        "failure": text(result.failure) if result else "",
-        "recorded_at": step.recorded_at or datetime.now(UTC),
-        "stamp_s": number(step.stamp_s),
-        **pose_columns("observed", step.observed),
-        **pose_columns("after", step.after),
-        **pose_columns("world", step.world.pose if step.world else None),
-        "world_source": step.world.source.value if step.world else None,
-        "displacement_m": number(result.displacement_m) if result else 0.0,
-        "turn_rad": number(result.turn_rad) if result else 0.0,
-        "duration_s": number(result.duration_s) if result else 0.0,
-        "corrections": result.corrections if result else 0,
-        "collision_source": collision.source.value if collision else None,
-        "collision_touched": text(collision.touched) if collision else None,
-        "rgb_sha256": step.rgb_sha256,
-        "depth_sha256": step.depth_sha256,
-        "sense_s": number(step.timings.sense_s),
-        "infer_s": number(step.timings.infer_s),
-        "move_s": number(step.timings.move_s),
-        "probabilities": dict(step.probabilities) or None,
-        "details": dict(step.details) or None,
-    }
-
-
-def step_of_row(row: Any) -> StepRecord:
-    """Return the step of a row, as it was handed to `step_row`.
-
-    Raises:
-        ValueError: the row holds what no step has.
-    """
-    result = None
-    if not row.blocked:
-        collision = None
-        if row.collision_source is not None:
-            collision = Collision(CollisionSource(row.collision_source), row.collision_touched or "")
-        result = MotionResult(
-            completed=row.completed,
-            displacement_m=_known(row.displacement_m),
-            turn_rad=_known(row.turn_rad),
-            duration_s=_known(row.duration_s),
-            collision=collision,
-            failure=row.failure,
-            corrections=row.corrections,
-            pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
-        )
-    return StepRecord(
-        number=row.number,
-        action=Action(row.action),
-        raw_action=row.raw_action,
-        result=result,
-        observed=pose_of_columns(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
-        stamp_s=row.stamp_s,
-        world=fix_of_columns(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
-        rgb_sha256=row.rgb_sha256,
-        depth_sha256=row.depth_sha256,
-        timings=StepTimings(row.sense_s, row.infer_s, row.move_s),
-        probabilities=row.probabilities or {},
-        details=row.details or {},
-        recorded_at=row.recorded_at,
-    )
 
 
 def episode_end_row(end: EpisodeEnd) -> Row:
@@ -251,3 +122,29 @@ def verdict_row(
         "reason": text(verdict.text),
         "note": text(note),
     }
+
+
+def insert_row(connection: Connection, table: type[Base], row: Row) -> int:
+    """Insert a row and return its id."""
+    key: Any = connection.execute(insert(table), row).inserted_primary_key
+    return int(key[0])
+
+
+def find_or_insert(connection: Connection, table: type[Base], row: Row, unique: str) -> int:
+    """Return the id of the row that has this value in its unique column, inserted if need be.
+
+    Another process that inserts the same at the same moment is waited for, and its row taken.
+    """
+    columns = table.__table__.c
+    wanted = select(columns.id).where(columns[unique] == row[unique])
+    found: int | None = connection.execute(wanted).scalar()
+    if found is None:
+        connection.execute(insert_if_absent(connection, table, [unique]), row)
+        found = connection.execute(wanted).scalar_one()
+    return found
+
+
+def insert_if_absent(connection: Connection, table: type[Base], unique: list[str]) -> Any:
+    """Return an INSERT that leaves alone what is there already."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table).on_conflict_do_nothing(index_elements=unique)

@@ -5,10 +5,9 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, func, insert, select, update
 
-from vsnbench.database import campaigns
-from vsnbench.database.insertion import insert_row
+from vsnbench.database import campaign_plan
 from vsnbench.database.lifecycle import RESULTS
-from vsnbench.database.row_encoding import text
+from vsnbench.database.row_encoding import insert_row, text
 from vsnbench.database.study_entries import AMEND, LOCK, UNBLIND, StudyChange, StudyLock
 from vsnbench.database.study_tables import Study, StudyArm, StudyEntry, StudyTrial
 from vsnbench.database.tables import Episode, Process
@@ -40,7 +39,7 @@ def lock_study(connection: Connection, lock: StudyLock, process_id: int) -> int:
     )
     trial_ids: dict[tuple[str, str, int, int], int] = {}
     for arm in sorted(lock.arms, key=lambda one: one.code):  # so that no number in the record tells the arms apart
-        campaign = campaigns.find_or_create(connection, arm.plan, process_id)
+        campaign = campaign_plan.find_or_create(connection, arm.plan, process_id)
         taken = connection.execute(
             select(Study.title).join(StudyArm).where(StudyArm.campaign_id == campaign.id)
         ).scalar()

@@ -10,10 +10,9 @@ from typing import Any
 from sqlalchemy import Column, Connection, Table, insert, select, update
 
 from vsnbench.database.campaign_plan import PlannedTrial
-from vsnbench.database.claims import images_directory
-from vsnbench.database.insertion import insert_row
+from vsnbench.database.episodes import images_directory
 from vsnbench.database.lifecycle import EpisodeState
-from vsnbench.database.row_encoding import Row
+from vsnbench.database.row_encoding import Row, insert_row
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Process, Step, Trial, Verdict
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
-from vsnbench.database.episode_entries import INTERVENTION, Claim, EpisodeBegin, EpisodeEnd
+from vsnbench.database.episode_entries import INTERVENTION, EpisodeBegin, EpisodeEnd
+from vsnbench.database.episodes import Claim
 from vsnbench.protocol.codec import diagnostics_to_details
 from vsnbench.protocol.decision_check import SENSING
 from vsnbench.protocol.fix import Fix

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 from vsnbench.database.campaign_plan import CampaignStanding, OpenCampaign
-from vsnbench.database.episode_entries import INTERVENTION, Claim
+from vsnbench.database.episode_entries import INTERVENTION
+from vsnbench.database.episodes import Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.lifecycle import LEASE
 from vsnbench.errors import EpisodeClosedError, RecordError

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 
-from vsnbench.database.episode_entries import Claim, EpisodeEnd
+from vsnbench.database.episode_entries import EpisodeEnd
+from vsnbench.database.episodes import Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import gather_provenance
 from vsnbench.database.study_entries import (

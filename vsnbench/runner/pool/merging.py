@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from vsnbench.database.campaign_plan import Trial
-from vsnbench.database.episode_entries import Claim
+from vsnbench.database.episodes import Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.lifecycle import LEASE
 from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError

@@ -11,7 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from vsnbench.database.campaign_plan import Trial
-from vsnbench.database.episode_entries import Claim, EpisodeBegin, EpisodeEnd
+from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
+from vsnbench.database.episodes import Claim
 from vsnbench.database.provenance import Provenance
 from vsnbench.database.sealed import SealedEvent, SealedRows
 from vsnbench.errors import RobotError
