@@ -62,7 +62,7 @@ def test_check_is_content_with_the_apartment() -> None:
 def test_check_says_what_is_wrong_and_exits_with_1(flawed_site: Path) -> None:
     code, out = call("check", str(flawed_site))
     assert code == 1
-    assert "error: starting position 3 at (3.45, 1.9) lies inside sofa-1" in out
+    assert "error: start 3 at (3.45, 1.9) lies inside sofa-1" in out
 
 
 def test_check_knows_which_looks_there_are(tmp_path: Path) -> None:
@@ -124,3 +124,11 @@ def test_draw_outlines_from_where_stop_succeeds(tmp_path: Path) -> None:
     call("draw", "apartment", "-o", str(ringed), "--goal", "plant")
     assert "#2e7d32" not in plain.read_text(encoding="utf-8")
     assert "#2e7d32" in ringed.read_text(encoding="utf-8")
+
+
+def test_draw_has_axes_and_a_grid_on_request(tmp_path: Path) -> None:
+    plain, ruled = tmp_path / "plain.svg", tmp_path / "ruled.svg"
+    call("draw", "apartment", "-o", str(plain))
+    call("draw", "apartment", "-o", str(ruled), "--grid")
+    assert "x, m" not in plain.read_text(encoding="utf-8")
+    assert "x, m" in ruled.read_text(encoding="utf-8")

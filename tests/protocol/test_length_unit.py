@@ -44,4 +44,6 @@ def test_slips_are_told_at_once_in_words_of_ours(tmp_path: Path) -> None:
     left_out = apartment().replace(number[0], re.sub(r", heading_deg: -?[\d.]+", "", number[0]))
     assert problems(tmp_path, left_out) == ["it is missing"]
     commas = re.sub(r"position: \[(\d+)\.(\d+), (\d+)\.(\d+)\]", r"position: [\1,\2, \3,\4]", apartment(), count=1)
-    assert problems(tmp_path, commas) == ["4 values in place of 2: a decimal comma? 1.5 is written with a point"]
+    assert problems(tmp_path, commas) == [
+        "4 values in place of 2: a decimal comma? 1.5 is written with a point: [0.38, 7.12]"
+    ]

@@ -36,7 +36,7 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
     [
         ("name: a\nwheels:\n- radius_m: 0.2\n- radius_m: round\n", r"^cart.yaml:4: wheels.1.radius_m: "),
         ("# a remark\n\nname: a\ncolour: red\n", r"^cart.yaml:4: colour: there is no such field$"),
-        ("nam: a\nwheels: []\n", r"^cart.yaml:1: nam: there is no such field \(and 1 more\)$"),
+        ("nam: a\nwheels: []\n", r"^cart.yaml:1: nam: there is no such field: did you mean name\? \(and 1 more\)$"),
         ("name: a\nwheels: []\nname: b\n", r"^cart.yaml:3: name is given twice in the same place$"),
         (
             "name: a\nwheels:\n- {radius_m: 1, radius_m: 2}\n",
@@ -109,7 +109,7 @@ def test_all_faults_of_a_file_can_be_had_at_once(tmp_path: Path) -> None:
     path.write_text("nam: a\nwheels:\n- {}\n- {radius_m: round}\n")
     faults = [str(fault) for fault in settings_faults(path, Cart, SiteError, "cart")]
     assert len(faults) == 4
-    assert faults[0] == f"{path}:1: nam: there is no such field"
+    assert faults[0] == f"{path}:1: nam: there is no such field: did you mean name?"
     assert any(fault.startswith(f"{path}:4: wheels.1.radius_m: ") for fault in faults)
     path.write_text("name: a\n")
     assert settings_faults(path, Cart, SiteError, "cart") == []

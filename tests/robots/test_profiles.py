@@ -46,7 +46,7 @@ def test_an_unknown_profile_is_answered_with_the_known_ones() -> None:
         (TURTLEBOT2.replace("radius_m: 0.177", "radius_m: -1"), r"mine.yaml:5: base.radius_m: .*greater than 0.05"),
         (
             TURTLEBOT2.replace("  track_m", "  trakc_m"),
-            r"mine.yaml:\d+: base.trakc_m: there is no such field \(and 1 more\)",
+            r"mine.yaml:\d+: base.trakc_m: there is no such field: did you mean track_m\? \(and 1 more\)",
         ),
         (TURTLEBOT2.replace("  tilt_deg: 0.0", "  tilt: 0.0"), r"mine.yaml:\d+: camera.tilt: there is no such field"),
         (TURTLEBOT2 + "\n  - [", r"mine.yaml:\d+: not valid YAML"),

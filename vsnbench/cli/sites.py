@@ -1,6 +1,5 @@
 """`vsnbench sites`: list, show, check, draw and picture surveyed places, and generate made-up ones."""
 
-from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -111,28 +110,23 @@ def check(
     import json
 
     from vsnbench.errors import SiteError
-    from vsnbench.protocol.site import load_site, site_file_faults
-    from vsnbench.protocol.survey.check import check_site
-    from vsnbench.protocol.survey.finding import Severity, SiteFinding, error
+    from vsnbench.protocol.survey.check import check_site_file
+    from vsnbench.protocol.survey.finding import Severity, SiteFinding
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.simulator.scene import build_scene
 
     profile = load_profile(robot)
-    faults = site_file_faults(site_name)
-    findings: list[SiteFinding] = [error(f"{fault.where}:", fault.problem) for fault in faults]
-    name = site_name
-    if not faults:
-        site = load_site(site_name)
-        name = site.name
-        findings = check_site(site, profile.base.radius_m)
-        if not any(finding.severity is Severity.ERROR for finding in findings):  # only the simulator knows the looks
-            try:
-                build_scene(site)
-            except SiteError as problem:
-                findings.append(error(f"site {site.name}:", str(problem)))
+    site, findings = check_site_file(site_name, profile.base.radius_m)
+    name = site_name if site is None else site.name
+    if site is not None and not any(finding.severity is Severity.ERROR for finding in findings):
+        from vsnbench.simulator.scene import build_scene
+
+        try:
+            build_scene(site)  # only the simulator knows the looks
+        except SiteError as problem:
+            findings.append(SiteFinding(Severity.ERROR, "unknown-look", f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     if as_json:
-        rows = [asdict(finding) | {"message": finding.message} for finding in findings]
+        rows = [finding.content() for finding in findings]
         typer.echo(json.dumps({"site": name, "robot": profile.name, "findings": rows}, indent=2))
     else:
         for finding in findings:
@@ -157,6 +151,7 @@ def draw(
         str | None, typer.Option(help="Show this goal in colour, the others in grey, and from where STOP succeeds.")
     ] = None,
     starts: Annotated[bool, typer.Option(help="Show the starting positions.")] = True,
+    grid: Annotated[bool, typer.Option("--grid", help="Show axes in metres and a grid.")] = False,
 ) -> None:
     """Draw the floor plan as for a paper; with a goal, also from where STOP succeeds at it.
 
@@ -179,7 +174,7 @@ def draw(
         if path.suffix not in (".svg", ".png", ".pdf"):
             raise UsageError(f"cannot draw {path}", advice="name a file that ends in .svg, .png or .pdf")
         try:
-            save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal, success=reached))
+            save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal, success=reached, grid=grid))
         except OSError as error:
             raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
         typer.echo(str(path))

@@ -27,7 +27,45 @@ FURNITURE_CATEGORIES: tuple[str, ...] = (
 CATEGORIES: frozenset[str] = frozenset(GOAL_CATEGORIES + FURNITURE_CATEGORIES)
 
 
+_ALSO_CALLED = {
+    "armchair": "chair",
+    "basin": "sink",
+    "bath": "bathtub",
+    "bookcase": "bookshelf",
+    "carpet": "rug",
+    "closet": "wardrobe",
+    "cooker": "stove",
+    "couch": "sofa",
+    "cupboard": "cabinet",
+    "desk": "table",
+    "dining_table": "table",
+    "display": "monitor",
+    "dresser": "cabinet",
+    "fridge": "refrigerator",
+    "loo": "toilet",
+    "oven": "stove",
+    "painting": "picture",
+    "pot_plant": "plant",
+    "potted_plant": "plant",
+    "screen": "monitor",
+    "settee": "sofa",
+    "shelf": "bookshelf",
+    "stool": "chair",
+    "television": "monitor",
+    "tv": "monitor",
+    "tv_monitor": "monitor",
+    "washbasin": "sink",
+    "washer": "washing_machine",
+    "wc": "toilet",
+    "worktop": "counter",
+}
+
+
 def meant_category(name: str, known: Collection[str] = CATEGORIES) -> str:
     """Say which category somebody may have meant; all that there are, where none is near."""
+    plain = name.strip().lower().replace(" ", "_").replace("-", "_")
+    other = plain if plain in known else _ALSO_CALLED.get(plain)
+    if other in known:
+        return f"write {other}"
     near = get_close_matches(name, sorted(known), n=1, cutoff=0.75)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"

@@ -1,19 +1,18 @@
 """Reads a YAML file into a pydantic model, with errors that name the line and the field; bounded in size and depth."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from vsnbench.errors import VsnbenchError
+from vsnbench.protocol.field_faults import words_of
 
 Settings = TypeVar("Settings", bound=BaseModel)
 
@@ -29,13 +28,21 @@ class SettingsFault:
 
     where: str
     """`file:line: field`, or as much of it as is known."""
-    problem: str
+    statement: str
+    mend: str = ""
+    """What to write in its place; empty where nothing better is known than the statement."""
+    line: int | None = None
+    """Where in the file, from 1."""
+    path: tuple[int | str, ...] = ()
+    """The field: ("walls", 2, "start")."""
+
+    @property
+    def problem(self) -> str:
+        """What is wrong, and what to do."""
+        return self.statement + (f": {self.mend}" if self.mend else "")
 
     def __str__(self) -> str:
         return f"{self.where}: {self.problem}"
-
-
-_WITH_COMMA = re.compile(r"[-+]?\d+,\d+")
 
 
 class _FaultyError(Exception):
@@ -113,11 +120,11 @@ def _parse(text: str, origin: str, model: type[Settings], what: str, *, checking
         worst_first = sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
         faults = [
             SettingsFault(
-                f"{origin}:{_line_of(tree, path)}: {'.'.join(str(part) for part in path) or what}",
-                _words(one),
+                f"{origin}:{line}: {'.'.join(str(part) for part in path) or what}", *words_of(one, model), line, path
             )
             for one in worst_first
             for path in [_written_path(tree, one["loc"])]
+            for line in [_line_of(tree, path)]
         ]
         raise _FaultyError(*faults) from problem
 
@@ -126,7 +133,7 @@ def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
     """Return the tree with its lines, and the plain values."""
 
     def faulty(problem: str, line: int | None = None) -> _FaultyError:
-        return _FaultyError(SettingsFault(origin if line is None else f"{origin}:{line}", problem))
+        return _FaultyError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
 
     if len(text) > MOST_CHARACTERS:
         raise faulty(f"longer than {MOST_CHARACTERS:,} characters")
@@ -187,26 +194,6 @@ def _keys_given_twice(node: Node | None, seen: set[int]) -> Iterator[Node]:
                     yield key
                 names.add(key.value)
             yield from _keys_given_twice(value, seen)
-
-
-def _words(detail: ErrorDetails) -> str:
-    """Say what is wrong with a field in a line: our own validators' words, else pydantic's."""
-    if detail["type"] == "extra_forbidden":
-        return "there is no such field"
-    if detail["type"] == "value_error":
-        return str(detail["ctx"]["error"])
-    if detail["type"] == "missing":
-        return "it is missing"
-    if detail["type"] == "invalid_key":
-        return "a name that is no text: a decimal comma before it? 1.5 is written with a point"
-    given = detail["input"]
-    if isinstance(given, str) and _WITH_COMMA.fullmatch(given.strip()):
-        return f"{given.strip()} is no number: write {given.strip().replace(',', '.')}, with a point"
-    if isinstance(given, list) and detail["type"] == "too_long":
-        most = detail["ctx"]["max_length"]
-        comma = ": a decimal comma? 1.5 is written with a point" if len(given) <= 2 * most else ""
-        return f"{len(given)} values in place of {most}{comma}"
-    return detail["msg"]
 
 
 def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[int | str, ...]:

@@ -30,7 +30,7 @@ from shapely.validation import explain_validity
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.categories import CATEGORIES, GOAL_CATEGORIES, meant_category
-from vsnbench.protocol.length_unit import LARGEST_M, in_metres
+from vsnbench.protocol.length_unit import in_metres, near_enough
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.settings_file import CHECKING, SettingsFault, parse_settings, read_settings, settings_faults
 from vsnbench.resources import resource_directory
@@ -43,7 +43,7 @@ def _goal_category(name: str) -> str:
 
 
 GoalCategory = Annotated[str, AfterValidator(_goal_category)]
-Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
+Coordinate = Annotated[float, AfterValidator(near_enough)]
 Point = tuple[Coordinate, Coordinate]
 Color = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
@@ -91,7 +91,10 @@ def _enclosing(outline: list[Point] | None) -> list[Point] | None:
     if outline is not None:
         shape = Polygon(outline)
         if not shape.is_valid:
-            raise ValueError(f"the outline crosses itself ({explain_validity(shape)})")
+            raise ValueError(
+                "the outline crosses itself: list its corners in the order in which one walks around it "
+                f"({explain_validity(shape)})"
+            )
         if shape.area < _SMALLEST_M2:
             raise ValueError("the outline encloses nothing")
     return outline

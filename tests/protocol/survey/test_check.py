@@ -77,7 +77,7 @@ def test_a_sound_site_has_no_findings() -> None:
     ],
 )
 def test_a_start_that_no_robot_can_stand_on_is_an_error(position: tuple[float, float], words: str) -> None:
-    messages = [message for message in errors_of(with_start(*position)) if message.startswith("starting position 1 ")]
+    messages = [message for message in errors_of(with_start(*position)) if message.startswith("start 1 ")]
     assert len(messages) == 1
     assert words in messages[0]
 
@@ -102,7 +102,7 @@ def test_a_goal_that_nobody_can_reach_is_an_error() -> None:
     ]
     site = sound_site(walls=[*sound_site().walls, *around_the_toilet])
     (message,) = errors_of(site)
-    assert message.startswith("goal toilet cannot be reached from any starting position with a robot of radius 0.177 m")
+    assert message.startswith("toilet-1 is shut in: no start can reach a toilet")
 
 
 def test_a_start_that_is_shut_in_is_named() -> None:
@@ -118,7 +118,11 @@ def test_a_start_that_is_shut_in_is_named() -> None:
             "starts": [site.starts[0].model_copy(update={"position": (0.38, 6.9)}), *site.starts[1:]],
         }
     )
-    assert any("goal chair cannot be reached from starting position 1 " in message for message in errors_of(site))
+    assert any(
+        "between wall 3 (from (10, 8) to (0, 8)) and fence-1 is 0.30 m wide, the robot needs 0.35: start 1 cannot"
+        in message
+        for message in errors_of(site)
+    )
 
 
 def test_a_missing_goal_is_a_warning() -> None:
@@ -145,7 +149,7 @@ def test_an_unknown_category_is_named_with_the_known_ones() -> None:
         ),
         (
             thing("lamp-1", "lamp", (10, 6.5), (0.3, 0.3, 1)),
-            "lamp-1 at (10, 6.5) sticks 0.20 m into wall 2 ((10, 0) to (10, 8))",
+            "lamp-1 at (10, 6.5) sticks 0.20 m into wall 2 (from (10, 0) to (10, 8))",
         ),
         (thing("lamp-1", "lamp", (9, 3), (0.3, 0.3, 1)), "sofa-1 and lamp-1 overlap"),
         (thing("lamp-1", "lamp", (5, 5), (0.3, 0.3, 2.6)), "lamp-1 reaches 0.10 m above the ceiling of 2.5 m"),
@@ -164,13 +168,13 @@ def test_things_stacked_on_each_other_do_not_overlap() -> None:
 def test_rooms_that_overlap_are_an_error() -> None:
     rooms = [*sound_site().rooms, Room(name="nook", polygon=[(0, 0), (2, 0), (2, 2), (0, 2)])]
     messages = errors_of(sound_site(rooms=rooms))
-    assert any(each.startswith("rooms 'hall' and 'nook' overlap by 4.00 m² around (1, 1)") for each in messages)
+    assert any(each.startswith("rooms `hall` and `nook` overlap by 4.00 m² around (1, 1)") for each in messages)
 
 
 def test_walls_that_run_in_the_same_place_are_an_error() -> None:
     walls = [*sound_site().walls, Wall(start=(2, 0.03), end=(5, 0.03))]
     (message,) = errors_of(sound_site(walls=walls))
-    assert message.startswith("wall 1 ((0, 0) to (10, 0)) and wall 5")
+    assert message.startswith("wall 1 (from (0, 0) to (10, 0)) and wall 5")
     assert "overlap along 3.00 m" in message
 
 
@@ -185,10 +189,10 @@ def test_a_door_and_a_window_on_no_wall_are_errors() -> None:
     )
     door, window = errors_of(site)
     assert door.startswith(
-        "front door ((3, 1) to (4, 1)) lies on no wall: the centre line of wall 1 ((0, 0) to (10, 0))"
+        "door `front door` (from (3, 1) to (4, 1)) lies on no wall: the centre line of wall 1 (from (0, 0) to (10, 0))"
     )
     assert "is 1.00 m away" in door
-    assert window.startswith("window 1 ((3, 0) to (3, 1)) lies on no wall")
+    assert window.startswith("window 1 (from (3, 0) to (3, 1)) lies on no wall")
 
 
 def test_a_door_and_a_window_in_the_same_place_are_an_error() -> None:
@@ -196,7 +200,7 @@ def test_a_door_and_a_window_in_the_same_place_are_an_error() -> None:
         doors=[Door(name="front door", start=(3, 0), end=(4, 0))], windows=[Window(start=(3.5, 0), end=(5, 0))]
     )
     (message,) = errors_of(site)
-    assert message.startswith("front door and window 1 overlap along 0.5")
+    assert message.startswith("door `front door` and window 1 overlap along 0.5")
 
 
 def test_errors_come_before_warnings() -> None:
@@ -209,8 +213,8 @@ def test_a_wider_robot_finds_more() -> None:
     site = with_start(0.45, 3.0)
     assert errors_of(site) == []
     (finding,) = check_site(site, 0.45)
-    assert finding.subject == "starting position 1"
-    assert "is 0.40 m from wall 4 ((0, 8) to (0, 0)), and the robot's radius is 0.45 m" in finding.problem
+    assert finding.subject == "start 1"
+    assert "is 0.40 m from wall 4 (from (0, 8) to (0, 0)), and the robot's radius is 0.45 m" in finding.problem
     assert finding.mend == "move it 0.06 m away"
 
 
@@ -221,23 +225,25 @@ def without_wall(*numbers: int) -> Site:
 
 def test_a_missing_wall_is_an_error_that_names_the_edge_and_its_place() -> None:
     (finding,) = [each for each in check_site(without_wall(3), RADIUS_M) if each.severity is Severity.ERROR]
-    assert finding.subject == "room 'hall'"
-    assert "has no wall along its edge (10, 8) to (0, 8)" in finding.message
-    assert len(finding.at) == 2
+    assert finding.subject == "the hall's edge from (10, 8) to (0, 8)"
+    assert "has no wall" in finding.message
+    assert finding.place.points == ((10, 8), (0, 8))
 
 
 def test_a_wall_a_metre_short_is_an_error_that_says_how_much_is_open_and_which_wall_to_mend() -> None:
     walls = sound_site().walls
     short = sound_site(walls=[walls[0].model_copy(update={"end": (9.0, 0.0)}), *walls[1:]])
     (message,) = errors_of(short)
-    assert "edge (0, 0) to (10, 0) for 0.90 m, (9.05, 0) to (9.95, 0)" in message
-    assert "make wall 1 ((0, 0) to (9, 0)) longer at (9, 0)" in message
+    assert "edge from (0, 0) to (10, 0) has no wall for 0.90 m, from (9.05, 0) to (9.95, 0)" in message
+    assert "make wall 1 (from (0, 0) to (9, 0)) longer at (9, 0)" in message
 
 
 def test_a_wall_beside_where_it_should_be_is_named_with_its_distance() -> None:
     walls = sound_site().walls
     aside = sound_site(walls=[*walls[:2], Wall(start=(10, 8.3), end=(0, 8.3)), walls[3]])
-    assert any("move wall 3 ((10, 8.3) to (0, 8.3)), which runs 0.25 m beside it" in each for each in errors_of(aside))
+    assert any(
+        "move wall 3 (from (10, 8.3) to (0, 8.3)), which runs 0.25 m beside it" in each for each in errors_of(aside)
+    )
 
 
 def test_a_wall_between_two_rooms_that_is_missing_is_told_once() -> None:
@@ -246,7 +252,10 @@ def test_a_wall_between_two_rooms_that_is_missing_is_told_once() -> None:
         Room(name="east", polygon=[(5, 0), (10, 0), (10, 8), (5, 8)]),
     ]
     (message,) = errors_of(sound_site(rooms=rooms))
-    assert "room 'west' has no wall along its edge (5, 0) to (5, 8)" in message
+    assert (
+        "the west's edge from (5, 0) to (5, 8) has no wall: add it to walls, - { start: [5, 0], end: [5, 8] }"
+        in message
+    )
     assert "rooms without a wall between them are one room" in message
 
 
@@ -257,12 +266,15 @@ def test_the_inner_face_and_the_centre_line_of_a_wall_both_close_a_room() -> Non
 
 def test_an_open_door_out_of_the_site_and_one_too_narrow_are_warnings() -> None:
     out = sound_site(doors=[Door(name="front door", start=(3, 0), end=(4, 0))])
-    assert [each.subject for each in check_site(out, RADIUS_M)] == ["front door"]
+    assert [each.subject for each in check_site(out, RADIUS_M)] == ["door `front door`"]
     narrow = sound_site(
         walls=[*sound_site().walls, Wall(start=(0, 5.2), end=(10, 5.2))],
         doors=[Door(name="slit", start=(4, 5.2), end=(4.3, 5.2))],
     )
-    assert any("slit" in each.message and "0.30 m wide" in each.message for each in check_site(narrow, RADIUS_M))
+    assert any(
+        "slit" in each.message and "0.30 m clear, the robot needs 0.35" in each.message
+        for each in check_site(narrow, RADIUS_M)
+    )
 
 
 def test_what_floats_in_the_air_is_a_warning() -> None:
@@ -275,7 +287,7 @@ def test_what_floats_in_the_air_is_a_warning() -> None:
 def test_a_trivial_start_is_named_once_a_goal_and_may_be_excluded() -> None:
     site = with_start(8.0, 3.0)
     (finding,) = check_site(site, RADIUS_M)
-    assert finding.message.startswith("goal sofa is reached by STOP at once from starting position 1 (sofa-1)")
+    assert finding.message.startswith("goal sofa is reached by STOP at once from start 1 (sofa-1)")
     assert "not_for: [sofa]" in finding.message
     excluded = [site.starts[0].model_copy(update={"not_for": ["sofa"]}), *site.starts[1:]]
     assert check_site(site.model_copy(update={"starts": excluded}), RADIUS_M) == []
@@ -284,4 +296,6 @@ def test_a_trivial_start_is_named_once_a_goal_and_may_be_excluded() -> None:
 def test_everything_is_found_at_once() -> None:
     site = with_objects(thing("piano-1", "piano", (5, 5), (1, 1, 1)), thing("lamp-1", "lamp", (12, 3), (0.3, 0.3, 1)))
     site = site.model_copy(update={"walls": site.walls[:3]})
-    assert {"piano-1", "lamp-1", "room 'hall'"} <= {each.subject for each in check_site(site, RADIUS_M)}
+    assert {"piano-1", "lamp-1", "the hall's edge from (0, 8) to (0, 0)"} <= {
+        each.subject for each in check_site(site, RADIUS_M)
+    }

@@ -1,4 +1,4 @@
-"""What is wrong with the starting positions of a surveyed site: nobody can stand there, no way leads to a goal."""
+"""What is wrong with the starting positions of a surveyed site: nobody can stand there, STOP succeeds at once."""
 
 import math
 from collections.abc import Iterator
@@ -9,8 +9,11 @@ from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.protocol.goal_distance import stop_succeeds
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site, StartingPosition
-from vsnbench.protocol.survey.finding import SiteFinding, between, error, shown, warning
+from vsnbench.protocol.site import Site
+from vsnbench.protocol.survey.building import named_wall
+from vsnbench.protocol.survey.finding import Amount, Entry, Severity, SiteFinding, points, shown
+from vsnbench.protocol.survey.things import elsewhere
+from vsnbench.protocol.survey.ways import way_findings
 from vsnbench.protocol.walls import TOUCH_HEIGHT_M, wall_shapes
 
 STARTING_POSITIONS = 15
@@ -18,111 +21,80 @@ STARTING_POSITIONS = 15
 
 
 def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> Iterator[SiteFinding]:
-    """Yield what is wrong with the places that episodes start from."""
+    """Yield what is wrong with the places that episodes start from, and the ways from there to the goals."""
     if len(site.starts) < STARTING_POSITIONS:
-        yield warning(
+        yield SiteFinding(
+            Severity.WARNING,
+            "few-starts",
             f"site {site.name}",
             f"has {len(site.starts)} starting position{'' if len(site.starts) == 1 else 's'}",
-            f"the protocol asks for {STARTING_POSITIONS}",
+            f"the protocol asks for {STARTING_POSITIONS}: survey {STARTING_POSITIONS - len(site.starts)} more",
+            amount=Amount(STARTING_POSITIONS - len(site.starts), "starts"),
         )
-    yield from _headings(site)
-    for start in site.starts:
-        yield from _stands(site, start, space.robot_radius_m)
+    for index in range(len(site.starts)):
+        yield from _stands(site, index, space.robot_radius_m)
     for goal in GOAL_CATEGORIES:
         if site.instances(goal):
             yield from _trivial(site, goal, rules)
-            yield from _ways(site, goal, space, rules)
         else:
-            yield warning(f"site {site.name}", f"has no {goal}", "the protocol's goal category has no instance here")
-    yield from _narrow_doors(site, space.robot_radius_m)
+            yield SiteFinding(
+                Severity.WARNING,
+                "no-instance",
+                f"site {site.name}",
+                f"has no {goal}",
+                f"no trial here searches one; add it to objects if one stands there, category: {goal}",
+            )
+    yield from way_findings(site, space, rules)
 
 
-def _headings(site: Site) -> Iterator[SiteFinding]:
-    given = [start.heading_deg for start in site.starts] + [thing.heading_deg for thing in site.objects]
-    small = [abs(heading) for heading in given if abs(heading) <= math.tau]
-    slanted = [heading for heading in small if heading % 1 > 1e-6]
-    turned = sum(abs(heading) > math.tau for heading in given)
-    if len(slanted) > len(given) / 3 and turned <= len(slanted) / 4:
-        few = f"only {turned} of {len(given)} things" if turned else "nothing"
-        yield warning(f"site {site.name}", f"turns {few} by more than {max(small):.2f}°", "headings are degrees")
+def _stands(site: Site, index: int, radius_m: float) -> Iterator[SiteFinding]:
+    start = site.starts[index]
+    here, name, at = shapely.Point(start.position), f"start {start.number}", shown(start.position)
+    entry: tuple[Entry, ...] = (("starts", index),)
 
+    def found(code: str, problem: str, mend: str, amount_m: float, *more: Entry) -> SiteFinding:
+        where, amount = points(start.position), Amount(amount_m)
+        return SiteFinding(Severity.ERROR, code, name, problem, mend, where, amount, (*entry, *more))
 
-def _stands(site: Site, start: StartingPosition, radius_m: float) -> Iterator[SiteFinding]:
-    here, name, at = shapely.Point(start.position), _named(start), start.position
     if not any(room.shape.covers(here) for room in site.rooms):
-        off_m = min(float(room.shape.distance(here)) for room in site.rooms)
-        yield error(
-            name, f"at {shown(at)} lies outside every room, {off_m:.2f} m from the nearest", "measure it again", at
-        )
+        rooms = shapely.union_all([room.shape for room in site.rooms])
+        off_m = float(rooms.distance(here))
+        problem = f"at {at} lies outside every room, {off_m:.2f} m from the nearest"
+        yield found("start-outside", problem, elsewhere(start.position, rooms), off_m)
         return
-    things = [
-        (float(thing.shape.distance(here)), thing.id)
-        for thing in site.objects
+    near = [
+        (float(thing.shape.distance(here)), thing.id, ("objects", number))
+        for number, thing in enumerate(site.objects)
         if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
     ]
-    walls = [
-        (float(shape.distance(here)), f"wall {number} ({between(wall.start, wall.end)})")
-        for number, (wall, shape) in enumerate(zip(site.walls, wall_shapes(site), strict=True), start=1)
+    near += [
+        (float(shape.distance(here)), named_wall(site, number), ("walls", number))
+        for number, shape in enumerate(wall_shapes(site))
     ]
-    distance_m, nearest = min(things + walls)
+    distance_m, nearest, other = min(near)
     if distance_m <= 0:
-        yield error(name, f"at {shown(at)} lies inside {nearest}", "move it", at)
+        yield found("start-inside", f"at {at} lies inside {nearest}", "move it", radius_m, other)
     elif distance_m < radius_m:
-        yield error(
-            name,
-            f"at {shown(at)} is {distance_m:.2f} m from {nearest}, and the robot's radius is {radius_m:g} m",
-            f"move it {math.ceil(100 * (radius_m - distance_m) + 1e-6) / 100:.2f} m away",
-            at,
-        )
+        short_m = math.ceil(100 * (radius_m - distance_m) + 1e-6) / 100
+        problem = f"at {at} is {distance_m:.2f} m from {nearest}, and the robot's radius is {radius_m:g} m"
+        yield found("start-too-near", problem, f"move it {short_m:.2f} m away", radius_m - distance_m, other)
 
 
 def _trivial(site: Site, goal: str, rules: ProtocolParameters) -> Iterator[SiteFinding]:
-    found = [
-        (start, stop_succeeds(site, goal, start.pose, rules)) for start in site.starts if goal not in start.not_for
+    near = [
+        (index, start, instance)
+        for index, start in enumerate(site.starts)
+        if goal not in start.not_for and (instance := stop_succeeds(site, goal, start.pose, rules))
     ]
-    near = [(start, instance) for start, instance in found if instance]
     if near:
-        where = ", ".join(f"{start.number} ({instance})" for start, instance in near)
-        yield warning(
+        where = ", ".join(f"{start.number} ({instance})" for _, start, instance in near)
+        yield SiteFinding(
+            Severity.WARNING,
+            "goal-at-start",
             f"goal {goal}",
-            f"is reached by STOP at once from starting position {where}",
-            f"move {'it' if len(near) == 1 else 'them'} or add not_for: [{goal}] there",
-            *(start.position for start, _ in near),
+            f"is reached by STOP at once from start {where}",
+            f"move {'it' if len(near) == 1 else 'them'} {rules.success_distance_m:g} m away "
+            f"or add not_for: [{goal}] there",
+            points(*(start.position for _, start, _ in near)),
+            entries=tuple(("starts", index) for index, _, _ in near),
         )
-
-
-def _ways(site: Site, goal: str, space: FreeSpace, rules: ProtocolParameters) -> Iterator[SiteFinding]:
-    asked = [start for start in site.starts if goal not in start.not_for]
-    lost = [start for start in asked if not math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules))]
-    if not asked:
-        yield warning(f"goal {goal}", "is excluded from every starting position by not_for", "leave one that uses it")
-    elif len(lost) == len(asked):
-        yield error(
-            f"goal {goal}",
-            f"cannot be reached from any starting position with a robot of radius {space.robot_radius_m:g} m",
-            "look for a door that is closed or too narrow, or furniture in the way",
-        )
-    elif lost:
-        numbers = ", ".join(str(start.number) for start in lost)
-        yield error(
-            f"goal {goal}",
-            f"cannot be reached from starting position {numbers} with a robot of radius {space.robot_radius_m:g} m",
-            "look for what shuts it in",
-            *(start.position for start in lost),
-        )
-
-
-def _narrow_doors(site: Site, radius_m: float) -> Iterator[SiteFinding]:
-    for door in site.doors:
-        if not door.closed and door.clear_width_m <= 2 * radius_m:
-            yield warning(
-                door.name,
-                f"({between(door.start, door.end)}) is {door.clear_width_m:.2f} m wide, the robot {2 * radius_m:.2f} m",
-                "it cannot pass",
-                door.start,
-                door.end,
-            )
-
-
-def _named(start: StartingPosition) -> str:
-    return f"starting position {start.number}"

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _SUCCESS = "#2e7d32"
 _START = "#0b3c5d"
+_GRID = "#7d8a96"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,8 @@ class PlanStyle:
     legend: bool = True
     highlight: str | None = None
     """A goal category to show in full colour while the others step back."""
+    grid: bool = False
+    """Axes in metres and a line every metre, to read coordinates from."""
     success: "BaseGeometry | None" = None
     """From where STOP succeeds (`protocol.goal_distance.success_region`): outlined on the floor."""
 
@@ -69,8 +72,25 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
     axes.set_xlim(x_min - 0.15, x_max + 0.15)
     axes.set_ylim(y_min - 0.15 - below, y_max + 0.15)
     axes.set_aspect("equal")
+    if wanted.grid:
+        _draw_grid(axes, (x_min, y_min, x_max, y_max))
     axes.set_axis_off()
     return axes
+
+
+def _draw_grid(axes: "Axes", bounds: tuple[float, float, float, float]) -> None:
+    """Draw a line every metre, over floors and under furniture, and its coordinate on the plan's left and upper side."""
+    x_min, y_min, x_max, y_max = bounds
+    for x_m in range(math.ceil(x_min), math.floor(x_max) + 1):
+        axes.plot([x_m, x_m], [y_min, y_max + 0.05], color=_GRID, linewidth=0.4, zorder=1.5)
+        axes.text(x_m, y_max + 0.08, f"{x_m}", ha="center", va="bottom", fontsize=6, color=INK)
+    for y_m in range(math.ceil(y_min), math.floor(y_max) + 1):
+        axes.plot([x_min - 0.05, x_max], [y_m, y_m], color=_GRID, linewidth=0.4, zorder=1.5)
+        axes.text(x_min - 0.08, y_m, f"{y_m}", ha="right", va="center", fontsize=6, color=INK)
+    axes.text(x_max, y_max + 0.08, "x, m", ha="right", va="bottom", fontsize=6, color=INK)
+    axes.text(x_min - 0.08, y_max, "y, m", ha="right", va="top", fontsize=6, color=INK)
+    axes.set_xlim(x_min - 0.45, axes.get_xlim()[1])
+    axes.set_ylim(axes.get_ylim()[0], y_max + 0.35)
 
 
 def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi: int = 200) -> None:
