@@ -79,7 +79,7 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
 
 
 def _draw_grid(axes: "Axes", bounds: tuple[float, float, float, float]) -> None:
-    """Draw a line every metre, over floors and under furniture, and its coordinate on the plan's left and upper side."""
+    """Draw a line every metre, and its coordinate on the plan's left and upper side."""
     x_min, y_min, x_max, y_max = bounds
     for x_m in range(math.ceil(x_min), math.floor(x_max) + 1):
         axes.plot([x_m, x_m], [y_min, y_max + 0.05], color=_GRID, linewidth=0.4, zorder=1.5)
@@ -87,10 +87,10 @@ def _draw_grid(axes: "Axes", bounds: tuple[float, float, float, float]) -> None:
     for y_m in range(math.ceil(y_min), math.floor(y_max) + 1):
         axes.plot([x_min - 0.05, x_max], [y_m, y_m], color=_GRID, linewidth=0.4, zorder=1.5)
         axes.text(x_min - 0.08, y_m, f"{y_m}", ha="right", va="center", fontsize=6, color=INK)
-    axes.text(x_max, y_max + 0.08, "x, m", ha="right", va="bottom", fontsize=6, color=INK)
+    axes.text(x_max, y_max + 0.24, "x, m", ha="right", va="bottom", fontsize=6, color=INK)
     axes.text(x_min - 0.08, y_max, "y, m", ha="right", va="top", fontsize=6, color=INK)
     axes.set_xlim(x_min - 0.45, axes.get_xlim()[1])
-    axes.set_ylim(axes.get_ylim()[0], y_max + 0.35)
+    axes.set_ylim(axes.get_ylim()[0], y_max + 0.5)
 
 
 def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi: int = 200) -> None:
