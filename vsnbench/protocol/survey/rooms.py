@@ -145,8 +145,8 @@ def _closing(site: Site, first: Point, last: Point, meant: tuple[Point, Point]) 
             end = min((wall.start, wall.end), key=lambda each: min(math.dist(each, first), math.dist(each, last)))
             return f"make {named_wall(site, index)} longer at {shown(end)}, or add a wall", entry
     (x0, y0), (x1, y1) = ([round(value, 2) + 0.0 for value in point] for point in meant)
-    wall = f"- {{ start: [{x0:g}, {y0:g}], end: [{x1:g}, {y1:g}] }}"
-    return f"add it to walls, {wall}; rooms without a wall between them are one room", ()
+    line = f"- {{ start: [{x0:g}, {y0:g}], end: [{x1:g}, {y1:g}] }}"
+    return f"add it to walls, {line}; rooms without a wall between them are one room", ()
 
 
 def _enclosures(site: Site) -> Iterator[SiteFinding]:
@@ -176,7 +176,9 @@ def _enclosures(site: Site) -> Iterator[SiteFinding]:
 
 
 def _corners(piece: BaseGeometry) -> list[Point]:
-    return [(float(x), float(y)) for x, y in shapely.get_coordinates(piece.simplify(0.02).exterior)[:-1]]
+    return [
+        (float(x), float(y)) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(piece.simplify(0.02)))[:-1]
+    ]
 
 
 def _outline(shape: BaseGeometry) -> Place:

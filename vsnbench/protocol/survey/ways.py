@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
@@ -33,6 +34,9 @@ _STEPS = 8
 _REACH_M = 0.3
 """So far from a doorway's middle its two sides are looked for."""
 _NEAR_M = 0.1
+
+_BESIDE = np.ones((3, 3), np.bool_)
+"""Cells that touch at a corner are beside each other."""
 
 Grid = npt.NDArray[np.int32]
 
@@ -107,8 +111,8 @@ def _who(goals: dict[str, list[int]], count: int) -> str:
     for goal, numbers in goals.items():
         together.setdefault(tuple(sorted(numbers)), []).append(goal)
     parts = []
-    for numbers, missed in together.items():
-        who = numbered("start", list(numbers)) if len(numbers) < count or count == 1 else "no start"
+    for starts, missed in together.items():
+        who = numbered("start", list(starts)) if len(starts) < count or count == 1 else "no start"
         cannot = "can reach" if who == "no start" else "cannot reach"
         parts.append(f"{who} {cannot} a {listed(missed, 'or')}")
     return "; ".join(parts)
@@ -143,7 +147,7 @@ class _Search:
         from scipy import ndimage
 
         if clearance_m not in self._labels:
-            labels, _ = ndimage.label(self._space.clearance_m >= clearance_m, np.ones((3, 3)))
+            labels, _ = ndimage.label(self._space.clearance_m >= clearance_m, _BESIDE)
             self._labels[clearance_m] = np.asarray(labels, np.int32)
         return self._labels[clearance_m]
 
@@ -173,10 +177,10 @@ class _Search:
         """Name what is on both sides of the cells that join the start's part to another."""
         from scipy import ndimage
 
-        blobs, count = ndimage.label(pinch, np.ones((3, 3)))
+        blobs, count = ndimage.label(pinch, _BESIDE)
         chosen = None
         for blob in range(1, count + 1):
-            around = set(np.unique(wide[ndimage.binary_dilation(blobs == blob, np.ones((3, 3)))]).tolist()) - {0}
+            around = set(np.unique(wide[ndimage.binary_dilation(blobs == blob, _BESIDE)]).tolist()) - {0}
             if home in around and len(around) > 1:
                 chosen = blobs == blob
                 break
@@ -230,9 +234,11 @@ class _Search:
         first = towards(sides[0][1])
         return next((side for side in sides[1:] if float(towards(side[1]) @ first) < 0), sides[1])
 
-    def _solids(self) -> list[tuple[shapely.Geometry, str, Entry]]:
+    def _solids(self) -> list[tuple[BaseGeometry, str, Entry]]:
         site = self._site
-        walls = [(shape, named_wall(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))]
+        walls: list[tuple[BaseGeometry, str, Entry]] = [
+            (shape, named_wall(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))
+        ]
         return walls + [
             (thing.shape, thing.id, ("objects", index))
             for index, thing in enumerate(site.objects)
@@ -304,7 +310,7 @@ class _Search:
             points(start.position),
         )
 
-    def _around(self, labels: Grid, shape: shapely.Geometry) -> set[int]:
+    def _around(self, labels: Grid, shape: BaseGeometry) -> set[int]:
         """Return the parts of the floor that a shape reaches."""
         space = self._space
         x_min, y_min, x_max, y_max = shape.bounds
@@ -319,7 +325,7 @@ def _joins(parts: set[int], home: int, there: set[int]) -> bool:
     return home in parts and bool(parts & there)
 
 
-def _ends(line: shapely.Geometry, at: Point) -> tuple[Point, Point]:
+def _ends(line: BaseGeometry, at: Point) -> tuple[Point, Point]:
     (x0, y0), (x1, y1) = shapely.get_coordinates(line)
     if math.dist((x0, y0), (x1, y1)) < 1e-6:
         return at, at
