@@ -158,7 +158,7 @@ class ImageMessageTarget:
 
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
-        from vsnbench.sensing.image_decoding import decode_color, decode_depth, decode_labels
+        from vsnbench.sensing.camera_images import decode_color, decode_depth, decode_labels
 
         self.functions = [
             *((decode_color, name, 3) for name in ("rgb8", "bgr8")),

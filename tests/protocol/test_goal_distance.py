@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.free_space import free_space
-from vsnbench.protocol.goal_distance import distance_to_goal, stop_succeeds, success_region
+from vsnbench.protocol.judge import distance_to_goal, stop_succeeds, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.sight import sight

@@ -1,5 +1,6 @@
 """`vsnbench run`: run what is left of a campaign."""
 
+import sys
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,7 @@ from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.record.results import Kept
+    from vsnbench.runner.launch import RunRequest
 
 _WHAT = "What to run"
 _HOW = "How"
@@ -200,11 +202,11 @@ def command(
     The same command goes on with the trials that are left.
     Another seed, site, model or parameter is another campaign; several make a sweep.
     """
-    from vsnbench.cli.run_summary import leave_strays_behind, run_and_tell
+    from vsnbench.cli.run_summary import leave_strays_behind
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
-    from vsnbench.runner.crew import WorkersAsked
     from vsnbench.runner.launch import RunRequest
+    from vsnbench.runner.pool.capacity import WorkersAsked
 
     apart = isolate or python is not None or isolate_memory is not None
     elsewhere = apart or model.startswith(("ws://", "wss://"))
@@ -240,9 +242,31 @@ def command(
 
         code = sweep_and_tell(request, model, seeds, sites, live=live, yes=yes)
     else:
-        code = run_and_tell(request, live=live, unattended=unattended)
+        code = _run_and_tell(request, live=live, unattended=unattended)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
+
+
+def _run_and_tell(request: "RunRequest", *, live: bool, unattended: bool) -> int:
+    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 129, 130 or 143 when stopped."""
+    from rich.console import Console
+
+    from vsnbench.cli.run_summary import stopped_words, tell
+    from vsnbench.runner.attendance import TerminalAttendance
+    from vsnbench.runner.launch import launch
+    from vsnbench.runner.stopping import Stopped
+    from vsnbench.viewer.live import RerunEpisodes
+
+    console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
+    try:
+        with RerunEpisodes(live=live) as viewer:
+            launched = launch(request, TerminalAttendance(unattended), viewer)
+            viewer.linger()
+    except Stopped as stopped:
+        console.print(stopped_words(stopped))
+        return stopped.request.exit_code
+    tell(console, launched, request)
+    return 1 if launched.result.left or launched.result.elsewhere else 0
 
 
 def _kept(given: str, *, live: bool) -> "Kept":

@@ -1,4 +1,4 @@
-"""Runs a campaign from the terminal and says afterwards what is done, what is left and what to type next."""
+"""Says after a campaign what is done, what is left and what to type next."""
 
 import logging
 import os
@@ -9,35 +9,13 @@ import time
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.runner.attendance import TerminalAttendance
-from vsnbench.runner.launch import Launched, RunRequest, launch
+from vsnbench.runner.launch import Launched, RunRequest
 from vsnbench.runner.stopping import StopAuthor, Stopped
-from vsnbench.viewer.live import RerunEpisodes
 
 logger = logging.getLogger(__name__)
 
 STRAY_TIMEOUT_S = 2.0
 """How long threads that a model started are waited for when all is done."""
-
-
-def run_and_tell(request: RunRequest, *, live: bool, unattended: bool) -> int:
-    """Run and return the exit code: 0 when every trial is done, 1 when some are left, 129, 130 or 143 when stopped.
-
-    Args:
-        request: what to run.
-        live: show each episode in Rerun as it happens.
-        unattended: nobody is beside a real robot.
-    """
-    console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
-    try:
-        with RerunEpisodes(live=live) as viewer:
-            launched = launch(request, TerminalAttendance(unattended), viewer)
-            viewer.linger()
-    except Stopped as stopped:
-        console.print(stopped_words(stopped))
-        return stopped.request.exit_code
-    _tell(console, launched, request)
-    return 1 if launched.result.left or launched.result.elsewhere else 0
 
 
 def stopped_words(stopped: Stopped) -> str:
@@ -65,7 +43,8 @@ def leave_strays_behind(code: int, before: frozenset[threading.Thread]) -> None:
         os._exit(code)
 
 
-def _tell(console: Console, launched: Launched, request: RunRequest) -> None:
+def tell(console: Console, launched: Launched, request: RunRequest) -> None:
+    """Say what is done, what is left and what to type next."""
     result, trials = launched.result, len(launched.campaign.trials)
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")

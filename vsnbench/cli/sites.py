@@ -160,7 +160,7 @@ def draw(
     from pathlib import Path
 
     from vsnbench.errors import UsageError
-    from vsnbench.protocol.goal_distance import success_region
+    from vsnbench.protocol.judge import success_region
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.protocol.site import load_site
     from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vsnbench.protocol.goal_distance import success_regions
+from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site

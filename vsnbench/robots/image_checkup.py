@@ -9,9 +9,15 @@ from typing import Any
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.robots.ros_link import interface_of
-from vsnbench.sensing.depth_filter import DepthImage, median_depth_m, share_invalid
+from vsnbench.sensing.camera_images import (
+    DepthImage,
+    ImageError,
+    decode_color,
+    decode_depth,
+    median_depth_m,
+    share_invalid,
+)
 from vsnbench.sensing.heard import Heard
-from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth
 
 _FOV_SHARE = 0.03
 _HOLES = 0.4

@@ -13,10 +13,19 @@ from vsnbench.errors import SensorLostError
 from vsnbench.protocol.observation import InstanceImage
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.ros_link import RobotLink, RobotTopics
-from vsnbench.sensing.depth_filter import median_depth_m, share_invalid
-from vsnbench.sensing.image_decoding import ImageError, decode_color, decode_depth, decode_labels
-from vsnbench.sensing.pairing import MatchedImages, MotionEnd, Stamped, match_images
-from vsnbench.sensing.robot_snapshot import RobotSnapshot
+from vsnbench.sensing.camera_images import (
+    ImageError,
+    MatchedImages,
+    MotionEnd,
+    Stamped,
+    decode_color,
+    decode_depth,
+    decode_labels,
+    match_images,
+    median_depth_m,
+    share_invalid,
+)
+from vsnbench.sensing.robot_reports import RobotSnapshot
 
 CAMERA_TIMEOUT_S = 3.0
 Pixels = TypeVar("Pixels", bound=npt.NDArray[Any])

@@ -11,7 +11,7 @@ from vsnbench.ros1.installation import require_ros1
 from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros2.installation import require_ros2
 from vsnbench.ros2.interface import Ros2Interface, ros2_interface
-from vsnbench.sensing.robot_snapshot import RobotSnapshot
+from vsnbench.sensing.robot_reports import RobotSnapshot
 
 Found = TypeVar("Found")
 
@@ -63,7 +63,7 @@ class RobotLink(Protocol):
         ...
 
     def image(self, payload: Any) -> Any:
-        """Return an image of a snapshot as a message that `sensing.image_decoding` reads."""
+        """Return an image of a snapshot as a message that `sensing.camera_images` reads."""
         ...
 
     def missing_part(self, warned: set[str]) -> RobotError | None:

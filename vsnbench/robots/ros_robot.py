@@ -35,10 +35,10 @@ from vsnbench.robots.ros_start import (
     require_it_stands,
     wait_until_ready,
 )
+from vsnbench.sensing.camera_images import MotionEnd
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
 from vsnbench.sensing.movement_check import AskedMovement, MovementAlarmError, distance_along
-from vsnbench.sensing.pairing import MotionEnd
-from vsnbench.sensing.robot_snapshot import RobotSnapshot
+from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import SimulationAccount
 
 logger = logging.getLogger(__name__)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from vsnbench.errors import NoAnswerError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.ros_link import RobotLink
-from vsnbench.sensing.pairing import MotionEnd
-from vsnbench.sensing.robot_snapshot import RobotSnapshot
+from vsnbench.sensing.camera_images import MotionEnd
+from vsnbench.sensing.robot_reports import RobotSnapshot
 
 logger = logging.getLogger(__name__)
 

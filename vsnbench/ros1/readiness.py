@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vsnbench.errors import RobotError
 from vsnbench.ros1.graph_check import GraphFault, graph_faults, unknown_to_master
 from vsnbench.ros1.master import MasterError, SystemState
-from vsnbench.sensing.robot_snapshot import AGE_LIMIT_S, RobotSnapshot
+from vsnbench.sensing.robot_reports import AGE_LIMIT_S, RobotSnapshot
 
 if TYPE_CHECKING:
     from vsnbench.ros1.robot_link import RobotLink

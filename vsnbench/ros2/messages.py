@@ -20,7 +20,7 @@ from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros2.interface import TWIST, TWIST_STAMPED
-from vsnbench.sensing.image_decoding import ImageError
+from vsnbench.sensing.camera_images import ImageError
 from vsnbench.sensing.odometry import heading_of_quaternion
 
 COMMAND_CLASSES: dict[str, Any] = {TWIST: Twist, TWIST_STAMPED: TwistStamped}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vsnbench.errors import RobotError
 from vsnbench.ros2.graph_check import type_fault
 from vsnbench.ros2.installation import discovery
-from vsnbench.sensing.robot_snapshot import AGE_LIMIT_S
+from vsnbench.sensing.robot_reports import AGE_LIMIT_S
 from vsnbench.sensing.simulation import ACCOUNT
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from vsnbench.models.contract import Policy
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix
-from vsnbench.protocol.goal_distance import distance_to_goal
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, end_after, judge
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, end_after, judge
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters

@@ -1,13 +1,18 @@
-"""From what a person asked for to a running campaign: everything is checked before anything moves or is written."""
+"""From what a person asked for to a running campaign: everything is checked before anything moves or is written.
+
+Its trials are run by this process alone with its robot, or by workers that it hands them out to.
+"""
 
 import logging
-from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 from vsnbench.database.campaign_plan import CampaignPlan, OpenCampaign
 from vsnbench.database.journal import Journal
+from vsnbench.database.provenance import Provenance, gather_provenance
 from vsnbench.database.study_queries import study_of_campaign
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.models.remote.isolation import Isolation
@@ -20,12 +25,18 @@ from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.attendance import Attendance, Occasion
-from vsnbench.runner.bench import BenchPlan, tell_of_stand_in
-from vsnbench.runner.crew import WorkersAsked, open_crew, wish_of
+from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench, tell_of_stand_in
 from vsnbench.runner.leftovers import sweep_results
+from vsnbench.runner.pool.capacity import ClusterWish, Wish, WorkersAsked, wish_of
+from vsnbench.runner.pool.cluster import RayTasks
+from vsnbench.runner.pool.contract import TrialPool
+from vsnbench.runner.pool.handing_out import hand_out
+from vsnbench.runner.pool.local import LocalPool
+from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
+from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
-from vsnbench.runner.session import SessionResult
+from vsnbench.runner.session import SessionResult, run_session
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -185,3 +196,108 @@ def heed_survey(name: str, site: Site, radius_m: float, parameters: ProtocolPara
         SiteError: the first error found.
     """
     _heed(name, start_findings(site, free_space(site, radius_m), parameters))
+
+
+class Crew(Protocol):
+    """One who runs trials, or many."""
+
+    @property
+    def description(self) -> BenchDescription:
+        """The robot and the model, as every trial of the campaign has them."""
+        ...
+
+    def provenance(self) -> Provenance:
+        """Describe this process, as far as it has a hand in the results."""
+        ...
+
+    def halt(self) -> None:
+        """Stand everything still that moves, from any thread; before the process is ended for certain."""
+        ...
+
+    def run(self, journal: Journal, keeping: Keeping, attendance: Attendance, occasion: Occasion) -> SessionResult:
+        """Run what is left of the campaign.
+
+        Raises:
+            Stopped: a person or the system asked to stop; what happened until then is recorded.
+            VsnbenchError: nothing more can be run or kept.
+        """
+        ...
+
+
+@contextmanager
+def open_crew(plan: BenchPlan, wish: Wish | ClusterWish) -> Iterator[Crew]:
+    """Make the bench here for one, start workers for more, or have a cluster's.
+
+    Raises:
+        UsageError: something named does not exist, does not fit together, or does not fit into memory.
+        VsnbenchError: the model, the robot or the cluster cannot be used.
+    """
+    if isinstance(wish, ClusterWish):
+        with MergingPool(RayTasks(plan, wish.address, wish.workers, wish.gpus_each)) as pool:
+            yield _Several(plan, pool)
+    elif wish.at_most == 1:
+        with open_bench(plan) as bench:
+            yield _Alone(plan, bench)
+    else:
+        with LocalPool(plan, wish) as local:
+            yield _Several(plan, local)
+
+
+class _Alone:
+    """This process, with its bench and whoever stands beside the robot."""
+
+    def __init__(self, plan: BenchPlan, bench: Bench) -> None:
+        self._plan = plan
+        self._bench = bench
+        self.description = bench.description
+
+    def provenance(self) -> Provenance:
+        return self._bench.provenance()
+
+    def halt(self) -> None:
+        self._bench.robot.halt()
+
+    def run(self, journal: Journal, keeping: Keeping, attendance: Attendance, occasion: Occasion) -> SessionResult:
+        described = self.description
+        target = RecordingTarget(
+            journal,
+            keeping.results,
+            described.title,
+            described.robot.profile,
+            keeping.viewer,
+            keeping.operator,
+            self._plan.kept,
+        )
+        with attendance.attend(occasion) as attendant:
+            return run_session(
+                journal,
+                keeping.campaign,
+                self._plan.site,
+                self._plan.parameters,
+                self._bench.robot,
+                self._bench.policy,
+                partial(EpisodeRecorderFanOut, target),
+                attendant,
+                occasion.stop,
+                keeping.operator,
+            )
+
+
+class _Several:
+    """Workers, none of which anybody stands beside."""
+
+    def __init__(self, plan: BenchPlan, pool: TrialPool) -> None:
+        self._plan = plan
+        self._pool = pool
+        self.description = pool.description
+
+    def provenance(self) -> Provenance:
+        return gather_provenance()
+
+    def halt(self) -> None:
+        self._pool.kill()
+
+    def run(self, journal: Journal, keeping: Keeping, attendance: Attendance, occasion: Occasion) -> SessionResult:
+        site, parameters = self._plan.site, self._plan.parameters
+        with attendance.oversee(occasion) as overview:
+            return hand_out(journal, keeping, site, parameters, self._pool, overview, occasion.stop)

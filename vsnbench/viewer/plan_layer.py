@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsnbench.protocol.goal_distance import distance_to_goal, success_region
-from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
 from vsnbench.protocol.pose import Pose
 from vsnbench.record.entries import EpisodeHeader, StepEntry
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site

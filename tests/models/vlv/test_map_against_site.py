@@ -17,7 +17,7 @@ from vsnbench.protocol.site import Site, load_site
 from vsnbench.protocol.walls import wall_shapes
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
-from vsnbench.sensing.depth_filter import median_depth_m
+from vsnbench.sensing.camera_images import median_depth_m
 
 WALKS = ((10, "toilet"), (8, "bed"))
 """From where to where: through every room."""

@@ -7,7 +7,7 @@ import shapely
 
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.free_space import FreeSpace
-from vsnbench.protocol.goal_distance import stop_succeeds
+from vsnbench.protocol.judge import stop_succeeds
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 from vsnbench.protocol.survey.building import named_wall

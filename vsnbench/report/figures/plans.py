@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vsnbench.protocol.goal_distance import success_region
-from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
 from vsnbench.report.conditions import Condition, footnotes

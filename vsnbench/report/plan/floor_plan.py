@@ -37,7 +37,7 @@ class PlanStyle:
     grid: bool = False
     """Axes in metres and a line every metre, to read coordinates from."""
     success: "BaseGeometry | None" = None
-    """From where STOP succeeds (`protocol.goal_distance.success_region`): outlined on the floor."""
+    """From where STOP succeeds (`protocol.judge.success_region`): outlined on the floor."""
 
 
 def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | None = None) -> "Axes":

@@ -1,4 +1,4 @@
-"""How many workers this machine holds: as many as it has cores, and memory for."""
+"""How many workers: as many as somebody asks for, or as this machine has cores, and memory for."""
 
 import math
 import os
@@ -10,6 +10,9 @@ from typing import Self
 import psutil
 
 from vsnbench.errors import UsageError
+from vsnbench.robots.registry import is_simulated
+from vsnbench.runner.bench import BenchPlan
+from vsnbench.runner.pool.cluster import ClusterAddress
 from vsnbench.runner.pool.messages import Prepared
 
 GIB = 2**30
@@ -21,6 +24,27 @@ _GPU_DEVICES = ("nvidia[0-9]*", "kfd")
 """In /dev, where there is a GPU that PyTorch could use: NVIDIA's, AMD's."""
 FEWEST_TRIALS = 10
 """A worker needs some seconds to get ready: fewer trials are run in the driver's own process."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkersAsked:
+    """How many trials at once somebody asks for, and where."""
+
+    count: int | None = 1
+    """None for as many as make sense."""
+    cluster: str = ""
+    """`ray://host:port`; this machine when empty."""
+    gpus_each: float = 0.0
+    """How much of a GPU each worker of a cluster holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterWish:
+    """Workers of a cluster."""
+
+    address: ClusterAddress
+    workers: int | None
+    gpus_each: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,3 +148,34 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="ascii")
     except OSError:
         return ""
+
+
+def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) -> Wish | ClusterWish:
+    """Return how many workers are wanted, and where.
+
+    Args:
+        asked: as it was typed.
+        plan: what they would have.
+        trials: how many there are at most.
+        live: each episode is shown as it happens.
+
+    Raises:
+        UsageError: several were asked for where there is only one robot, model or viewer.
+    """
+    single = ""
+    if not is_simulated(plan.robot):
+        single = f"robot {plan.robot} is one, and only our own simulated robots can be as many as workers"
+    elif plan.pretend_real:
+        single = "--pretend-real plays one robot, which one person places"
+    elif live:
+        single = "--live shows one episode after another"
+    elif plan.model.startswith(("ws://", "wss://")):
+        single = f"the model at {plan.model} serves one client at a time"
+    if asked.gpus_each and not asked.cluster:
+        raise UsageError("--gpus is for the workers of a --cluster", advice="name the model's device with --device")
+    several = f"--cluster {asked.cluster}" if asked.cluster else f"--workers {asked.count}"
+    if single and (asked.cluster or (asked.count or 1) > 1):
+        raise UsageError(f"{several}: {single}", advice=f"leave {several.split(maxsplit=1)[0]} out")
+    if asked.cluster:
+        return ClusterWish(ClusterAddress.parse(asked.cluster), asked.count, asked.gpus_each)
+    return Wish(1, asked_for=False) if single else wish_for(asked.count, trials, Capacity.of_this_machine())
