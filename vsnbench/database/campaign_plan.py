@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database import tables
-from vsnbench.database.engine import to_json
+from vsnbench.database.engine import reading, to_json, transaction
 from vsnbench.database.lifecycle import ACTIVE, EpisodeState
 from vsnbench.database.read_model import SUCCESS, standing_verdict_id
 from vsnbench.database.row_encoding import Row, find_or_insert, insert_if_absent, text
@@ -183,6 +183,23 @@ class CampaignStanding:
         return tuple(bool(one.success) for one in self.trials if one.state is EpisodeState.JUDGED)
 
 
+class CampaignWriter:
+    """What an open record writes and knows of campaigns; every method commits before it returns."""
+
+    engine: Engine
+    _process_id: int
+
+    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
+        """Return the campaign of the plan's condition and seed; trials that it did not have yet are planned in it."""
+        with transaction(self.engine) as connection:
+            return find_or_create(connection, plan, self._process_id)
+
+    def standing(self, campaign: OpenCampaign) -> CampaignStanding:
+        """Say which of the trials that were asked for are done, are run elsewhere, or are left."""
+        with transaction(reading(self.engine)) as connection:
+            return standing(connection, campaign, self._process_id)
+
+
 def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
     """Return the campaign of the plan's condition and seed, with all that the plan asks for planned in it."""
     key = plan.key
@@ -219,19 +236,14 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
 
 
 def _trials(connection: Connection, campaign_id: int) -> dict[PlannedTrial, Trial]:
-    rows = connection.execute(
-        select(
-            tables.Trial.id, tables.Trial.campaign_id, tables.Trial.goal, tables.Trial.start, tables.Trial.repetition
-        ).where(tables.Trial.campaign_id == campaign_id)
-    )
-    return {PlannedTrial(row.goal, row.start, row.repetition): Trial(*row) for row in rows}
+    rows = connection.execute(select(tables.Trial).where(tables.Trial.campaign_id == campaign_id))
+    cells = ((row.id, PlannedTrial(row.goal, row.start, row.repetition)) for row in rows)
+    return {cell: Trial(number, campaign_id, cell.goal, cell.start, cell.repetition) for number, cell in cells}
 
 
 def extend_plan(connection: Connection, campaign_id: int, new: Sequence[PlannedTrial]) -> None:
     """Plan trials that a campaign does not have, in this order, after those that it has."""
-    highest = connection.execute(
-        select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id)
-    ).scalar()
+    highest = connection.scalar(select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id))
     first = 0 if highest is None else highest + 1
     connection.execute(
         insert_if_absent(connection, tables.Trial, ["campaign_id", "goal", "start", "repetition"]),

@@ -7,8 +7,8 @@ from typing import Self
 
 from sqlalchemy import Engine, insert
 
-from vsnbench.database import campaign_plan, studies
-from vsnbench.database.campaign_plan import CampaignPlan, CampaignStanding, ModelIdentity, OpenCampaign
+from vsnbench.database import studies
+from vsnbench.database.campaign_plan import CampaignPlan, CampaignWriter, ModelIdentity, OpenCampaign
 from vsnbench.database.engine import LockPatience, open_engine, reading, transaction
 from vsnbench.database.episode_entries import RecoveredEpisode
 from vsnbench.database.episodes import EpisodeWriter
@@ -27,7 +27,7 @@ from vsnbench.database.tables import Event, Process
 from vsnbench.errors import RecordError
 
 
-class Journal(EpisodeWriter):
+class Journal(CampaignWriter, EpisodeWriter):
     """An open record. Safe to use from several threads and processes; a context manager.
 
     Every method commits before it returns, and raises RecordError when the database cannot be used.
@@ -83,11 +83,6 @@ class Journal(EpisodeWriter):
     ) -> None:
         self.close()
 
-    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
-        """Return the campaign of the plan's condition and seed; trials that it did not have yet are planned in it."""
-        with transaction(self.engine) as connection:
-            return campaign_plan.find_or_create(connection, plan, self._process_id)
-
     def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
         """Say what makes the model of a campaign that is new another one than the last of its name; empty for nothing.
 
@@ -101,11 +96,6 @@ class Journal(EpisodeWriter):
             last = last_of_its_name(connection, text(model.name), campaign.id)
         found = differences(last[1], model) if last else ()
         return f"model {model.name} is not that of campaign {last[0]}: {', '.join(found)}" if last and found else ""
-
-    def standing(self, campaign: OpenCampaign) -> CampaignStanding:
-        """Say which of the trials that were asked for are done, are run elsewhere, or are left."""
-        with transaction(reading(self.engine)) as connection:
-            return campaign_plan.standing(connection, campaign, self._process_id)
 
     def keep_sealed(self, episode_id: int, sealed: SealedRows) -> None:
         """Write the steps, events and end of an episode that a worker without this record has run: all, or nothing.
