@@ -13,7 +13,8 @@ import numpy as np
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Box
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
-from vsnbench.viewer.blueprint import TIMELINE, episode_blueprint, send_layout
+from vsnbench.viewer.blueprint import episode_blueprint, send_layout
+from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
 
 if TYPE_CHECKING:
@@ -42,10 +43,10 @@ DEPTH_UNITS_PER_METRE = 1000.0
 class EpisodeDrawing:
     """Logs the entries of one episode in their order."""
 
-    def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
-        self._recording = recording
+    def __init__(self, log: EntityLog, header: EpisodeHeader) -> None:
+        self._log = log
         self._header = header
-        self._plan = FloorPlan(recording, header)
+        self._plan = FloorPlan(log, header)
         self._counts: collections.Counter[str] = collections.Counter()
         self._blocked = 0
         self._first_stamp_s: float | None = None
@@ -66,7 +67,7 @@ class EpisodeDrawing:
     def _begin(self) -> None:
         import rerun as rr
 
-        header, recording = self._header, self._recording
+        header, recording = self._header, self._log.stream
         recording.send_recording_name(
             f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
         )
@@ -100,53 +101,62 @@ class EpisodeDrawing:
         self._set_time(0, None)
         recording.log("verdict", _markdown(_running_text(header)))
 
+    def finish(self) -> None:
+        """Hand over what is still held back."""
+        self._log.send()
+
     def _set_time(self, step: int, stamp_s: float | None) -> None:
-        self._recording.set_time(TIMELINE, sequence=step)
-        if stamp_s is not None:
-            if self._first_stamp_s is None:
-                self._first_stamp_s = stamp_s
-            self._recording.set_time("robot_time", duration=stamp_s - self._first_stamp_s)
+        if stamp_s is not None and self._first_stamp_s is None:
+            self._first_stamp_s = stamp_s
+        first_s = self._first_stamp_s
+        self._log.at(step, None if stamp_s is None or first_s is None else stamp_s - first_s)
 
     def _step(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        log = self._recording.log
+        put = self._log.put
         stamp_s = entry.step.stamp_s
         self._set_time(entry.step.number, float(entry.step.number) if stamp_s is None else stamp_s)
         diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
         self._blocked += entry.step.blocked
         if entry.rgb_jpeg is not None:
-            log("camera/rgb", rr.EncodedImage(contents=entry.rgb_jpeg, media_type="image/jpeg"))
+            put("camera/rgb", rr.EncodedImage, blob=[entry.rgb_jpeg], media_type=["image/jpeg"])
         self._detections(diagnostics.boxes)
         if entry.depth_png is not None:
-            log(
+            put(
                 "camera/depth",
-                rr.EncodedDepthImage(
-                    entry.depth_png, media_type="image/png", meter=DEPTH_UNITS_PER_METRE, depth_range=[0, 6000]
-                ),
+                rr.EncodedDepthImage,
+                blob=[entry.depth_png],
+                media_type=["image/png"],
+                meter=[DEPTH_UNITS_PER_METRE],
+                depth_range=[[0, 6000]],
             )
-        log("actions/action", rr.StateChange(state=entry.decision.action.value))
-        log("actions/outcome", rr.StateChange(state=_outcome(entry)))
+        put("actions/action", rr.StateChange, state=[entry.decision.action.value])
+        put("actions/outcome", rr.StateChange, state=[_outcome(entry)])
         distance = self._plan.draw_step(entry)
         if distance is not None:
-            log("distance/to_goal", rr.Scalars(distance))
-            log("distance/success_under", rr.Scalars(self._header.parameters.success_distance_m))
+            put("distance/to_goal", rr.Scalars, scalars=[distance])
+            put("distance/success_under", rr.Scalars, scalars=[self._header.parameters.success_distance_m])
         self._decision(entry)
-        log("status", _markdown(self._status_text(entry, distance)))
+        self._say("status", self._status_text(entry, distance))
+
+    def _say(self, entity: str, text: str) -> None:
+        import rerun as rr
+
+        self._log.put(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])
 
     def _detections(self, boxes: tuple[Box, ...]) -> None:
         import rerun as rr
 
         if boxes or self._boxes_shown:
-            self._recording.log(
+            self._log.put(
                 "camera/rgb/detections",
-                rr.Boxes2D(
-                    mins=[(box.left, box.top) for box in boxes],
-                    sizes=[(box.right - box.left, box.bottom - box.top) for box in boxes],
-                    labels=[f"{box.label} {box.score:.2f}" for box in boxes],
-                    colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in boxes],
-                ),
+                rr.Boxes2D,
+                centers=[((box.left + box.right) / 2, (box.top + box.bottom) / 2) for box in boxes],
+                half_sizes=[((box.right - box.left) / 2, (box.bottom - box.top) / 2) for box in boxes],
+                labels=[f"{box.label} {box.score:.2f}" for box in boxes],
+                colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in boxes],
             )
         self._boxes_shown = bool(boxes)
 
@@ -157,10 +167,10 @@ class EpisodeDrawing:
         numbers = {f"p({name})": value for name, value in diagnostics.probabilities.items()} | dict(diagnostics.scalars)
         if numbers and not self._with_scores:
             self._with_scores = True
-            send_layout(self._recording, episode_blueprint(self._header, with_scores=True))
+            send_layout(self._log.stream, episode_blueprint(self._header, with_scores=True))
         for name, value in numbers.items():
-            self._recording.log(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars(float(value)))
-        self._recording.log("decision/text", _markdown(_decision_text(entry)))
+            self._log.put(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars, scalars=[float(value)])
+        self._say("decision/text", _decision_text(entry))
 
     def _status_text(self, entry: StepEntry, distance_m: float | None) -> str:
         header = self._header
@@ -178,7 +188,7 @@ class EpisodeDrawing:
         self._set_time(entry.step, None)
         level = rr.TextLogLevel.WARN if entry.kind in ALARMING else rr.TextLogLevel.INFO
         who = f", by {entry.author}" if entry.author else ""
-        self._recording.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{who}", level=level))
+        self._log.stream.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{who}", level=level))
 
     def _end(self, entry: EndEntry) -> None:
         import rerun as rr
@@ -186,16 +196,16 @@ class EpisodeDrawing:
         # One past the last action: that one gets its width in the lanes, and the plan shows where it ended.
         self._set_time(entry.actions + 1, None)
         for lane in ("actions/action", "actions/outcome"):
-            self._recording.log(lane, rr.StateChange(state=[None]))
+            self._log.put(lane, rr.StateChange, state=[None])
         self._plan.draw_end(entry.verdict)
         failed = entry.verdict.success is False
-        self._recording.log(
+        self._log.stream.log(
             "events",
             rr.TextLog(
                 entry.verdict.text, level="WARN" if failed else "INFO", color=FAILURE_RGB if failed else SUCCESS_RGB
             ),
         )
-        self._recording.log("verdict", _markdown(self._verdict_text(entry)), static=True)
+        self._log.stream.log("verdict", _markdown(self._verdict_text(entry)), static=True)
 
     def _verdict_text(self, entry: EndEntry) -> str:
         header, verdict = self._header, entry.verdict

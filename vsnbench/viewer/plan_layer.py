@@ -5,7 +5,7 @@ up be up, because a 2D view of Rerun draws y downwards.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
 from vsnbench.protocol.pose import Pose
 from vsnbench.record.entries import EpisodeHeader, StepEntry
+from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ MAP_CLASSES = [(0, "unknown", (0, 0, 0, 0)), (1, "free", (110, 180, 250, 255)), 
 class FloorPlan:
     """Draws one episode's plan into a recording."""
 
-    def __init__(self, recording: "rr.RecordingStream", header: EpisodeHeader) -> None:
-        self._recording = recording
+    def __init__(self, log: EntityLog, header: EpisodeHeader) -> None:
+        self._log = log
         self._header = header
         self._here = header.begin
         self._showing: frozenset[str] = frozenset()
@@ -41,7 +42,7 @@ class FloorPlan:
         """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
         import rerun as rr
 
-        header, log = self._header, self._recording.log
+        header, log = self._header, self._log.stream.log
         site, goal = header.site, header.goal
         log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
         log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
@@ -77,7 +78,9 @@ class FloorPlan:
         )
         log(
             "plan/start",
-            *_heading_arrow(header.begin.pose, START_RGB, f"start {header.start_number}", 0.35),
+            rr.Arrows2D.from_fields(
+                **_heading_arrow(header.begin.pose, START_RGB, 0.35), labels=[f"start {header.start_number}"]
+            ),
             static=True,
         )
 
@@ -89,16 +92,19 @@ class FloorPlan:
         """
         import rerun as rr
 
-        log, header = self._recording.log, self._header
+        header = self._header
         here = self._here.pose
         self._draw_robot(here)
         if entry.step.world is not None:
             there = entry.step.world.pose
             progress = min(1.0, entry.step.number / header.parameters.max_actions)
             if here.distance_to(there) > 1e-4:
-                log(
+                self._log.put(
                     "plan/trajectory",
-                    rr.LineStrips2D([[here.position, there.position]], colors=_warming(progress), radii=0.03),
+                    rr.LineStrips2D,
+                    strips=[[here.position, there.position]],
+                    colors=[_warming(progress)],
+                    radii=[0.03],
                 )
         self._mark_trouble(entry)
         self._draw_beliefs(entry)
@@ -115,7 +121,7 @@ class FloorPlan:
         self._draw_robot(here)
         color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
         label = verdict.end_reason.value.replace("_", " ")
-        self._recording.log(
+        self._log.stream.log(
             "plan/end", rr.Points2D([here.position], colors=color, radii=0.08, labels=[label], draw_order=50.0)
         )
 
@@ -123,8 +129,8 @@ class FloorPlan:
         import rerun as rr
 
         shell = _circle(here, self._header.robot_radius_m)
-        self._recording.log("plan/robot/shell", rr.LineStrips2D([shell], colors=ROBOT_RGB, radii=0.025))
-        self._recording.log("plan/robot/heading", *_heading_arrow(here, ROBOT_RGB, "", 0.45))
+        self._log.put("plan/robot/shell", rr.LineStrips2D, strips=[shell], colors=[ROBOT_RGB], radii=[0.025])
+        self._log.put("plan/robot/heading", rr.Arrows2D, **_heading_arrow(here, ROBOT_RGB, 0.45))
 
     def _mark_trouble(self, entry: StepEntry) -> None:
         import rerun as rr
@@ -134,16 +140,19 @@ class FloorPlan:
             return
         pose = entry.step.world.pose if entry.step.world is not None and collided else self._here.pose
         nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
-        self._recording.log(
+        self._log.put(
             f"plan/{'collision' if collided else 'blocked'}",
-            rr.Points2D([nose], colors=FAILURE_RGB if collided else VOID_RGB, radii=0.08 if collided else 0.05),
+            rr.Points2D,
+            positions=[nose],
+            colors=[FAILURE_RGB if collided else VOID_RGB],
+            radii=[0.08 if collided else 0.05],
         )
 
     def _draw_beliefs(self, entry: StepEntry) -> None:
         """Log the policy's map, nodes, path and sub-goal, carried from the start's frame into the site's."""
         import rerun as rr
 
-        log, begin = self._recording.log, self._header.begin.pose
+        begin = self._header.begin.pose
         diagnostics = entry.decision.diagnostics
         if diagnostics.map is not None:
             corner = begin.compose(Pose(diagnostics.map.origin_x_m, diagnostics.map.origin_y_m))
@@ -155,7 +164,7 @@ class FloorPlan:
                     [0.0, 0.0, 1.0],
                 ]
             )
-            log(
+            self._log.stream.log(
                 "plan/policy/map",
                 rr.Transform3D(
                     translation=[*corner.position, 0.0], mat3x3=turn @ np.diag([resolution, resolution, 1.0])
@@ -163,19 +172,20 @@ class FloorPlan:
                 rr.SegmentationImage(diagnostics.map.cells, opacity=0.55, draw_order=-5.0),
             )
         points = [begin.compose(Pose(*point)).position for point in diagnostics.nodes]
-        self._show("plan/policy/nodes", points, lambda: rr.Points2D(points, colors=POLICY_RGB, radii=0.04))
+        self._show("plan/policy/nodes", rr.Points2D, positions=points, radii=[0.04])
         way = (
             [[begin.compose(Pose(*point)).position for point in diagnostics.path]] if len(diagnostics.path) > 1 else []
         )
-        self._show("plan/policy/path", way, lambda: rr.LineStrips2D(way, colors=POLICY_RGB, radii=0.02))
+        self._show("plan/policy/path", rr.LineStrips2D, strips=way, radii=[0.02])
         target = [] if diagnostics.sub_goal is None else [begin.compose(Pose(*diagnostics.sub_goal)).position]
-        self._show("plan/policy/sub_goal", target, lambda: rr.Points2D(target, colors=POLICY_RGB, radii=0.08))
+        self._show("plan/policy/sub_goal", rr.Points2D, positions=target, radii=[0.08])
 
-    def _show(self, entity: str, what: Sequence[object], draw: "Callable[[], rr.AsComponents]") -> None:
-        """Log what there is, and nothing at all for a policy that never has any."""
-        if what or entity in self._showing:
-            self._recording.log(entity, draw())
-        self._showing = self._showing | {entity} if what else self._showing - {entity}
+    def _show(self, entity: str, archetype: "type[rr.AsComponents]", **components: Sequence[object]) -> None:
+        """Put what there is, and nothing at all for a policy that never has any."""
+        is_there = all(components.values())
+        if is_there or entity in self._showing:
+            self._log.put(entity, archetype, **components, colors=[POLICY_RGB])
+        self._showing = self._showing | {entity} if is_there else self._showing - {entity}
 
 
 def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:
@@ -193,15 +203,9 @@ def _circle(pose: Pose, radius_m: float) -> list[tuple[float, float]]:
     return [(pose.x_m + radius_m * math.cos(a), pose.y_m + radius_m * math.sin(a)) for a in angles]
 
 
-def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], label: str, length_m: float) -> "list[rr.Arrows2D]":
-    import rerun as rr
-
+def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], length_m: float) -> dict[str, Sequence[object]]:
     vector = (length_m * math.cos(pose.heading_rad), length_m * math.sin(pose.heading_rad))
-    return [
-        rr.Arrows2D(
-            origins=[pose.position], vectors=[vector], colors=rgb, radii=0.03, labels=[label] if label else None
-        )
-    ]
+    return {"origins": [pose.position], "vectors": [vector], "colors": [rgb], "radii": [0.03]}
 
 
 def _warming(progress: float) -> tuple[int, int, int]:

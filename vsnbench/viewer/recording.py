@@ -138,6 +138,7 @@ class EpisodeRecording:
 
     def _log(self) -> None:
         from vsnbench.viewer.drawing import EpisodeDrawing
+        from vsnbench.viewer.entity_log import AsItHappens, InColumns
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
         sweep_parts(self._path.parent, self._path.name)
@@ -145,12 +146,16 @@ class EpisodeRecording:
         recording = open_recording(self._header, self._part)
         live = _open_live(self._header, self._viewer_url)
         try:
-            drawings = [EpisodeDrawing(stream, self._header) for stream in (recording, live) if stream is not None]
+            drawings = [EpisodeDrawing(InColumns(recording), self._header)]
+            if live is not None:
+                drawings.append(EpisodeDrawing(AsItHappens(live), self._header))
             while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
                     drawing.draw(entry)
                 self._steps += isinstance(entry, StepEntry)
                 self._ended |= isinstance(entry, EndEntry)
+            for drawing in drawings:
+                drawing.finish()
         finally:
             if live is not None:
                 # A viewer that was closed keeps its stream waiting for seconds: nobody else has to.
