@@ -17,6 +17,7 @@ from vsnbench.motion.law import direction, heading_after, ideal_duration_s
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.motion_result import CollisionSource, MotionResult
+from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose, wrap_angle
 from vsnbench.protocol.robot_profile import RobotProfile
@@ -145,6 +146,18 @@ def test_it_is_a_robot(furnished: SimulatedRobot) -> None:
     assert isinstance(furnished, Robot)
     assert furnished.identity.simulated
     assert furnished.identity.site_sha256 == furnished.site.sha256
+
+
+def test_what_nobody_looks_at_is_not_drawn_and_changes_nothing_else() -> None:
+    whole = begun(robot_in(FURNISHED))
+    lean = begun(SimulatedRobot(FURNISHED, whole.profile, ProtocolParameters(), read=frozenset({Sensor.ODOMETRY})))
+    for action in random_actions(12):
+        drawn, measured = whole.observe(), lean.observe()
+        assert Sensor.RGB in drawn.sensors
+        assert measured.sensors == {Sensor.DEPTH, Sensor.ODOMETRY}
+        assert np.array_equal(drawn.depth_m, measured.depth_m, equal_nan=True)
+        assert (drawn.pose, drawn.stamp_s) == (measured.pose, measured.stamp_s)
+        assert whole.execute(action) == lean.execute(action)
 
 
 def test_a_wall_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:

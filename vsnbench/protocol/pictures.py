@@ -17,9 +17,10 @@ _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 
 def depth_millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
     """Return depth as 16-bit millimetres; 0 where it is invalid or farther than 65.535 m."""
-    with np.errstate(invalid="ignore"):
-        millimetres = np.rint(depth_m * np.float32(1000))
-        return np.where((millimetres > 0) & (millimetres <= 65535), millimetres, 0).astype(np.uint16)
+    millimetres = np.multiply(depth_m, np.float32(1000))
+    np.rint(millimetres, out=millimetres)
+    millimetres[~((millimetres > 0) & (millimetres <= 65535))] = 0
+    return millimetres.astype(np.uint16)
 
 
 def depth_metres(millimetres: npt.NDArray[np.uint16]) -> npt.NDArray[np.float32]:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import RecordError
-from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.pictures import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.protocol.pose import Pose
 from vsnbench.record.arrivals import clear_unfinished
@@ -26,8 +26,8 @@ class WrittenImages:
     The hashes are of the pixels, not of the files: they do not depend on the encoder's version.
     """
 
-    rgb_sha256: str
-    """Of the (H, W, 3) uint8 array, as the policy saw it."""
+    rgb_sha256: str | None
+    """Of the (H, W, 3) uint8 array, as the policy saw it; None where nobody looks at it, so that it was not drawn."""
     depth_sha256: str | None
     """Of the (H, W) uint16 millimetres as the PNG holds them, little-endian; None without depth."""
     rgb_jpeg: bytes | None
@@ -38,7 +38,8 @@ class WrittenImages:
 def hash_images(observation: Observation) -> WrittenImages:
     """Return the hashes of an observation's images, of which nothing else is kept."""
     millimetres = None if observation.depth_m is None else depth_millimetres(observation.depth_m)
-    return WrittenImages(_sha256_of_rgb(observation.rgb), _sha256_of_depth(millimetres), None, None)
+    seen = _sha256_of_rgb(observation.rgb) if Sensor.RGB in observation.sensors else None
+    return WrittenImages(seen, _sha256_of_depth(millimetres), None, None)
 
 
 @dataclass(frozen=True, slots=True)

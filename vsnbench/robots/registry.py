@@ -66,7 +66,7 @@ def open_robot(
         parameters: how far it moves and turns.
         noise: whether a simulated robot's sensors are to be as noisy as real ones.
         pretend_real: whether a simulated robot is to play a real one, which a person places and judges.
-        read: what the policy looks at; a simulated robot need not draw the labels of objects for nobody.
+        read: what somebody looks at; a simulated robot draws neither colours nor labels for nobody.
 
     Raises:
         UsageError: there is no such robot or profile, or it has no noise to turn on.

@@ -14,7 +14,7 @@ from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
+from vsnbench.protocol.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose, wrap_angle
 from vsnbench.protocol.robot_identity import SIMULATED, RobotIdentity, kind_of_class
@@ -33,8 +33,8 @@ class SimulatedRobot:
     """A robot of some profile in a site's simulated twin.
 
     Simulated time passes by motion only and starts at zero with every episode; the same seed gives the same episode,
-    bit by bit. Without `noise` the only error of odometry is the wheels' slip. Labels of objects are drawn only where
-    they are `read`, or where noise depends on them.
+    bit by bit. Without `noise` the only error of odometry is the wheels' slip. Labels of objects and colours
+    are drawn only where they are `read`, or where noise depends on them.
     """
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
@@ -51,6 +51,7 @@ class SimulatedRobot:
         self.profile = profile
         self.noise = noise
         self._draws_labels = Sensor.INSTANCES in read or noise is not None
+        self._draws_colours = self._draws_labels or Sensor.RGB in read
         self.conditions: Mapping[str, Any] = {"simulator": simulator_version()} | (
             {} if noise is None else {"noise": noise.model_dump(mode="json")}
         )
@@ -94,6 +95,10 @@ class SimulatedRobot:
         self._require_begun()
         camera = self.profile.camera
         here = self._physics.pose
+        if not self._draws_colours:
+            depth_m = self._renderer.measure(camera, here)
+            mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
+            return observation_of(self._physics.time_s, camera, depth_m=depth_m, pose=_reported(self._odometry))
         view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
         depth_m = view.depth_m
         if self.noise is not None and isinstance(view, Frame):

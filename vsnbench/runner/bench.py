@@ -116,13 +116,15 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
     policy = create_policy(plan.model, plan.isolation, **plan.model_options)
     try:
         choose_goals(plan.goals, plan.site, policy.card)
+        # An image that is kept is looked at too.
+        read = policy.card.sensors | (frozenset() if plan.kept is Kept.NUMBERS else {Sensor.RGB})
         with open_robot(
             plan.robot,
             plan.site,
             plan.parameters,
             noise=plan.noise,
             pretend_real=plan.pretend_real,
-            read=policy.card.sensors,
+            read=read,
         ) as robot:
             yield on_bench(plan, policy, robot)
     finally:

@@ -83,11 +83,45 @@ class Renderer:
         """Draw what a robot's camera sees, without the labels that only a simulator has."""
         return self._look(eye_of(camera, pose), camera.width, camera.height, camera.focal_px)
 
+    def measure(self, camera: Camera, pose: Pose) -> npt.NDArray[np.float32]:
+        """Return only the depth that `look` gives, (H, W) metres: nobody has to know what colour anything is."""
+        width, height = camera.width, camera.height
+        self._find_faces(eye_of(camera, pose), width, height, camera.focal_px)
+        with np.errstate(divide="ignore"):
+            return np.reciprocal(self._buffers[height, width][0])
+
     def _look(self, eye: Eye, width: int, height: int, focal_px: float) -> Look:
-        from vsnbench.simulator.raster import draw_faces
         from vsnbench.simulator.shading import shade_pixels
 
-        mesh, light = self._mesh, self._light
+        at, axes, cx, cy = self._find_faces(eye, width, height, focal_px)
+        nearness, seen = self._buffers[height, width]
+        look = Look(np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32))
+        shade_pixels(
+            at,
+            axes,
+            focal_px,
+            cx,
+            cy,
+            nearness,
+            seen,
+            self._surface,
+            self._light.values,
+            self._atlas,
+            self._levels,
+            SKY,
+            self._tones,
+            look.rgb,
+            look.depth_m,
+        )
+        return look
+
+    def _find_faces(
+        self, eye: Eye, width: int, height: int, focal_px: float
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float]:
+        """Write into the buffers which face each pixel sees, and how near; return the camera's place, axes, centre."""
+        from vsnbench.simulator.raster import draw_faces
+
+        mesh = self._mesh
         if (height, width) not in self._buffers:
             self._buffers[height, width] = (np.empty((height, width), np.float32), np.empty((height, width), np.int32))
         nearness, seen = self._buffers[height, width]
@@ -110,25 +144,7 @@ class Renderer:
             nearness,
             seen,
         )
-        look = Look(np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32))
-        shade_pixels(
-            at,
-            axes,
-            focal_px,
-            cx,
-            cy,
-            nearness,
-            seen,
-            self._surface,
-            light.values,
-            self._atlas,
-            self._levels,
-            SKY,
-            self._tones,
-            look.rgb,
-            look.depth_m,
-        )
-        return look
+        return at, axes, cx, cy
 
 
 @lru_cache(maxsize=8)
