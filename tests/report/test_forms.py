@@ -20,11 +20,10 @@ from vsnbench.report.forms.latex import document, latex
 from vsnbench.report.forms.latex import escaped as latex_escaped
 from vsnbench.report.forms.markdown import markdown
 from vsnbench.report.forms.plain import to_csv
-from vsnbench.report.forms.terminal import print_sheets
 from vsnbench.report.forms.whole_json import to_json
 from vsnbench.report.record import Selection
 from vsnbench.report.reference_tables import reference_sheets
-from vsnbench.report.sheets import fitted
+from vsnbench.report.sheets import fitted, print_sheets
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 

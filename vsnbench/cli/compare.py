@@ -1,11 +1,19 @@
 """`vsnbench compare`: is one model better than another, or are there too few trials to say?"""
 
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.options import Database, Results
+
+if TYPE_CHECKING:
+    from vsnbench.report.compare import Comparison
+    from vsnbench.report.contest import Contest
+    from vsnbench.report.further_answers import Asked
+    from vsnbench.report.record import Record
+    from vsnbench.report.summary import ConditionSummary
 
 _WHAT = "What to compare"
 
@@ -70,7 +78,6 @@ def command(
     Seeds and repetitions are no new places. Several questions are corrected
     after Holm. Below 95 % of the planned trials no winner is named.
     """
-    from vsnbench.cli.report_forms import print_comparisons
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import read
     from vsnbench.report.compare import compare, find_condition
@@ -98,4 +105,41 @@ def command(
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
     asked = Asked(all_tests, margin / 100 if margin else None, posterior)
-    print_comparisons(form.value, found, contest_of(summaries, found), asked, summaries, record)
+    _print_comparisons(form.value, found, contest_of(summaries, found), asked, summaries, record)
+
+
+def _print_comparisons(
+    form: str,
+    comparisons: "Sequence[Comparison]",
+    contest: "Contest | None",
+    asked: "Asked",
+    summaries: "Sequence[ConditionSummary]",
+    record: "Record",
+) -> None:
+    """Print comparisons as sheets, or as one JSON object, which holds all that is known of the models as well."""
+    import json
+
+    from vsnbench.report.further_answers import answer_fields, answer_sheets
+
+    if form == "json":
+        from vsnbench.report.forms.scrutiny_json import twin_fields
+        from vsnbench.report.forms.whole_json import model_fields
+        from vsnbench.report.summary import Results
+        from vsnbench.report.twins import twins
+
+        content = answer_fields(comparisons, contest, asked)
+        content["models"] = [model_fields(one, None, record) for one in summaries]
+        content["twins"] = [twin_fields(one) for one in twins(Results(tuple(summaries)))]
+        typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+        return
+    sheets = answer_sheets(comparisons, contest, asked)
+    if form == "table":
+        from vsnbench.cli.episode_page import page
+        from vsnbench.report.sheets import print_sheets
+
+        print_sheets(sheets, page())
+        return
+    from vsnbench.report.forms.latex import latex
+    from vsnbench.report.forms.markdown import markdown
+
+    typer.echo(markdown(sheets) if form == "markdown" else latex(sheets), nl=False)

@@ -1,12 +1,19 @@
 """`vsnbench report`: success rates with intervals, from the database alone."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.options import Database, Results
+
+if TYPE_CHECKING:
+    from vsnbench.report.build import Report
+    from vsnbench.report.figures.style import Drawing
+    from vsnbench.report.sheets import Sheet
+    from vsnbench.report.summary import Results as Numbers
 
 _WHAT = "What to report on"
 _FORM = "Form"
@@ -85,7 +92,6 @@ def command(
     Void attempts (failed motion, lost sensor, model error, aborted,
     interrupted) are counted beside and never inside.
     """
-    from vsnbench.cli.report_forms import print_report, print_sheets_as, write_or_serve
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.report.build import build
     from vsnbench.report.record import Selection
@@ -94,7 +100,7 @@ def command(
         from vsnbench.report.published import published_results
         from vsnbench.report.reference_tables import reference_sheets
 
-        print_sheets_as(form.value, reference_sheets(), published_results())
+        _print_sheets_as(form.value, reference_sheets(), published_results())
         return
     selection = Selection(
         models=tuple(model or ()),
@@ -109,9 +115,66 @@ def command(
         from vsnbench.report.drawings import build_and_draw
 
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
-        write_or_serve(report, drawn, output, port if serve else None)
+        _write_or_serve(report, drawn, output, port if serve else None)
     else:
         # JSON is for programs, which have no other way to ask; a person's table is to come at once.
         whole = all_tables or form is Format.JSON
         report = build(place.database_url, selection, place.path, reference=with_paper, activity=whole)
-        print_report(form.value, report, long=all_tables)
+        _print_report(form.value, report, long=all_tables)
+
+
+def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
+    """Print a report; as JSON and CSV the paper's models follow the measured ones when they were asked for."""
+    from dataclasses import replace
+
+    from vsnbench.report.published import published_results
+
+    results = report.results
+    if report.reference:
+        results = replace(results, conditions=(*results.conditions, *published_results().conditions))
+    if form == "json":
+        from vsnbench.report.forms.whole_json import to_json
+
+        typer.echo(to_json(results, report.questions, report.activity, report.record), nl=False)
+        return
+    _print_sheets_as(form, report.sheets(long=long), results)
+
+
+def _print_sheets_as(form: str, sheets: "list[Sheet]", results: "Numbers") -> None:
+    """Print sheets as `table`, `markdown` or `latex`, or the results behind them as `json` or `csv`."""
+    if form == "table":
+        from vsnbench.cli.episode_page import page
+        from vsnbench.report.sheets import print_sheets
+
+        print_sheets(sheets, page())
+        return
+    typer.echo(_text(form, sheets, results), nl=False)
+
+
+def _text(form: str, sheets: "list[Sheet]", results: "Numbers") -> str:
+    from vsnbench.report.forms.latex import latex
+    from vsnbench.report.forms.markdown import markdown
+    from vsnbench.report.forms.plain import to_csv
+    from vsnbench.report.forms.whole_json import to_json
+
+    if form == "json":
+        return to_json(results)
+    if form == "csv":
+        return to_csv(results)
+    return markdown(sheets) if form == "markdown" else latex(sheets)
+
+
+def _write_or_serve(report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None) -> None:
+    """Write the whole report into a directory, serve its page, or both."""
+    from vsnbench.report.forms.html import html_page
+    from vsnbench.report.output import serve_page, write_report
+
+    if output is not None:
+        for path in write_report(report, drawn, output):
+            typer.echo(str(path))
+    if port is not None:
+        page = html_page(report, report.sheets(long=True), drawn)
+        try:
+            serve_page(page, port, lambda address: typer.echo(f"{address}  (Ctrl-C to stop)"))
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)

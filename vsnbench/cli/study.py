@@ -140,7 +140,7 @@ def plan(
     from vsnbench.cli.episode_page import page
     from vsnbench.cli.study_words import pace_words, power_sheet
     from vsnbench.record.results import ResultsDirectory
-    from vsnbench.report.forms.terminal import print_sheets
+    from vsnbench.report.sheets import print_sheets
     from vsnbench.runner.study_arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
 

@@ -34,7 +34,7 @@ def print_findings(form: StudyFormat, found: "StudyFindings") -> None:
         typer.echo(write(found), nl=False)
         return
     from vsnbench.cli.episode_page import page, safe
-    from vsnbench.report.forms.terminal import print_sheets
+    from vsnbench.report.sheets import print_sheets
     from vsnbench.report.study.sheets import study_sheets
 
     console = page()

@@ -3,10 +3,10 @@
 A row is 200 bytes or so: the 10 million steps of a large record stay in the database, where they are counted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
@@ -30,7 +30,13 @@ from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.report.conditions import Condition, read_conditions
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
+
+    Integers: TypeAlias = NDArray[np.integer[Any]]
+    Floats: TypeAlias = NDArray[np.float64]
+    Rows: TypeAlias = NDArray[np.bool_] | Integers | slice
 
 COLUMNS: dict[str, str] = {
     "episode": "number of the episode",
@@ -93,6 +99,73 @@ class Record:
         """Return the episodes that count, of one condition or of all."""
         rows = self.episodes if condition is None else self.of(condition)
         return rows[rows["state"] == COUNTED]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Codes:
+    """A categorical column as small numbers."""
+
+    numbers: "Integers"
+    names: Sequence[str]
+
+    def of(self, *names: str) -> "NDArray[np.bool_]":
+        """Return which rows have one of these values."""
+        import numpy as np
+
+        found = np.zeros(len(self.numbers), bool)
+        for name in names:
+            if name in self.names:
+                found |= self.numbers == self.names.index(name)
+        return found
+
+    def __getitem__(self, rows: "Rows") -> "Codes":
+        return Codes(self.numbers[rows], self.names)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EpisodeColumns:
+    """Columns of `Record.episodes`, an entry an episode; units are those of the names."""
+
+    episode: "Integers"
+    condition: "Integers"
+    goal: Codes
+    start: "Integers"
+    state: Codes
+    end_reason: Codes
+    success: "NDArray[np.bool_]"
+    actions: "Integers"
+    spl: "Floats"
+    soft_spl: "Floats"
+    distance_m: "Floats"
+    shortest_m: "Floats"
+
+    @classmethod
+    def of(cls, episodes: "pd.DataFrame") -> Self:
+        """Return the columns of rows of `Record.episodes`."""
+
+        def column(name: str) -> Any:
+            values = episodes[name]
+            if name in ("goal", "state", "end_reason"):
+                return Codes(values.cat.codes.to_numpy(), list(values.cat.categories))
+            return values.to_numpy()
+
+        return cls(*(column(name) for name in cls.__slots__))
+
+    def __getitem__(self, rows: "Rows") -> Self:
+        return type(self)(*(getattr(self, name)[rows] for name in self.__slots__))
+
+    def by(self, numbers: "Integers") -> "Iterator[tuple[int, EpisodeColumns]]":
+        """Yield each number and its episodes, in the order of the rows.
+
+        Args:
+            numbers: (episodes,) what to group by.
+        """
+        import numpy as np
+
+        order = np.argsort(numbers, kind="stable")
+        values, begins = np.unique(numbers[order], return_index=True)
+        for value, rows in zip(values.tolist(), np.split(order, begins[1:]), strict=False):
+            yield value, self[rows]
 
 
 def empty_record() -> Record:

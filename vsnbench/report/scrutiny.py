@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
-from vsnbench.report.cells import outcomes_of
 from vsnbench.report.record import Record, goal_order
-from vsnbench.report.summary import ConditionSummary
+from vsnbench.report.summary import ConditionSummary, outcomes_of
 from vsnbench.statistics.clustered import Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
 

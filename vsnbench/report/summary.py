@@ -5,22 +5,23 @@ Void episodes are counted beside, never inside; every summary carries how many o
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from vsnbench.database.read_model import COUNTED, RUNNING, UNJUDGED, VOID
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
-from vsnbench.report.cells import CellCounts, Codes, EpisodeColumns
 from vsnbench.report.conditions import Condition
 from vsnbench.report.peers import shared_goals
-from vsnbench.report.record import Record, goal_order
-from vsnbench.statistics.clustered import Outcomes, rate_interval
+from vsnbench.report.record import Codes, EpisodeColumns, Record, goal_order
+from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
+
+    from vsnbench.report.record import Integers, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +143,61 @@ class Results:
     def episodes(self) -> int:
         """Episodes that count, over all conditions."""
         return sum(one.total.episodes for one in self.conditions)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellCounts:
+    """Successes and trials, cell by cell, in the order of goals and starting positions; an entry a cell."""
+
+    goals: "Integers"
+    """Their codes."""
+    starts: "Integers"
+    """An episode whose position is not known is a cell by itself: its number below 0."""
+    successes: "Integers"
+    trials: "Integers"
+
+    @classmethod
+    def of(cls, goals: "Integers", starts: "Integers", episodes: "Integers", success: "NDArray[np.bool_]") -> Self:
+        """Count episodes that count.
+
+        Args:
+            goals: (episodes,) code of the goal.
+            starts: (episodes,) number of the starting position; 0 for one that is not known.
+            episodes: (episodes,) number of the episode.
+            success: (episodes,) whether it succeeded.
+        """
+        import numpy as np
+
+        places = np.where(starts > 0, starts, -episodes)
+        order = np.lexsort((places, goals))
+        goals, places, success = goals[order].astype(np.int64), places[order], success[order]
+        if not len(order):
+            return cls(goals, places, places, places)
+        first = np.ones(len(order), bool)
+        first[1:] = (goals[1:] != goals[:-1]) | (places[1:] != places[:-1])
+        begins = np.flatnonzero(first)
+        successes = np.add.reduceat(success.astype(np.int64), begins)
+        return cls(goals[begins], places[begins], successes, np.diff(begins, append=len(order)))
+
+    def outcomes(self, cells: "Rows" = slice(None), *, by_goal: bool = False) -> Outcomes:
+        """Return some of the cells.
+
+        Args:
+            cells: which; all when absent.
+            by_goal: the clusters are goals, for what is about one starting position alone; else starting positions.
+        """
+        clusters = self.goals if by_goal else self.starts
+        listed = (each[cells].tolist() for each in (clusters, self.successes, self.trials))
+        return Outcomes(tuple(Cell(*each) for each in zip(*listed, strict=True)))
+
+
+def outcomes_of(episodes: "pd.DataFrame") -> Outcomes:
+    """Return the outcomes, cell by cell, of rows of `Record.episodes` that count; clusters are starting positions."""
+    import numpy as np
+
+    goals = episodes["goal"].cat.codes.to_numpy()
+    starts, numbers = (episodes[name].to_numpy(np.int64) for name in ("start", "episode"))
+    return CellCounts.of(goals, starts, numbers, episodes["success"].to_numpy(bool)).outcomes()
 
 
 def summarise(record: Record) -> Results:
