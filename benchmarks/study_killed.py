@@ -130,13 +130,15 @@ def main() -> int:
     moments = sorted(random.Random(3).sample(range(1, len(schedule)), min(asked.kills, len(schedule) - 1)))
     titles, streams = run_killed(moments, began)
 
-    seen = {"ps": "\n".join(titles).encode()}
+    seen, refused = {"ps": "\n".join(titles).encode()}, []
     for words in verbs(shown_episodes()):
         answer = call(*words)
-        assert answer.returncode == 0, (words, answer.stderr)
+        if answer.returncode != 0:
+            refused.append(words)
         seen[" ".join(words)] = answer.stdout + answer.stderr
     files = [*files_below("results", "seen")]
     told = naming(telling_words(), seen, files)
+    print(f"places in which a model is named: {len(told)} {told[:9]}, {time.monotonic() - began:.0f} s", flush=True)
 
     assert call("study", "unblind", "--reason", "every trial is done").returncode == 0
     plain_runs(asked.goals, asked.starts)
@@ -151,9 +153,9 @@ def main() -> int:
     print(f"outcomes that are not those of plain runs: {len(differ)} of {len(schedule)} {differ[:3]}")
     sizes = ", ".join(f"{stream.stat().st_size / 1e6:.1f} MB" for stream in streams)
     print(f"places looked at: {len(seen)} commands, {len(files)} files, {len(titles)} titles, live streams of {sizes}")
-    print(f"places in which a model is named: {len(told)} {told[:3]}")
+    print(f"commands that were refused: {len(refused)} {refused[:3]}")
     print(f"{time.monotonic() - began:.0f} s")
-    return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or told) else 1
+    return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or told or refused) else 1
 
 
 if __name__ == "__main__":
