@@ -157,8 +157,9 @@ def naming(telling: Iterable[str], seen: Mapping[str, bytes], files: Iterable[Pa
     whole = {word: re.compile(rb"(?<![A-Za-z0-9])" + re.escape(word.encode()) + rb"(?![A-Za-z0-9])") for word in words}
 
     def found(place: str, content: bytes, shortest: int = 0) -> Iterator[tuple[str, str]]:
-        content = NOT_A_MODEL.sub(b"", content)
-        yield from ((place, word) for word in words if len(word) >= shortest and whole[word].search(content))
+        there = [word for word in words if len(word) >= shortest and word.encode() in content]
+        content = NOT_A_MODEL.sub(b"", content) if there else b""
+        yield from ((place, word) for word in there if whole[word].search(content))
 
     told = [one for place, content in seen.items() for one in found(place, content)]
     for file in files:

@@ -7,6 +7,7 @@ labels and hashes. The whole of 4 goals from 15 positions takes some 15 minutes 
 
     python benchmarks/study_killed.py --starts 1-15
     python benchmarks/study_killed.py --starts 1-2 --goals bed,chair      # some 3 minutes
+    python benchmarks/study_killed.py --looked-at DIRECTORY --starts 1-2  # the second half of a study that was run
 """
 
 import argparse
@@ -50,10 +51,9 @@ def done() -> int:
     return len(rows("SELECT DISTINCT trial_id FROM episode WHERE state = 'judged'"))
 
 
-def run_killed(moments: list[int], began: float) -> tuple[set[str], list[Path]]:
-    """Run the study, killed after so many trials each time, to its end; return the titles and the live streams seen."""
+def run_killed(moments: list[int], began: float) -> set[str]:
+    """Run the study, killed after so many trials each time, to its end; return the titles of its processes."""
     titles: set[str] = set()
-    streams: list[Path] = []
     for number, moment in enumerate([*moments, None]):
         live = number in LIVE
         terminal = Terminal(["study", "run", *(["--live"] if live else [])], Path(f"seen/terminal-{number}.txt"))
@@ -67,17 +67,16 @@ def run_killed(moments: list[int], began: float) -> tuple[set[str], list[Path]]:
             terminal.process.send_signal(signal.SIGKILL)
         code = terminal.ended()
         stream.ended()
-        streams += [stream.file] if stream.file.exists() else []
         told = f"killed after {moment} trials" if moment is not None else f"the last session ends with {code}"
         print(f"{told}, {time.monotonic() - began:.0f} s", flush=True)
-    return titles, streams
+    return titles
 
 
 def plain_runs(goals: str, starts: str) -> None:
     """Run the same trials one model after another, without any study."""
     for arm in ARMS:
         words = ("--goal", goals, "--starts", starts, "--seed", SEED, "--results", "plain", "--workers", "2")
-        answer = call("run", "--model", arm, *words)
+        answer = call("run", "--model", arm, *words, "--record", "numbers")
         assert answer.returncode == 0, answer.stderr
 
 
@@ -111,26 +110,36 @@ def shown_episodes() -> list[int]:
     return found + [int(str(row[0])) for row in rows("SELECT id FROM episode WHERE state = 'void' LIMIT 3")]
 
 
+def study(goals: str, starts: str, kills: int, began: float) -> None:
+    """Make a study, lock it and run it, killed on its way; what is seen meanwhile is kept below `seen`."""
+    Path("seen").mkdir()
+    arms = [word for arm in ARMS for word in ("--arm", arm)]
+    for words in (("new", *arms, "--goal", goals, "--starts", starts, "--seed", SEED), ("lock",)):
+        answer = call("study", *words)
+        assert answer.returncode == 0, answer.stderr
+    schedule = [row[:4] for row in rows(SCHEDULE)]
+    Path("schedule.json").write_text(json.dumps(schedule))
+    moments = sorted(random.Random(3).sample(range(1, len(schedule)), min(kills, len(schedule) - 1)))
+    Path("seen/ps.txt").write_text("\n".join(sorted(run_killed(moments, began))))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--starts", default="1-2")
     parser.add_argument("--goals", default="bed,chair,sofa,toilet")
     parser.add_argument("--kills", type=int, default=5)
+    parser.add_argument("--looked-at", type=Path)
     asked = parser.parse_args()
     os.environ["PYTHONPATH"] = str(Path(__file__).resolve().parent.parent)
-    os.chdir(tempfile.mkdtemp(prefix="vsnbench-study-"))
-    Path("seen").mkdir()
+    os.chdir(asked.looked_at or tempfile.mkdtemp(prefix="vsnbench-study-"))
     began = time.monotonic()
     print(f"in {Path.cwd()}", flush=True)
-    arms = [word for arm in ARMS for word in ("--arm", arm)]
-    for words in (("new", *arms, "--goal", asked.goals, "--starts", asked.starts, "--seed", SEED), ("lock",)):
-        answer = call("study", *words)
-        assert answer.returncode == 0, answer.stderr
-    schedule = [row[:4] for row in rows(SCHEDULE)]
-    moments = sorted(random.Random(3).sample(range(1, len(schedule)), min(asked.kills, len(schedule) - 1)))
-    titles, streams = run_killed(moments, began)
+    if asked.looked_at is None:
+        study(asked.goals, asked.starts, asked.kills, began)
+    schedule = [tuple(row) for row in json.loads(Path("schedule.json").read_text())]
 
-    seen, refused = {"ps": "\n".join(titles).encode()}, []
+    seen: dict[str, bytes] = {}
+    refused = []
     for words in verbs(shown_episodes()):
         answer = call(*words)
         if answer.returncode != 0:
@@ -138,22 +147,22 @@ def main() -> int:
         seen[" ".join(words)] = answer.stdout + answer.stderr
     files = [*files_below("results", "seen")]
     told = naming(telling_words(), seen, files)
-    print(f"places in which a model is named: {len(told)} {told[:9]}, {time.monotonic() - began:.0f} s", flush=True)
+    print(f"places looked at: {len(seen)} commands, {len(files)} files, {time.monotonic() - began:.0f} s")
+    print(f"places in which a model is named: {len(told)} {told[:9]}", flush=True)
 
-    assert call("study", "unblind", "--reason", "every trial is done").returncode == 0
+    call("study", "unblind", "--reason", "every trial is done")
     plain_runs(asked.goals, asked.starts)
     ours, theirs = outcomes("results"), outcomes("plain")
     differ = [trial for trial in {*ours, *theirs} if ours.get(trial) != theirs.get(trial)]
     twice = rows("SELECT trial_id FROM episode WHERE state = 'judged' GROUP BY trial_id HAVING COUNT(*) > 1")
     void = rows("SELECT COUNT(*) FROM episode WHERE state = 'void'")[0][0]
     kept = [row[:4] for row in rows(SCHEDULE)] == schedule and all(row[4] is not None for row in rows(SCHEDULE))
+    streams = [f"{file.stat().st_size / 1e6:.1f} MB" for file in sorted(Path("seen").glob("live-*.rrd"))]
     print(call("study", "report").stdout.decode())
     print(f"schedule kept, every trial judged: {kept}")
     print(f"trials that count twice: {len(twice)}; void attempts, run again: {void}")
     print(f"outcomes that are not those of plain runs: {len(differ)} of {len(schedule)} {differ[:3]}")
-    sizes = ", ".join(f"{stream.stat().st_size / 1e6:.1f} MB" for stream in streams)
-    print(f"places looked at: {len(seen)} commands, {len(files)} files, {len(titles)} titles, live streams of {sizes}")
-    print(f"commands that were refused: {len(refused)} {refused[:3]}")
+    print(f"live streams: {', '.join(streams)}; commands that were refused: {len(refused)} {refused[:3]}")
     print(f"{time.monotonic() - began:.0f} s")
     return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or told or refused) else 1
 

@@ -3,25 +3,14 @@ from dataclasses import replace
 import pytest
 
 from tests.database.records_of_a_lab import plan
+from tests.database.studies_of_a_lab import lock
 from vsnbench.database.blinding import HIDDEN
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import gather_provenance
 from vsnbench.database.queries import campaign_states
-from vsnbench.database.study_entries import SESSION, SESSION_END, LockedArm, LockedTrial, RecordedStudy, StudyLock
+from vsnbench.database.study_entries import SESSION, SESSION_END
 from vsnbench.database.study_queries import find_study, study_of_campaign
 from vsnbench.errors import StudyError
-
-
-def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStudy:
-    """Lock a study of two arms."""
-    first = replace(plan(), seed=seed)
-    second = replace(first, model=replace(first.model, name="another"))
-    arms = [LockedArm("lark", "B", first), LockedArm("owl", "A", second)]
-    trials = [
-        LockedTrial(rank, rank // 2, arm.name, one.goal, one.start, one.repetition)
-        for rank, (one, arm) in enumerate((one, arm) for one in first.trials for arm in arms)
-    ]
-    return journal.lock_study(StudyLock("Which?", "title: Which?\n", "s", "h", seed, blind, arms, trials))
 
 
 def test_a_locked_study_is_read_back_and_its_models_have_codes_until_it_is_unblinded(url: str) -> None:

@@ -163,10 +163,12 @@ def merge(
 
     The same condition and seed is one campaign. Episodes keep their UUID and get new numbers; what is here already is
     passed over, verdicts that one side lacks are added, and a contradiction stops it before anything is written.
+    A study is one where the same was locked: its schedule stays one, and all that was done to it anywhere is kept.
 
     Example: [bold]vsnbench db merge /mnt/lab-b/results monday tuesday --results all[/bold]
     """
     from vsnbench.cli.merge_progress import MergeProgress, merge_fields, tell_merged
+    from vsnbench.cli.study_file import forget_blind_copies
     from vsnbench.exchange.merge import merge as merge_records
     from vsnbench.exchange.merge import other_place
     from vsnbench.record.results import ResultsDirectory
@@ -180,6 +182,9 @@ def merge(
             dry_run=dry_run,
             told=progress.told,
         )
+    if not dry_run:
+        for one in merged.plan.studies.revealed:
+            forget_blind_copies(target, one.study["uuid"])
     if as_json:
         import json
 

@@ -47,6 +47,9 @@ def merge_fields(merged: Merged, *, dry_run: bool) -> dict[str, Any]:
         "new_episodes": len(plan.arrivals),
         "new_campaigns": plan.campaigns,
         "new_trials": plan.trials,
+        "new_studies": plan.studies.new,
+        "new_entries_of_studies": plan.studies.entries,
+        "studies_no_longer_blind": [one.study["title"] for one in plan.studies.revealed],
         "known_episodes": plan.known,
         "episodes_with_new_verdicts_or_events": len(plan.additions),
         "second_results": plan.second_results,
@@ -63,11 +66,17 @@ def tell_merged(merged: Merged, target: ResultsDirectory, *, dry_run: bool) -> N
     here = safe(str(target.path))
     if plan.changes:
         campaigns = f", {_count(plan.campaigns, 'new campaign')}" if plan.campaigns else ""
+        campaigns += f", {_count(plan.studies.new, 'new study', 'new studies')}" if plan.studies.new else ""
         size = f"; {_count(merged.files, 'file')}, {_size(merged.file_bytes)}" if merged.files else ""
         verb = "would come" if dry_run else "came"
         typer.echo(f"{_count(len(plan.arrivals), 'new episode')} {verb} into {here}{campaigns}{size}")
     else:
         typer.echo(f"nothing to do: everything is in {here} already")
+    if plan.studies.entries:
+        typer.echo(f"{_count(plan.studies.entries, 'further entry', 'further entries')} in the history of studies")
+    for one in plan.studies.revealed:
+        becomes = "would be" if dry_run else "is"
+        typer.echo(f"the study {one.title} {becomes} blind no more: it was unblinded in one of the records")
     if plan.additions:
         typer.echo(f"{_count(len(plan.additions), 'episode')} here: further verdicts or events added")
     if plan.known and plan.changes:
@@ -87,8 +96,8 @@ def tell_merged(merged: Merged, target: ResultsDirectory, *, dry_run: bool) -> N
         typer.echo(f"next: vsnbench report{target.options}", err=True)
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _count(number: int, what: str, many: str = "") -> str:
+    return f"{number} {what if number == 1 else many or what + 's'}"
 
 
 def _size(number: int) -> str:

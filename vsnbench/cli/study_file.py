@@ -5,7 +5,7 @@ from pathlib import Path
 
 from vsnbench.database.migrate import open_record
 from vsnbench.database.study_entries import RecordedStudy
-from vsnbench.database.study_queries import find_study, studies
+from vsnbench.database.study_queries import directories_of, find_study, studies
 from vsnbench.errors import RecordError, StudyError
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.study.file import StudyFile, parse_study, read_text
@@ -55,17 +55,32 @@ def open_study(file: Path, results: Path | None, db: str | None) -> OpenedStudy:
             raise StudyError(elsewhere or unlocked) from problem
         raise
     try:
-        if note is not None:
-            recorded = find_study(engine, note.study)
-        else:
-            same = sha256_of(text)
-            recorded = next((one for one in studies(engine) if same in (one.sha256, one.locked_sha256)), None)
+        recorded = find_study(engine, note.study) if note is not None else None
+        if recorded is None:  # no note; or it was locked elsewhere too, and merged into this record
+            same = {sha256_of(text), note.sha256 if note else ""}
+            recorded = next((one for one in studies(engine) if same & {one.sha256, one.locked_sha256}), None)
     finally:
         engine.dispose()
     if recorded is None:
         raise StudyError(elsewhere or unlocked)
     plan = parse_study(recorded.content, f"{file} as it was locked")
     return OpenedStudy(file, place, recorded, plan, _changed(file, text, recorded))
+
+
+def forget_blind_copies(results: ResultsDirectory, identity: str) -> None:
+    """Remove the copies for Rerun that were made while a study was blind: `vsnbench view` makes them again, whole.
+
+    Raises:
+        RecordError: the record cannot be read.
+    """
+    from vsnbench.viewer.recording import FILE_NAME
+
+    engine = open_record(results.database_url)
+    try:
+        for directory in directories_of(engine, identity):
+            (results.episode_directory(directory) / FILE_NAME).unlink(missing_ok=True)
+    finally:
+        engine.dispose()
 
 
 def _changed(file: Path, text: str, recorded: RecordedStudy) -> str:

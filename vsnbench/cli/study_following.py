@@ -183,12 +183,11 @@ def unblind(
 
     [bold]vsnbench study unblind study.yaml --reason "all trials are done"[/bold]
     """
-    from vsnbench.cli.study_file import open_study
+    from vsnbench.cli.study_file import forget_blind_copies, open_study
     from vsnbench.database.journal import Journal
     from vsnbench.database.study_entries import OVER
     from vsnbench.database.study_queries import trials_of
     from vsnbench.errors import UsageError
-    from vsnbench.viewer.recording import FILE_NAME
 
     if not reason.strip():
         raise UsageError("no reason given: --reason 'why people may know now', the report tells it")
@@ -196,11 +195,7 @@ def unblind(
     with Journal.open(study.results.database_url) as journal:
         standing = trials_of(journal.engine, study.recorded.id)
         journal.unblind_study(study.recorded.id, reason.strip())
-    # The copies for Rerun were made blind; `vsnbench view` makes them again from the record.
-    for one in standing:
-        if one.episode_id is not None:
-            copy = study.results.episode_directory(f"episodes/{one.episode_id:06d}") / FILE_NAME
-            copy.unlink(missing_ok=True)
+    forget_blind_copies(study.results, study.recorded.uuid)
     for arm in study.recorded.arms:
         typer.echo(f"arm {arm.code} is {arm.name}")
     early = any(one.left for one in standing) and not any(one.kind == OVER for one in study.recorded.entries)

@@ -15,6 +15,7 @@ from sqlalchemy import Connection, select
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.database.lifecycle import ACTIVE, RESULTS
 from vsnbench.database.row_encoding import Row
+from vsnbench.database.study_merging import StudiesPlan, plan_studies
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Model, Robot, Site, Trial
 from vsnbench.database.whole_episodes import columns_of, difference, missing_events, read_whole
 from vsnbench.errors import RecordError
@@ -82,11 +83,14 @@ class MergePlan:
     """Trials that it does not have planned yet."""
     events: int = 0
     """Events of campaigns that it does not have yet."""
+    studies: StudiesPlan = field(default_factory=StudiesPlan)
 
     @property
     def changes(self) -> bool:
         """Whether it would change anything."""
-        return bool(self.arrivals or self.additions or self.campaigns or self.trials or self.events)
+        return bool(
+            self.arrivals or self.additions or self.campaigns or self.trials or self.events or self.studies.united
+        )
 
 
 def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: bool = True) -> MergePlan:
@@ -100,8 +104,8 @@ def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: boo
     Raises:
         RecordError: they contradict each other.
     """
-    plan = MergePlan()
     campaigns = agreeing_campaigns(mine, others)
+    plan = MergePlan(studies=plan_studies(mine, [(other.name, other.connection) for other in others]))
     plan.campaigns = sum(1 for key in campaigns if key not in campaign_numbers(mine))
     plan.trials = sum(len(trials) for trials in new_trials(mine, others, campaigns).values())
     plan.events = sum(len(events) for events in new_events(mine, others).values())

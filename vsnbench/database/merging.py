@@ -1,4 +1,4 @@
-"""Carries out a merge within one transaction: campaigns, trials, processes, episodes, verdicts, events; all or nothing.
+"""Carries out a merge within one transaction: campaigns, studies, processes, episodes, verdicts; all or nothing.
 
 Numbers are given anew, in the order in which the episodes began.
 """
@@ -23,6 +23,7 @@ from vsnbench.database.merge_plan import (
     new_trials,
 )
 from vsnbench.database.row_encoding import Row, find_or_insert, insert_row, text
+from vsnbench.database.study_merging import write_studies
 from vsnbench.database.tables import Campaign, Episode, Event, Process, Trial
 from vsnbench.database.whole_episodes import (
     add_events,
@@ -80,6 +81,7 @@ def carry_out(
     for key, events in new_events(mine, others).items():
         mine.execute(insert(Event), [{**event, "campaign_id": numbers[key]} for event in events])
     known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(Trial))}
+    write_studies(mine, plan.studies.united, numbers, known, processes.number)
     for arrival in plan.arrivals:
         whole = read_whole(others[arrival.other].connection, arrival.number)
         trial = known[numbers[whole.campaign_key], whole.trial.goal, whole.trial.start, whole.trial.repetition]

@@ -8,16 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, select
+from sqlalchemy import Engine
 
 from vsnbench.database.engine import open_engine, record_errors
 from vsnbench.database.merge_plan import OtherRecord
 from vsnbench.database.migrate import backup, schema_state, upgrade
 from vsnbench.database.soundness import record_fault
-from vsnbench.database.study_tables import Study
 from vsnbench.database_url import sqlite_path, sqlite_url
 from vsnbench.errors import RecordError
-from vsnbench.harmless_text import harmless
 
 
 @contextmanager
@@ -39,20 +37,9 @@ def open_other(url: str, name: str, scratch: Path) -> Iterator[OtherRecord]:
             if connection.dialect.name == "postgresql":
                 connection.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
             with connection.begin():
-                _refuse_studies(connection, name)
                 yield OtherRecord(name, connection)
     finally:
         engine.dispose()
-
-
-def _refuse_studies(connection: Connection, name: str) -> None:
-    """Refuse a record whose locked studies would be lost, and the models of the blind ones named."""
-    title = connection.execute(select(Study.title).order_by(Study.id)).scalar()
-    if title is not None:
-        raise RecordError(
-            f"{name} holds the study {harmless(title)!r}, whose plan a merge cannot carry; nothing was written",
-            advice="merge other records into this one instead",
-        )
 
 
 def _server(url: str, name: str) -> Engine:

@@ -144,6 +144,8 @@ class StudyTrialStanding:
     here: bool
     voids: int
     """Void attempts at it."""
+    results: int = 0
+    """Results of it: more than one where records were merged in which it was run; the first alone counts."""
     started_at: datetime | None = None
     operator: str = ""
 

@@ -7,7 +7,7 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.database.campaign_plan import Trial as KnownTrial
 from vsnbench.database.engine import reading, record_errors
-from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.lifecycle import RESULTS, EpisodeState
 from vsnbench.database.provenance import ProcessIdentity, this_process
 from vsnbench.database.read_model import SUCCESS, standing_verdict_id
 from vsnbench.database.study_entries import (
@@ -68,7 +68,7 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
             StudyEntry.process_id,
         )
         .where(StudyEntry.study_id == study_id)
-        .order_by(StudyEntry.id)
+        .order_by(StudyEntry.created_at, StudyEntry.id)
     )
     return RecordedStudy(
         id=row.id,
@@ -102,18 +102,20 @@ def study_standing(
         .correlate(StudyTrial)
         .scalar_subquery()
     )
-    voids = (
+    voids, results = (
         select(func.count())
         .select_from(Episode)
-        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state == EpisodeState.VOID.value)
+        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state.in_([state.value for state in states]))
         .correlate(StudyTrial)
         .scalar_subquery()
+        for states in ((EpisodeState.VOID,), RESULTS)
     )
     rows = connection.execute(
         select(
             *(StudyTrial.rank, StudyTrial.block, StudyArm.name),
             *(Trial.id, Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
-            *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, Episode.started_at, Process.operator),
+            *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, results),
+            *(Episode.started_at, Process.operator),
         )
         .select_from(StudyTrial)
         .join(Trial, Trial.id == StudyTrial.trial_id)
@@ -135,8 +137,9 @@ def study_standing(
             success=row[10],
             here=process_id is not None and row[11] == process_id,
             voids=row[12],
-            started_at=row[13],
-            operator=row[14] or "",
+            results=row[13],
+            started_at=row[14],
+            operator=row[15] or "",
         )
         for row in rows
     )
@@ -150,6 +153,22 @@ def trials_of(engine: Engine, study_id: int) -> tuple[StudyTrialStanding, ...]:
     """
     with record_errors(engine), reading(engine).begin() as connection:
         return study_standing(connection, study_id)
+
+
+def directories_of(engine: Engine, identity: str) -> tuple[str, ...]:
+    """Return where the files of every episode of a study lie, void ones too; relative to the results directory.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = (
+        select(Episode.images_directory)
+        .join(StudyTrial, StudyTrial.trial_id == Episode.trial_id)
+        .join(Study, Study.id == StudyTrial.study_id)
+        .where(Study.uuid == identity, Episode.images_directory != "")
+    )
+    with record_errors(engine), reading(engine).begin() as connection:
+        return tuple(connection.scalars(query))
 
 
 def session_of_another(connection: Connection, study_id: int, process_id: int) -> str:

@@ -104,6 +104,8 @@ def _deviations(
     for arm, name in shown.items():
         if voids := sum(one.voids for one in standing if one.arm == arm):
             yield Deviation("void attempts", f"{name}: {voids}, each run again")
+    if twice := sum(one.results > 1 for one in standing):
+        yield Deviation("run twice", f"{twice} trials have results from more than one record; the first counts")
     began = sorted((one for one in standing if one.started_at is not None), key=lambda one: str(one.started_at))
     out_of_turn = sum(one.rank > later.rank for one, later in pairwise(began))
     if out_of_turn:
