@@ -5,6 +5,7 @@ usage: python scripts/make_docs.py [OUTPUT]   (docs/ when absent)
 docs/figures/episode-view.png needs a recorded episode and a browser: see scripts/screenshot_view.py.
 """
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -80,4 +81,6 @@ def main(docs: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("directory", nargs="?", type=Path, default=ROOT / "docs")
+    main(parser.parse_args().directory)
