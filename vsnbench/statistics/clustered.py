@@ -120,6 +120,10 @@ def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveS
     episodes resemble each other cannot be known. Where all outcomes are the same, neither can it of the cells of a
     cluster, and they are taken for half alike: all of 15 cells in 15 clusters are worth 15 trials, all of 75 are 25.
 
+    Nor can it of few that are not. With k the cells' worth of the rarer outcome, the cells of a cluster are taken to be
+    correlated by no less than 0.5 / (1 + k), the episodes of a cell by no less than 1 / (1 + k)²: one success in 75
+    episodes of 15 cells is worth 20 trials, for its neighbour, none in 75, is worth 15.
+
     Args:
         outcomes: at least one cell.
         by_cell: every cell weighs the same, else every episode does.
@@ -132,11 +136,13 @@ def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveS
     rate = min(1.0, rate) if rate < 1 - _SAME else 1.0
     spread = rate * (1 - rate)
     by_cluster = np.bincount(clusters, weights=weights)
-    alike = _ASSUMED / (1 + len(trials) * min(rate, 1 - rate))
+    rarer = len(trials) * min(rate, 1 - rate)
+    alike = _ASSUMED / (1 + rarer)
     least = 1 - alike + alike * float((by_cluster @ by_cluster) / (weights @ weights))
     if spread < _SAME or len(trials) == 1:
         return EffectiveSample(rate, 1 / (least * float(weights @ weights)), math.inf)
-    alone = spread * float(weights**2 @ (1 / trials))
+    repeats_alike = 1 / (1 + rarer) ** 2
+    alone = spread * float(weights**2 @ ((1 + (trials - 1) * repeats_alike) / trials))
     between_cells, between_clusters = residual_variances(clusters, weights, means - rate)
     # Where each cluster is one fact, nothing had to be estimated.
     agree = _all_agree(np.bincount(clusters, weights=weights * means) / by_cluster)
