@@ -70,7 +70,7 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
         assert ask(browser, "document.title") == "vsnbench report"
         assert ask(browser, "[...document.images].every(i => i.alt && (i.complete ? i.naturalWidth > 0 : true))")
 
-        column = "[...document.querySelectorAll('#episode-table tbody tr')].map(r => r.cells[6].textContent)"
+        column = "[...document.querySelectorAll('#episode-table tbody tr')].map(r => r.cells[7].textContent)"
         press = "document.querySelectorAll('#episode-table thead button')[6].click()"
         ask(browser, f"({press}, 0)")
         rising = ask(browser, column)
@@ -78,7 +78,7 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
         ask(browser, f"({press}, 0)")
         assert ask(browser, column) == rising[::-1]  # type: ignore[index]
         assert (
-            ask(browser, "document.querySelectorAll('#episode-table th')[6].getAttribute('aria-sort')") == "descending"
+            ask(browser, "document.querySelectorAll('#episode-table th')[7].getAttribute('aria-sort')") == "descending"
         )
 
         type_sofa = "(filter.value = 'sofa', filter.dispatchEvent(new Event('input')), 0)"
@@ -86,7 +86,20 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
         assert ask(browser, "document.querySelectorAll('#episode-table tbody tr:not([hidden])').length") == 3
         assert ask(browser, "document.getElementById('matches').textContent") == "3 match"
         assert ask(browser, "document.querySelectorAll('img.strip').length") == 3
-        assert "vsnbench view 2" in str(ask(browser, "document.querySelector('#episode-2 code').textContent"))
+        assert "vsnbench view 1" in str(ask(browser, "document.querySelector('#episodes code').textContent"))
+
+        # Pictures open below their episode, stay with it when sorted, and are no match of their own.
+        ask(browser, "(filter.value = '', filter.dispatchEvent(new Event('input')), 0)")
+        browser.click("#episodes > details > summary")
+        width = ask(browser, "document.getElementById('episode-table').offsetWidth")
+        browser.click("#episode-2 summary")
+        browser.locator("#episode-2 + .below img").wait_for()
+        assert ask(browser, "document.getElementById('episode-table').offsetWidth") == width
+        ask(browser, f"({press}, 0)")
+        assert ask(browser, "document.querySelector('#episode-2 + .below img') !== null")
+        ask(browser, type_sofa)
+        assert ask(browser, "document.getElementById('matches').textContent") == "3 match"
+        assert ask(browser, "document.querySelector('.below').hidden") is True
 
         background = "getComputedStyle(document.body).backgroundColor"
         light = ask(browser, background)

@@ -101,6 +101,7 @@ def _grid(one: ConditionSummary) -> Sheet:
             )
             for start in cells.starts
         ),
+        condition=one.condition.number,
     )
 
 

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import re
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from vsnbench.report.summary import ConditionSummary
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 MOST_EPISODES = 1000
 MOST_PLANS_OPEN = 2
@@ -86,7 +88,6 @@ class _Episode:
     strip: str
     frames: int
     alt: str
-    command: str
 
 
 _EPISODE_COLUMNS = (
@@ -159,6 +160,7 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
         episodes=episodes,
         episodes_lead=lead,
         episode_columns=_EPISODE_COLUMNS,
+        viewing=_viewing(report.record, episodes),
         glossary=GLOSSARY,
         names=footnotes_of(sheets),
         footer=f"Made by vsnbench {__version__} from the record alone.",
@@ -198,6 +200,7 @@ def _environment() -> "Environment":
         loader=PackageLoader("vsnbench.report.forms", "page"), autoescape=True, undefined=StrictUndefined
     )
     environment.filters["harmless"] = lambda value: harmless(str(value))
+    environment.filters["breakable"] = _breakable
     return environment
 
 
@@ -251,9 +254,23 @@ def _figure(drawing: Drawing, *, folded: bool) -> _Figure:
     )
 
 
+def _viewing(record: Record, episodes: Sequence[_Episode]) -> str:
+    """Return the command that opens the first episode in Rerun."""
+    if not episodes:
+        return ""
+    where = f" --results {shlex.quote(str(record.results_directory))}" if record.results_directory else ""
+    return harmless(f"vsnbench view {episodes[0].number}{where}")
+
+
+def _breakable(text: object) -> "Markup":
+    """Return text that may be broken where its words join (`simulated_recall=0.4`), and not in the middle of one."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"([_=/])(?=\w)", r"\1<wbr>", str(escape(harmless(str(text))))))  # noqa: S704 - escaped before
+
+
 def _episodes(record: Record) -> Iterator[_Episode]:
     titles = {one.number: harmless(one.name) for one in record.conditions}
-    where = f" --results {shlex.quote(str(record.results_directory))}" if record.results_directory else ""
     strips = 0
     columns = (
         *("episode", "condition", "goal", "start", "repetition", "state", "end_reason", "success", "actions"),
@@ -289,5 +306,4 @@ def _episodes(record: Record) -> Iterator[_Episode]:
             strip=base64.b64encode(strip.jpeg).decode() if strip else "",
             frames=strip.frames if strip else 0,
             alt=f"Frames of episode {number}: {harmless(str(goal))} from position {start}, {harmless(words)}.",
-            command=harmless(f"vsnbench view {number}{where}"),
         )

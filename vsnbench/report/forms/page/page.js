@@ -1,4 +1,6 @@
 "use strict";
+const isPictures = (row) => row?.classList.contains("below") ?? false;
+const picturesOf = (row) => (isPictures(row.nextElementSibling) ? [row.nextElementSibling] : []);
 for (const button of document.querySelectorAll("thead button")) {
   button.addEventListener("click", () => {
     const heading = button.parentElement, table = heading.closest("table"), body = table.tBodies[0];
@@ -11,9 +13,9 @@ for (const button of document.querySelectorAll("thead button")) {
       return number ? (text === "-inf" ? -Infinity : Number.parseFloat(text)) : text;
     };
     const order = (a, b) => (number ? a - b || 0 : String(a).localeCompare(String(b), "en", { numeric: true }));
-    const rows = [...body.rows].map((row) => [key(row), row]);
+    const rows = [...body.rows].filter((row) => !isPictures(row)).map((row) => [key(row), row, picturesOf(row)]);
     rows.sort(([a], [b]) => (down ? -order(a, b) : order(a, b)));
-    body.append(...rows.map(([, row]) => row));
+    body.append(...rows.flatMap(([, row, pictures]) => [row, ...pictures]));
   });
 }
 const filter = document.getElementById("filter");
@@ -21,12 +23,31 @@ filter?.addEventListener("input", () => {
   const words = filter.value.toLowerCase().split(/[\s,]+/).filter(Boolean);
   let shown = 0;
   for (const row of document.getElementById("episode-table").tBodies[0].rows) {
-    const text = [...row.cells].slice(0, -2).map((cell) => cell.textContent.toLowerCase()).join(" ");
+    if (isPictures(row)) continue;
+    const cells = [...row.cells].filter((cell) => !cell.classList.contains("pictures"));
+    const text = cells.map((cell) => cell.textContent.toLowerCase()).join(" ");
     row.hidden = !words.every((word) => text.includes(word));
+    for (const pictures of picturesOf(row)) pictures.hidden = row.hidden;
     shown += row.hidden ? 0 : 1;
   }
   document.getElementById("matches").textContent = words.length ? `${shown} match` : "";
 });
+// An episode's pictures open in a row of their own below it: no column grows as wide as they are.
+for (const details of document.querySelectorAll("#episode-table details")) {
+  const row = details.closest("tr"), strip = details.querySelector("img");
+  const below = document.createElement("tr"), cell = below.insertCell();
+  below.className = "below";
+  cell.colSpan = row.cells.length;
+  details.addEventListener("toggle", () => {
+    if (details.open) {
+      cell.append(strip);
+      row.after(below);
+    } else {
+      below.remove();
+      details.append(strip);
+    }
+  });
+}
 const theme = document.getElementById("theme");
 let dark = matchMedia("(prefers-color-scheme: dark)").matches;
 const paint = () => {
@@ -53,7 +74,7 @@ for (const box of scrollers) {
   const hint = document.createElement("p");
   hint.className = "hint";
   hint.setAttribute("aria-hidden", "true");
-  hint.textContent = "\u2194 wider than the screen: swipe it sideways";
+  hint.textContent = "\u2194 wider than the screen: scroll it sideways";
   box.after(hint);
   box.addEventListener("scroll", () => mark(box), { passive: true });
   watch.observe(box);
