@@ -19,7 +19,7 @@ from vsnbench.protocol.site import load_site
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.attendant import EndedEpisode, Nobody
+from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.selection import plan_trials
@@ -41,7 +41,7 @@ class Watching(Nobody):
         self.files: list[int] = []
         self.memory_mib: list[float] = []
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
+    def trial_begins(self, upcoming: Upcoming) -> None:
         """Say nothing."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:

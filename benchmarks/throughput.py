@@ -24,7 +24,7 @@ from vsnbench.protocol.site import Site, load_site
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.attendant import EndedEpisode, Nobody
+from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
 from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
@@ -68,7 +68,7 @@ class Counting(Nobody):
     def __init__(self, tally: Tally) -> None:
         self._tally = tally
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
+    def trial_begins(self, upcoming: Upcoming) -> None:
         """Say nothing."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:  # noqa: ARG002

@@ -51,7 +51,7 @@ class MemoryRecorder:
     def event(self, kind: str, text: str) -> None:
         self.events.append((kind, text))
 
-    def intervention(self, what: str) -> None:
+    def intervention(self, what: str, author: str = "") -> None:
         self.interventions.append(what)
 
     def end(self, outcome: EpisodeOutcome) -> None:

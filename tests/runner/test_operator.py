@@ -18,6 +18,7 @@ from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.profiles import load_profile
 from vsnbench.runner.attendance import TerminalAttendance
 from vsnbench.runner.attendant import EndedEpisode, Judgement
+from vsnbench.runner.desk import Desk
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.episode import EpisodeOutcome
 from vsnbench.runner.operator import Operator
@@ -52,7 +53,7 @@ class Terminal(QuietDisplay):
 
 def operator_at(terminal: Terminal) -> Operator:
     stop = Stopping()
-    return Operator(terminal, EmergencyStop(lambda: None, stop.ask), stop, terminal.read_line)
+    return Operator(terminal, EmergencyStop(lambda: None, stop.ask), stop, Desk(), read_line=terminal.read_line)
 
 
 def placing_blind() -> Placing:

@@ -4,11 +4,14 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.console.operator_page import OperatorPage
 
 RECORD_PANEL = "Record"
 """Heading under which `--help` lists them."""
@@ -29,6 +32,53 @@ Database = Annotated[
         rich_help_panel=RECORD_PANEL,
     ),
 ]
+
+PAGE_PANEL = "Console"
+
+Console = Annotated[
+    bool,
+    typer.Option("--console", help="serve a page for whoever is beside the robot", rich_help_panel=PAGE_PANEL),
+]
+ConsoleAddress = Annotated[
+    str,
+    typer.Option(
+        "--console-address",
+        help="0.0.0.0 for phones in the lab's network; means --console",
+        show_default="127.0.0.1",
+        rich_help_panel=PAGE_PANEL,
+    ),
+]
+ConsolePort = Annotated[
+    int | None,
+    typer.Option(
+        "--console-port",
+        min=0,
+        max=65535,
+        help="0 for any; means --console",
+        show_default="8710",
+        rich_help_panel=PAGE_PANEL,
+    ),
+]
+ConsoleCertificate = Annotated[
+    Path | None,
+    typer.Option("--console-certificate", help="PEM file: the page is served over TLS", rich_help_panel=PAGE_PANEL),
+]
+ConsoleKey = Annotated[
+    Path | None,
+    typer.Option("--console-key", help="PEM file of its private key", rich_help_panel=PAGE_PANEL),
+]
+
+
+def operator_page(
+    console: bool, address: str, port: int | None, certificate: Path | None, key: Path | None
+) -> "OperatorPage | None":
+    """Return the page that was asked for; None where none was."""
+    if not (console or address or port is not None or certificate or key):
+        return None
+    from vsnbench.console.operator_page import DEFAULT_PORT, OperatorPage
+    from vsnbench.console.web_server import LOOPBACK
+
+    return OperatorPage(address or LOOPBACK, DEFAULT_PORT if port is None else port, certificate, key)
 
 
 def refuse_repeated(root: Any, words: Sequence[str]) -> None:

@@ -7,11 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.options import RECORD_PANEL, Database, Results
+from vsnbench.cli.options import (
+    RECORD_PANEL,
+    Console,
+    ConsoleAddress,
+    ConsoleCertificate,
+    ConsoleKey,
+    ConsolePort,
+    Database,
+    Results,
+    operator_page,
+)
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.record.results import Kept
+    from vsnbench.runner.attendance import Attendance
     from vsnbench.runner.launch import RunRequest
 
 _WHAT = "What to run"
@@ -181,6 +192,11 @@ def command(
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
     ] = False,
+    console: Console = False,
+    console_address: ConsoleAddress = "",
+    console_port: ConsolePort = None,
+    console_certificate: ConsoleCertificate = None,
+    console_key: ConsoleKey = None,
 ) -> None:
     """Run the trials of a campaign that have no valid episode yet, and record every step.
 
@@ -194,6 +210,7 @@ def command(
         vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
         vsnbench run --model oracle --goal chair --starts 3 --pretend-real
+        vsnbench run --model vlv --goal all --robot lola2 --console
         vsnbench run --model oracle --goal all --site lab.yaml
         vsnbench run --model pirlnav --goal all --cluster ray://head:10001
         vsnbench run --model oracle,random --seeds 0-4 --sites twins:0-9 --goal all
@@ -205,6 +222,7 @@ def command(
     from vsnbench.cli.run_summary import leave_strays_behind
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
+    from vsnbench.runner.attendance import TerminalAttendance
     from vsnbench.runner.launch import RunRequest
     from vsnbench.runner.pool.capacity import WorkersAsked
 
@@ -216,6 +234,7 @@ def command(
         "device": device,
         "act_timeout": act_timeout if elsewhere else None,
     }
+    page = operator_page(console, console_address, console_port, console_certificate, console_key)
     memory_bytes = None if isolate_memory is None else round(isolate_memory * 2**30)
     request = RunRequest(
         model=model,
@@ -235,24 +254,27 @@ def command(
         isolation=Isolation(python, memory_bytes) if apart else None,
         workers=WorkersAsked(_workers(workers), cluster, gpus),
         kept=_kept(record, live=live),
+        attended=page is not None,
     )
     before = frozenset(threading.enumerate())
     if "," in model or seeds is not None or sites is not None:
         from vsnbench.cli.sweep_summary import sweep_and_tell
 
+        if page is not None:
+            raise UsageError("--console is for one model, site and seed: nobody stands beside a sweep")
+
         code = sweep_and_tell(request, model, seeds, sites, live=live, yes=yes)
     else:
-        code = _run_and_tell(request, live=live, unattended=unattended)
+        code = _run_and_tell(request, TerminalAttendance(unattended, page), live=live)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
 
 
-def _run_and_tell(request: "RunRequest", *, live: bool, unattended: bool) -> int:
+def _run_and_tell(request: "RunRequest", attendance: "Attendance", *, live: bool) -> int:
     """Run and return the exit code: 0 when every trial is done, 1 when some are left, 129, 130 or 143 when stopped."""
     from rich.console import Console
 
     from vsnbench.cli.run_summary import stopped_words, tell
-    from vsnbench.runner.attendance import TerminalAttendance
     from vsnbench.runner.launch import launch
     from vsnbench.runner.stopping import Stopped
     from vsnbench.viewer.live import RerunEpisodes
@@ -260,7 +282,7 @@ def _run_and_tell(request: "RunRequest", *, live: bool, unattended: bool) -> int
     console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
     try:
         with RerunEpisodes(live=live) as viewer:
-            launched = launch(request, TerminalAttendance(unattended), viewer)
+            launched = launch(request, attendance, viewer)
             viewer.linger()
     except Stopped as stopped:
         console.print(stopped_words(stopped))

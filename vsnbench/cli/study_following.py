@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.options import RECORD_PANEL, Database, Results
+from vsnbench.cli.options import (
+    RECORD_PANEL,
+    Console,
+    ConsoleAddress,
+    ConsoleCertificate,
+    ConsoleKey,
+    ConsolePort,
+    Database,
+    Results,
+    operator_page,
+)
 from vsnbench.cli.study_report import StudyFormat
 
 if TYPE_CHECKING:
@@ -39,6 +49,11 @@ def run(
     ] = False,
     results: Results = None,
     db: Database = None,
+    console: Console = False,
+    console_address: ConsoleAddress = "",
+    console_port: ConsolePort = None,
+    console_certificate: ConsoleCertificate = None,
+    console_key: ConsoleKey = None,
 ) -> None:
     """Run a locked study; it goes on where it was, and changes the models by itself.
 
@@ -52,6 +67,7 @@ def run(
     from vsnbench.errors import StudyError
     from vsnbench.runner.attendance import TerminalAttendance
 
+    page = operator_page(console, console_address, console_port, console_certificate, console_key)
     study = open_study(file, results, db)
     if study.changed:
         raise StudyError(study.refusal)
@@ -61,7 +77,7 @@ def run(
         only_next=only_next,
         until=_moment(until),
         memory_bytes=None if model_memory is None else round(model_memory * 2**30),
-        attendance=TerminalAttendance(unattended),
+        attendance=TerminalAttendance(unattended, page),
         live=live,
     )
     leave_strays_behind(code, before)

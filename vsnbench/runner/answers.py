@@ -10,6 +10,8 @@ from vsnbench.protocol.site import Site
 _NOTHING = frozenset({"no", "n", "nothing", "none", "nope", "nil", "-", "no collision", "not at all", "0"})
 _LATER = frozenset({"later", "l", "skip"})
 _YES = frozenset({"yes", "y"})
+_GO = frozenset({"", "go"}) | _YES
+_END = frozenset({"end", "quit", "q"})
 _KEEP = frozenset({"keep", "k"})
 
 
@@ -22,6 +24,9 @@ class Said(Enum):
     """It is not judged now."""
     KEEP = "keep"
     """The estimate is right."""
+    GO = "go"
+    END = "end"
+    """The session is over."""
 
 
 class MisreadError(ValueError):
@@ -44,6 +49,19 @@ def what_was_touched(answer: str) -> Said | str:
     if words.lower() in _YES:
         raise MisreadError("what did it touch?")
     return words
+
+
+def may_begin(answer: str) -> Said:
+    """Return whether the robot may drive: `GO`, `LATER` for another trial first, or `END`.
+
+    Raises:
+        MisreadError: it does not say.
+    """
+    word = answer.strip().lower()
+    for words, said in ((_GO, Said.GO), (_LATER, Said.LATER), (_END, Said.END)):
+        if word in words:
+            return said
+    raise MisreadError("Enter alone to go, or skip, or end")
 
 
 def confirmed(answer: str) -> bool:

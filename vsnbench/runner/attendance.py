@@ -1,15 +1,20 @@
 """Who is there: a person at the terminal where the robot needs one, else nobody; and where progress is shown."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
+from vsnbench.database.journal import Journal
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.protocol.site import Site
+from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendant import Attendant, Nobody, Overview
+from vsnbench.runner.desk import Desk
 from vsnbench.runner.emergency_stop import EmergencyStop
-from vsnbench.runner.operator import Operator, require_operator
+from vsnbench.runner.operator import Beside, Operator, require_operator
 from vsnbench.runner.progress import CampaignProgress
 from vsnbench.runner.stopping import Stopping
 
@@ -28,10 +33,26 @@ class Occasion:
     halt: Callable[[], None]
     """Stands the robot still, from any thread."""
     stop: Stopping
+    site: Site
+    robot_radius_m: float
+    journal: Journal
+    results: ResultsDirectory
+    campaigns: tuple[int, ...]
+    """The numbers in the record of what is run."""
+    operator: str = ""
+    """Who has started it."""
     blind: bool = False
     """Nobody is to see which model drives, nor what it chooses."""
     beside: tuple[int, int] = (0, 0)
     """Trials of the sweep that this is a campaign of, but for its own: how many are done, out of how many."""
+
+
+class PageOfADesk(Protocol):
+    """Serves a desk to browsers."""
+
+    def serve(self, desk: Desk, occasion: Occasion) -> AbstractContextManager[str]:
+        """Serve it while the context is entered; what it gives says at the terminal where."""
+        ...
 
 
 class Attendance(Protocol):
@@ -59,10 +80,12 @@ class TerminalAttendance:
     """The person at this terminal; nobody where the robot needs nobody, or the run is unattended."""
 
     unattended: bool = False
+    page: "PageOfADesk | None" = None
+    """Serves the desk beside the terminal, or in its place."""
 
     def require(self, profile: RobotProfile) -> None:
-        """See that there is a terminal, unless the run is unattended."""
-        if not self.unattended:
+        """See that there is a terminal, unless there is a page or the run is unattended."""
+        if not self.unattended and self.page is None:
             require_operator(profile)
 
     def oversee(self, occasion: Occasion) -> CampaignProgress:
@@ -78,9 +101,16 @@ class TerminalAttendance:
         """Show progress, and listen for the emergency stop key where a person stands beside the robot."""
         with ExitStack() as stack:
             progress = stack.enter_context(self.oversee(occasion))
-            if not occasion.needs_a_person or self.unattended:
+            if self.page is None and (not occasion.needs_a_person or self.unattended):
                 yield Nobody(progress)
                 return
             emergency = stack.enter_context(EmergencyStop(occasion.halt, occasion.stop.ask))
             occasion.stop.last_acts.append(emergency.give_back)
-            yield Operator(progress, emergency, occasion.stop)
+            desk = Desk(sys.stdin.fileno() if sys.stdin.isatty() else None)
+            desk.attends(occasion.halt, occasion.stop.ask)
+            desk.board.shows_actions, desk.board.robot_radius_m = not occasion.blind, occasion.robot_radius_m
+            desk.board.done, desk.says = occasion.done, progress.say
+            if self.page is not None:
+                progress.console.print(stack.enter_context(self.page.serve(desk, occasion)))
+            beside = Beside(occasion.operator, not occasion.needs_a_person, self.page is not None)
+            yield Operator(progress, emergency, occasion.stop, desk, beside)

@@ -3,6 +3,7 @@
 The terminal is one, nobody another. Whoever it is stops the robot with a request (`vsnbench.runner.stopping`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +12,27 @@ from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step
 from vsnbench.runner.placing import Placing
+
+
+class TrialSkippedError(Exception):
+    """Whoever was asked wants this trial later; nothing of it is kept."""
+
+
+class SessionOverError(Exception):
+    """Whoever was asked ends the session; nothing of the trial is kept that was about to begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upcoming:
+    """A claimed trial that is about to be run."""
+
+    number: int
+    """The episode's."""
+    trial: int
+    """The trial's number in the record."""
+    driven_by: str
+    """The model's name for people: its code while they are blind."""
+    plan: EpisodePlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +53,21 @@ class Judgement:
     """Why, in the person's own words."""
     called_collision: bool = False
     """The robot had not felt it: the person saw it."""
+    author: str = ""
+    """Who judged; the session's operator when empty."""
 
 
 class Attendant(Protocol):
     """Whoever stands beside the robot."""
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
-        """Be told that a trial is about to be run."""
+    def trial_begins(self, upcoming: Upcoming) -> None:
+        """Be told that a trial is about to be run, and return when it may be.
+
+        Raises:
+            TrialSkippedError: this one is wanted later.
+            SessionOverError: none is wanted any more.
+            Stopped: whoever was asked ends the session at once.
+        """
         ...
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
@@ -58,7 +88,21 @@ class Attendant(Protocol):
 
         Raises:
             RobotError: there is nobody who could put the problem right.
-            Stopped: whoever was asked ends the session instead.
+            TrialSkippedError: this trial is wanted later.
+            SessionOverError: none is wanted any more.
+            Stopped: whoever was asked ends the session at once.
+        """
+        ...
+
+    def again(self) -> Sequence[int]:
+        """Return the trials that are to be run again before any other, once each; never waits."""
+        ...
+
+    def nothing_left(self) -> Sequence[int]:
+        """Return, when no trial is left, what is to be run again after all; empty ends the session.
+
+        Raises:
+            Stopped: whoever was asked ends the session at once.
         """
         ...
 
@@ -113,9 +157,9 @@ class Nobody:
     def __init__(self, display: Display) -> None:
         self._display = display
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
+    def trial_begins(self, upcoming: Upcoming) -> None:
         """Show it."""
-        self._display.trial_begins(plan.goal, plan.start.number)
+        self._display.trial_begins(upcoming.plan.goal, upcoming.plan.start.number)
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Show it."""
@@ -134,6 +178,14 @@ class Nobody:
         del placing
         if problem:
             raise RobotError(f"starting position {start.number}: {problem}, and the run is unattended")
+
+    def again(self) -> Sequence[int]:
+        """Want nothing again."""
+        return ()
+
+    def nothing_left(self) -> Sequence[int]:
+        """Want nothing more."""
+        return ()
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
         """Say nothing."""

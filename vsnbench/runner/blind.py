@@ -1,5 +1,6 @@
 """What a run hides while its study is blind: from whoever stands beside the robot, and from Rerun."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EpisodeSink, EpisodeViewer, EventEntry, StepEntry
-from vsnbench.runner.attendant import Attendant, EndedEpisode, Judgement
+from vsnbench.runner.attendant import Attendant, EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.placing import Placing
 
@@ -24,9 +25,9 @@ class BlindAttendant:
     def __init__(self, attendant: Attendant) -> None:
         self._attendant = attendant
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
-        """Pass it on."""
-        self._attendant.trial_begins(plan)
+    def trial_begins(self, upcoming: Upcoming) -> None:
+        """Pass it on: it has a code, and no name."""
+        self._attendant.trial_begins(upcoming)
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Pass on the action alone."""
@@ -40,6 +41,14 @@ class BlindAttendant:
     def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Pass it on."""
         self._attendant.place(start, problem, placing)
+
+    def again(self) -> Sequence[int]:
+        """Pass it on."""
+        return self._attendant.again()
+
+    def nothing_left(self) -> Sequence[int]:
+        """Ask."""
+        return self._attendant.nothing_left()
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
         """Ask."""

@@ -113,8 +113,8 @@ class EpisodeRecorder(Protocol):
         """Keep something that happened beside the steps."""
         ...
 
-    def intervention(self, what: str) -> None:
-        """Keep that a person acted on the robot outside the protocol's placing."""
+    def intervention(self, what: str, author: str = "") -> None:
+        """Keep that a person acted on the robot outside the protocol's placing; the session's operator, if unnamed."""
         ...
 
     def end(self, outcome: EpisodeOutcome) -> None:
@@ -182,7 +182,7 @@ def run_episode(
     if outcome.error:
         recorder.event(outcome.verdict.end_reason.value, outcome.error)
     if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:
-        recorder.intervention(stopped.request.words)
+        recorder.intervention(stopped.request.words, stopped.request.who)
     recorder.end(outcome)
     if stopped is not None and ends_session:
         raise StoppedInEpisodeError(stopped.request, outcome) from stopped

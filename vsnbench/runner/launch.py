@@ -70,6 +70,8 @@ class RunRequest:
     """How many trials are run at once in simulation, and where."""
     kept: Kept = Kept.FULL
     """What is kept of an episode beside its rows."""
+    attended: bool = False
+    """Somebody stands beside the robot, though it may be simulated: one trial after another."""
 
     def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
         """Return what every trial of it is run with."""
@@ -119,7 +121,8 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
     trials = most_goals(request.goals, site) * len(starts) * request.repetitions
     if request.kept is not Kept.FULL:
         viewer = None
-    wish = wish_of(request.workers, bench, trials, live=viewer is not None and viewer.is_live)
+    live = viewer is not None and viewer.is_live
+    wish = wish_of(request.workers, bench, trials, live=live, attended=request.attended)
     with ExitStack() as stack:
         crew = stack.enter_context(open_crew(bench, wish))
         described = crew.description
@@ -172,6 +175,12 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
             described.needs_a_person,
             crew.halt,
             stop,
+            site,
+            profile.base.radius_m,
+            journal,
+            request.results,
+            (campaign.id,),
+            provenance.operator,
         )
         keeping = Keeping(campaign, request.results, viewer, provenance.operator)
         result = crew.run(journal, keeping, attendance, occasion)
@@ -280,6 +289,7 @@ class _Alone:
                 attendant,
                 occasion.stop,
                 keeping.operator,
+                described.title,
             )
 
 

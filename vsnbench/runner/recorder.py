@@ -143,9 +143,9 @@ class EpisodeRecorderFanOut:
         self._target.journal.add_event(kind, text, author=author, episode_id=self.episode_id, step_number=number)
         self._show(EventEntry(self._last_number, kind, text, author))
 
-    def intervention(self, what: str) -> None:
+    def intervention(self, what: str, author: str = "") -> None:
         """Keep that a person acted on the robot, and who."""
-        self.event(INTERVENTION, what, self._target.operator)
+        self.event(INTERVENTION, what, author or self._target.operator)
 
     def end(self, outcome: EpisodeOutcome) -> None:
         """Keep the end and the verdict, in one transaction."""

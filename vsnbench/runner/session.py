@@ -18,7 +18,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.attendant import Attendant, EndedEpisode
+from vsnbench.runner.attendant import Attendant, EndedEpisode, SessionOverError, TrialSkippedError, Upcoming
 from vsnbench.runner.episode import (
     EpisodeOutcome,
     EpisodePlan,
@@ -120,6 +120,7 @@ def run_session(
     attendant: Attendant,
     stop: Stopping,
     operator: str = "",
+    driven_by: str = "",
 ) -> SessionResult:
     """Run every trial that was asked for and is left, once each.
 
@@ -134,15 +135,27 @@ def run_session(
     because = ""
     wanted = [trial.id for trial in campaign.trials]
     beside = Judged(journal, attendant, operator)
-    while (claim := _next(journal, campaign, wanted)) is not None:
+    while not because:
+        claim = _next(journal, campaign, wanted)
+        if claim is None:
+            wanted = list(beside.nothing_left())
+            if not wanted:
+                break
+            continue
         trial = claim.trial
         wanted.remove(trial.id)
         plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
-        outcome = run_trial(journal, claim, plan, robot, policy, new_recorder, beside, stop)
-        if outcome is None:
+        try:
+            outcome = run_trial(journal, claim, plan, robot, policy, new_recorder, beside, stop, driven_by)
+        except TrialSkippedError:
+            wanted.append(trial.id)
             continue
-        if because := voids.count(outcome):
+        except SessionOverError as over:
+            because = str(over)
             break
+        if outcome is not None:
+            because = voids.count(outcome)
+        wanted = [*beside.again(), *wanted]
     return SessionResult.of(voids, journal.standing(campaign), because)
 
 
@@ -164,17 +177,20 @@ def run_trial(
     new_recorder: RecorderFactory,
     beside: "Judged",
     stop: Stopping,
+    driven_by: str = "",
 ) -> EpisodeOutcome | None:
     """Run one claimed trial with one policy, and have it judged; None where another process took this one for dead.
 
     Raises:
+        TrialSkippedError: whoever is there wants it later; nothing of it is kept.
+        SessionOverError: whoever is there wants no more; nothing of it is kept.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
         RecordError: the record cannot be written.
     """
-    beside.trial_begins(plan)
     recorder = new_recorder(claim)
     try:
         with _kept(journal, claim):
+            beside.trial_begins(Upcoming(claim.id, claim.trial.id, driven_by, plan))
             outcome = run_episode(robot, policy, plan, recorder, beside, stop)
     except EpisodeClosedError as closed:
         logger.warning("%s", closed)
@@ -199,9 +215,17 @@ class Judged:
         self._operator = operator
         self._left_standing: EndedEpisode | None = None
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
-        """Tell the attendant."""
-        self._attendant.trial_begins(plan)
+    def trial_begins(self, upcoming: Upcoming) -> None:
+        """Tell the attendant, and wait until it may begin."""
+        self._attendant.trial_begins(upcoming)
+
+    def again(self) -> Sequence[int]:
+        """Return what is to be run again."""
+        return self._attendant.again()
+
+    def nothing_left(self) -> Sequence[int]:
+        """Ask what is to be run again, now that nothing is left."""
+        return self._attendant.nothing_left()
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Tell the attendant."""
@@ -231,13 +255,14 @@ class Judged:
         judgement = self._attendant.judge(ended)
         if judgement is None:
             return
-        self._journal.judge(ended.number, judgement.verdict, author=self._operator, note=judgement.note)
+        author = judgement.author or self._operator
+        self._journal.judge(ended.number, judgement.verdict, author=author, note=judgement.note)
         if judgement.called_collision:
-            self._intervened(ended, f"collision called: {judgement.verdict.text}")
+            self._intervened(ended, f"collision called: {judgement.verdict.text}", judgement.author)
 
-    def _intervened(self, ended: EndedEpisode, what: str) -> None:
-        step = ended.outcome.actions or None
-        self._journal.add_event(INTERVENTION, what, author=self._operator, episode_id=ended.number, step_number=step)
+    def _intervened(self, ended: EndedEpisode, what: str, author: str = "") -> None:
+        author, step = author or self._operator, ended.outcome.actions or None
+        self._journal.add_event(INTERVENTION, what, author=author, episode_id=ended.number, step_number=step)
 
 
 @contextmanager

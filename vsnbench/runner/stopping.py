@@ -50,12 +50,14 @@ class StopRequest:
     """By what: `Ctrl-C`, `the emergency stop key`, `SIGTERM`."""
     ends: Ends = Ends.SESSION
     exit_code: int = 128 + signal.SIGINT
+    who: str = ""
+    """The person's name, where it is known."""
 
     @property
     def words(self) -> str:
         """What happened, for the record."""
         if self.author is StopAuthor.PERSON:
-            return f"stopped with {self.means}"
+            return f"stopped with {self.means}{f' by {self.who}' if self.who else ''}"
         return f"the process was ended by {self.means}"
 
 

@@ -27,6 +27,7 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.attendance import Attendance, Occasion
+from vsnbench.runner.attendant import SessionOverError, TrialSkippedError
 from vsnbench.runner.bench import close_policy
 from vsnbench.runner.blind import BlindAttendant, BlindViewer
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan
@@ -124,6 +125,12 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
                     by_hand,
                     robot.halt,
                     stop,
+                    place.site,
+                    robot.identity.profile.base.radius_m,
+                    journal,
+                    request.results,
+                    tuple(arm.campaign_id for arm in recorded.arms),
+                    provenance.operator,
                     blind,
                 )
             )
@@ -201,12 +208,22 @@ class _Session:
         own: Counter[str] = Counter()
         suspended: dict[str, str] = {}
         passed_over: set[int] = set()
+        skipped: set[int] = set()
+        """By whoever is there, until nothing else is left."""
         decision = self._decision(self.journal.study_standing(recorded.id))
         while not because and not decision.over:
             standing = self.journal.study_standing(recorded.id)
             away = {*suspended, *decision.dropped}
-            wanted = [one for one in standing if one.left and one.arm not in away and one.rank not in passed_over]
-            if not wanted or (request.only_next and episodes):
+            not_now = passed_over | skipped
+            wanted = [one for one in standing if one.left and one.arm not in away and one.rank not in not_now]
+            if request.only_next and episodes:
+                break
+            if not wanted and skipped:
+                skipped.clear()
+                continue
+            if not wanted and self.beside.nothing_left():
+                continue
+            if not wanted:
                 break
             if request.until is not None and datetime.now(request.until.tzinfo) >= request.until:
                 because = f"it is {request.until:%H:%M}"
@@ -216,7 +233,14 @@ class _Session:
             if claim is None:
                 passed_over.add(turn.rank)
                 continue
-            outcome = self._run_one(turn, claim)
+            try:
+                outcome = self._run_one(turn, claim)
+            except TrialSkippedError:
+                skipped.add(turn.rank)
+                continue
+            except SessionOverError as over:
+                because = str(over)
+                break
             if outcome is None:
                 continue
             episodes += 1
@@ -261,7 +285,8 @@ class _Session:
             self.journal.release(claim.id)
             raise
         recorder = partial(EpisodeRecorderFanOut, self.target(turn.arm))
-        outcome = run_trial(self.journal, claim, plan, self.robot, policy, recorder, self.beside, self.stop)
+        shown = self.request.recorded.shown(turn.arm)
+        outcome = run_trial(self.journal, claim, plan, self.robot, policy, recorder, self.beside, self.stop, shown)
         if outcome is not None and outcome.verdict.end_reason in THE_MODELS:
             self.shelf.drop(turn.arm)  # whatever state it is in, the next trial gets a fresh one
         return outcome

@@ -150,7 +150,9 @@ def _read(path: Path) -> str:
         return ""
 
 
-def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) -> Wish | ClusterWish:
+def wish_of(
+    asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool, attended: bool = False
+) -> Wish | ClusterWish:
     """Return how many workers are wanted, and where.
 
     Args:
@@ -158,6 +160,7 @@ def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) ->
         plan: what they would have.
         trials: how many there are at most.
         live: each episode is shown as it happens.
+        attended: somebody stands beside the robot.
 
     Raises:
         UsageError: several were asked for where there is only one robot, model or viewer.
@@ -169,6 +172,8 @@ def wish_of(asked: WorkersAsked, plan: BenchPlan, trials: int, *, live: bool) ->
         single = "--pretend-real plays one robot, which one person places"
     elif live:
         single = "--live shows one episode after another"
+    elif attended:
+        single = "--console has a person beside one robot"
     elif plan.model.startswith(("ws://", "wss://")):
         single = f"the model at {plan.model} serves one client at a time"
     if asked.gpus_each and not asked.cluster:

@@ -10,6 +10,7 @@ import queue
 import shlex
 import sys
 import threading
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -20,7 +21,7 @@ import psutil
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RobotError, VsnbenchError
 from vsnbench.protocol.site import StartingPosition
-from vsnbench.runner.attendant import EndedEpisode, Judgement
+from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.bench import Bench, BenchPlan, open_bench
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.placing import Placing
@@ -137,7 +138,7 @@ class _Reporter:
         self._connection = connection
         self._order = order
 
-    def trial_begins(self, plan: EpisodePlan) -> None:
+    def trial_begins(self, upcoming: Upcoming) -> None:
         """Say nothing: the driver has ordered it."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
@@ -158,6 +159,14 @@ class _Reporter:
         del placing
         if problem:
             raise RobotError(f"starting position {start.number}: {problem}, and nobody is beside a worker's robot")
+
+    def again(self) -> Sequence[int]:
+        """Want nothing again: the driver hands out what is to be run."""
+        return ()
+
+    def nothing_left(self) -> Sequence[int]:
+        """Want nothing more."""
+        return ()
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
         """Say nothing."""

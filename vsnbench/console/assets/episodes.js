@@ -1,0 +1,94 @@
+// The session's episodes, newest first: undone for a few seconds, then corrected with a reason.
+
+import { get, post } from "./link.js";
+import { element, judgingForm, sureOf } from "./judging.js";
+
+let open = 0;
+let last = "";
+let busy = false;
+let again = false;
+
+const questionOf = (state) => JSON.stringify([state?.question, state?.driving, state?.record]);
+
+export function showEpisodes(holder, state, before) {
+  if (!state.you || (questionOf(state) === questionOf(before) && last)) return;
+  refresh(holder);
+}
+
+async function refresh(holder) {
+  if (busy) {
+    again = true;
+    return;
+  }
+  busy = true;
+  try {
+    const { episodes } = await get("/episodes");
+    const text = JSON.stringify(episodes);
+    if (text !== last && !open) {
+      last = text;
+      holder.replaceChildren(...(episodes.length ? episodes.map((one) => line(one, holder)) : [element("p", { class: "dim" }, "none yet")]));
+    }
+  } catch {
+    // the next state asks again
+  } finally {
+    busy = false;
+    if (again) {
+      again = false;
+      refresh(holder);
+    }
+  }
+}
+
+function line(one, holder) {
+  const card = element("div", { class: "episode", "data-episode": one.episode });
+  const said = one.author ? ` · ${one.author}` : "";
+  card.append(
+    element("p", {}, element("strong", {}, `#${one.episode} ${one.goal} from ${one.start}`), ` · ${one.driven_by}`),
+    element("p", { class: one.outcome === "success" ? "good" : one.outcome === "failure" ? "bad" : "dim" }, `${one.outcome}${said}`),
+    element("p", { class: "dim small" }, one.words),
+  );
+  const buttons = element("div", { class: "row" });
+  if (one.undo_s > 0) {
+    const undo = element("button", { type: "button", class: "button", "data-undo": true, onclick: () => act(card, () => post("/undo", { episode: one.episode, seen: one.seen }), holder) }, "Undo");
+    buttons.append(undo);
+    setTimeout(() => { undo.remove(); }, one.undo_s * 1000);
+  }
+  if (one.can_be_judged) {
+    buttons.append(element("button", { type: "button", class: "button", "data-amend": true, onclick: () => form(card, one, holder) }, one.outcome === "unjudged" ? "Judge" : "Correct"));
+  }
+  card.append(buttons);
+  return card;
+}
+
+function form(card, one, holder) {
+  open = one.episode;
+  const close = () => { open = 0; last = ""; refresh(holder); };
+  const made = judgingForm(one.case, {
+    kept: `amend-${one.episode}-${one.seen}`,
+    reason: one.outcome !== "unjudged",
+    send: async (word) => { await post("/amend", { episode: one.episode, seen: one.seen, ...word }); close(); },
+    later: null,
+  });
+  card.append(made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));
+}
+
+async function act(card, action, holder) {
+  try {
+    await action();
+  } catch (error) {
+    card.append(element("p", { class: "words" }, error.answer ? error.message : "no answer from the run, try again"));
+    return;
+  }
+  last = "";
+  refresh(holder);
+}
+
+export async function showSummary(holder, state, before) {
+  if (holder.childElementCount && questionOf(state) === questionOf(before)) return;
+  try {
+    const { rows } = await get("/summary");
+    holder.replaceChildren(element("table", { class: "numbers" }, ...rows.map(([name, value]) => element("tr", {}, element("td", {}, name), element("td", {}, value)))));
+  } catch {
+    // shown with the next state
+  }
+}

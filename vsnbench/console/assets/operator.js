@@ -1,0 +1,190 @@
+// The operator's page: everything on it is what the run said last, so a reload loses nothing.
+
+import { get, Link, post } from "./link.js";
+import { element, judgingForm, sureOf } from "./judging.js";
+import { drawPlan, showOnPlan } from "./plan.js";
+import { showEpisodes, showSummary } from "./episodes.js";
+
+const at = (id) => document.getElementById(id);
+const ARROWS = { MOVE_FORWARD: "↑", MOVE_BACKWARD: "↓", TURN_LEFT: "↶", TURN_RIGHT: "↷", STOP: "■", LOOK_UP: "△", LOOK_DOWN: "▽" };
+let state = null;
+let heardAt = 0;
+let plan = null;
+let judged = "";
+let pictureShown = 0;
+let pictureBusy = false;
+
+function show(id, visible) {
+  at(id).hidden = !visible;
+}
+
+function say(text) {
+  at("words").textContent = text;
+  show("words", !!text);
+}
+
+async function doing(action) {
+  say("");
+  try {
+    return await action();
+  } catch (error) {
+    say(error.answer ? error.message : "no answer from the run: is the phone on its network? Nothing was lost, try again");
+    return null;
+  }
+}
+
+const answer = (said) => doing(() => post("/answer", { question: state.question?.number ?? 0, said }));
+
+function render() {
+  if (!state) return;
+  const { question, trial, driving } = state;
+  const signedIn = !!state.you;
+  const asks = question?.asks ?? "";
+  at("label").textContent = state.label;
+  const others = state.phones.filter((one) => !one.you).map((one) => one.name + (one.silent ? " (silent)" : ""));
+  at("who").textContent = [state.you, others.length ? `also here: ${others.join(", ")}` : "", clockWords()].filter(Boolean).join(" · ");
+  show("sign-in", !signedIn);
+  const placing = asks === "begin" || asks === "place";
+  show("trial", signedIn && !!trial && (placing || driving));
+  if (trial) {
+    at("trial-number").textContent = `#${trial.episode} · ${trial.driven_by} · ${state.done + 1} of ${state.trials}`;
+    at("trial-goal").textContent = `${trial.goal} from mark ${trial.start}`;
+    const [x, y] = trial.pose;
+    at("trial-where").textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
+  }
+  at("trial-problem").textContent = question?.problem ? `Not yet: ${question.problem}` : "";
+  show("trial-problem", !!question?.problem);
+  show("go-card", signedIn && placing);
+  at("go").textContent = asks === "place" ? "It stands there: go" : "Go";
+  at("go").disabled = !!state.paused_by;
+  at("pause").textContent = state.paused_by ? "Resume" : "Pause";
+  show("plan-card", signedIn && (placing || driving) && !!plan);
+  if (plan) at("plan-words").textContent = showOnPlan(plan, state);
+  show("driving", signedIn && driving);
+  at("driving-actions").textContent = trial ? `${state.actions} of ${trial.most_actions} actions` : "";
+  at("driving-steps").textContent = state.steps.map(([name, blocked]) => (blocked ? "⊘" : ARROWS[name] ?? "·")).join("");
+  at("driving-steps").scrollTop = 1e6;
+  show("stop-bar", signedIn && driving);
+  show("finish", signedIn && asks === "finish");
+  show("waiting", signedIn && !question && !driving);
+  at("waiting-words").textContent = "The run is getting ready: nothing is asked right now.";
+  if (state.paused_by && placing) say(`${state.paused_by} has paused the session.`);
+  else if (at("words").textContent.endsWith("has paused the session.")) say("");
+  renderJudging(signedIn && asks === "judge");
+  renderPicture(signedIn && (driving || placing));
+  show("episodes-card", signedIn);
+}
+
+function renderJudging(visible) {
+  show("judging", visible && !!state.case);
+  if (!visible || !state.case) {
+    judged = "";
+    return;
+  }
+  const key = `judge-${state.case.episode}-${state.question.number}`;
+  if (judged === key) return;
+  judged = key;
+  const theCase = state.case;
+  at("judging").replaceChildren(
+    element("p", { class: "dim small" }, `#${theCase.episode} · ended with ${theCase.ended_with.replace("_", " ")} after ${theCase.actions} actions`),
+    element("h2", {}, "What happened?"),
+    strip(theCase.episode, theCase.actions),
+    element("p", { class: "verdict" }, `Proposed: ${theCase.proposal}`),
+    judgingForm(theCase, {
+      kept: key,
+      send: (word) => post("/judge", { question: state.question?.number ?? 0, episode: theCase.episode, ...word }),
+      later: () => answer("later"),
+    }),
+  );
+}
+
+export function strip(episode, actions) {
+  const most = 12;
+  const numbers = [...new Set(Array.from({ length: Math.min(most, actions) }, (_, i) => 1 + Math.round((i * (actions - 1)) / Math.max(1, Math.min(most, actions) - 1))))];
+  return element("div", { class: "strip", "aria-label": "what it saw" }, ...numbers.map((number) => element("img", { src: `/episodes/${episode}/frames/${number}`, alt: `action ${number}`, loading: "lazy" })));
+}
+
+async function renderPicture(visible) {
+  show("picture", visible && pictureShown > 0 && state.driving);
+  if (!visible || !state.driving || pictureBusy || state.picture === pictureShown) return;
+  pictureBusy = true;
+  try {
+    const fetched = await fetch(`/picture?number=${state.picture}`, { cache: "no-store", signal: AbortSignal.timeout(5000) });
+    if (fetched.ok) {
+      const number = state.picture;
+      const old = at("picture-image").src;
+      at("picture-image").src = URL.createObjectURL(await fetched.blob());
+      if (old.startsWith("blob:")) URL.revokeObjectURL(old);
+      pictureShown = number;
+    }
+  } catch {
+    // the next state tries again
+  } finally {
+    pictureBusy = false;
+  }
+}
+
+function clockWords() {
+  const offMinutes = Math.round((Date.now() - Date.parse(state.now) - (performance.now() - heardAt)) / 60000);
+  return Math.abs(offMinutes) >= 2 ? `this phone's clock is ${Math.abs(offMinutes)} min ${offMinutes > 0 ? "fast" : "slow"}: the computer's counts` : "";
+}
+
+function health(link) {
+  const up = link.isUp;
+  const badge = at("link");
+  badge.className = `badge ${up ? "up" : "down"}`;
+  badge.textContent = up ? `link ${link.roundTripMs === null ? "up" : `${Math.round(link.roundTripMs)} ms`}` : "NO LINK";
+  at("offline").textContent = "No link to the run. STOP on this phone does not reach the robot: use the robot's own switch or the terminal. What is typed here is kept.";
+  show("offline", !up && heardAt > 0);
+  at("stop").classList.toggle("cut", !up);
+  if (!up && state?.driving) at("stop-words").textContent = "NO LINK: this button may not reach the robot";
+  else if (at("stop-words").textContent.startsWith("NO LINK")) at("stop-words").textContent = "";
+}
+
+const link = new Link(
+  (said) => {
+    const before = state;
+    state = said;
+    heardAt = performance.now();
+    if (!before?.driving && state.driving) at("stop-words").textContent = "";
+    render();
+    showEpisodes(at("episodes"), state, before);
+    if (state.question?.asks === "finish") showSummary(at("summary"), state, before);
+    if (!plan) drawPlan(at("plan")).then((made) => { plan = made; render(); }).catch(() => { at("plan-words").textContent = "the site's plan cannot be shown"; });
+    if (before === null) get("/state").catch(() => {});
+  },
+  health,
+  (words) => { at("stop-words").textContent = words; },
+);
+
+at("sign-in-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  doing(async () => {
+    await get("/state");
+    await post("/sign-in", { name: at("name").value });
+    await get("/state");
+    link.reconnect();
+  });
+});
+at("go").addEventListener("click", () => answer("go"));
+at("skip").addEventListener("click", () => answer("skip"));
+at("pause").addEventListener("click", () => doing(() => post("/pause", { pause: !state.paused_by })));
+for (const id of ["end", "finish-end"]) {
+  at(id).addEventListener("click", async () => {
+    if (await sureOf("End the session? The same command goes on with what is left.")) answer("end");
+  });
+}
+const stop = () => {
+  at("stop-words").textContent = "stopping …";
+  link.stop().then((said) => { at("stop-words").textContent = said.words; }).catch((error) => {
+    at("stop-words").textContent = error.answer ? error.message : "NO LINK: this button may not reach the robot";
+  });
+};
+at("stop").addEventListener("pointerdown", stop);
+at("stop").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") stop(); });
+setInterval(() => {
+  if (state?.driving && state.for_s !== null) {
+    at("driving-for").textContent = `${Math.round(state.for_s + (performance.now() - heardAt) / 1000)} s`;
+  }
+}, 500);
+get("/state").catch((error) => { if (error.status === 403) say("This page needs its whole address again: scan the code at the terminal."); });

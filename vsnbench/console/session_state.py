@@ -1,0 +1,93 @@
+"""What a page is told of a session, as JSON: everything on it comes from here, so that a reloaded page is whole."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from vsnbench.protocol.pose import Pose
+from vsnbench.runner.attendance import Occasion
+from vsnbench.runner.case import Case
+from vsnbench.runner.desk import Asks, Desk
+
+STEPS_SHOWN = 400
+
+
+def session_state(desk: Desk, occasion: Occasion) -> dict[str, Any]:
+    """Return what everybody is shown alike."""
+    board, question = desk.board, desk.question
+    now = datetime.now(UTC)
+    ended, upcoming = board.ended, board.upcoming
+    judging = question is not None and question.asks is Asks.JUDGE
+    return {
+        "now": now.isoformat(),
+        "label": occasion.label,
+        "blind": occasion.blind,
+        "real": occasion.needs_a_person,
+        "trials": occasion.trials,
+        "done": board.done,
+        "paused_by": desk.paused_by,
+        "question": None
+        if question is None or question.reply is not None
+        else {"number": question.number, "asks": question.asks.value, "problem": question.problem},
+        "trial": None
+        if upcoming is None
+        else {
+            "episode": upcoming.number,
+            "driven_by": upcoming.driven_by,
+            "goal": upcoming.plan.goal,
+            "start": upcoming.plan.start.number,
+            "pose": _pose(upcoming.plan.start.pose),
+            "heading_deg": upcoming.plan.start.heading_deg,
+            "note": upcoming.plan.start.note,
+            "most_actions": upcoming.plan.parameters.max_actions,
+        },
+        "placing": _placing(desk),
+        "driving": desk.driving,
+        "for_s": (now - board.began_at).total_seconds() if board.began_at else None,
+        "actions": len(board.steps),
+        "steps": [[step.action, step.blocked] for step in board.steps[-STEPS_SHOWN:]],
+        "course": [_pose(step.pose) for step in board.steps],
+        "left_at": _pose(board.left_at) if board.left_at else None,
+        "way": board.way,
+        "picture": board.picture.number if board.picture else 0,
+        "case": _case(Case.of_ended(ended)) if judging and ended else None,
+        "last": None if ended is None else {"episode": ended.number, "words": ended.outcome.verdict.text},
+    }
+
+
+def _placing(desk: Desk) -> dict[str, Any]:
+    board = desk.board
+    look = board.look
+    measured = look.measured if look is not None else None
+    return {
+        "can_measure": board.can_measure,
+        "looking": board.looking,
+        "seen": look is not None,
+        "key": 0 if look is None else id(look),
+        "problem": look.problem if look is not None else "",
+        "headline": measured.headline if measured else "",
+        "advice": measured.advice if measured else "",
+        "differs": measured.differs if measured else "",
+        "green": measured.within_tolerance if measured else False,
+        "determined": measured.determined if measured else False,
+        "arrows": [[arrow.direction.value, arrow.words] for arrow in measured.arrows] if measured else [],
+        "stands": _pose(measured.pose) if measured and measured.determined else None,
+        "picture": look is not None and look.rgb is not None,
+        "photo": look is not None and look.photo_jpeg is not None,
+    }
+
+
+def _pose(pose: Pose) -> list[float]:
+    return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.heading_rad, 4)]
+
+
+def _case(case: Case) -> dict[str, Any]:
+    return {
+        "episode": case.number,
+        "ended_with": case.ended_with.value,
+        "actions": case.actions,
+        "estimate_m": round(case.estimate.distance_m, 2) if case.estimate else None,
+        "in_sight": case.estimate.in_sight if case.estimate else None,
+        "proposal": case.proposal.text if case.proposal else "",
+        "success": case.proposal.success if case.proposal else None,
+        "success_m": case.parameters.success_distance_m,
+    }
