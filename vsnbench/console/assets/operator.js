@@ -2,6 +2,7 @@
 
 import { get, Link, post } from "./link.js";
 import { element, judgingForm, sureOf } from "./judging.js";
+import { showPlacing } from "./placing.js";
 import { drawPlan, showOnPlan } from "./plan.js";
 import { showEpisodes, showSummary } from "./episodes.js";
 
@@ -55,8 +56,12 @@ function render() {
   at("trial-problem").textContent = question?.problem ? `Not yet: ${question.problem}` : "";
   show("trial-problem", !!question?.problem);
   show("go-card", signedIn && placing);
-  at("go").textContent = asks === "place" ? "It stands there: go" : "Go";
-  at("go").disabled = !!state.paused_by;
+  const { can_measure: canMeasure, green, seen, looking } = state.placing;
+  const unchecked = asks === "place" && canMeasure && !green;
+  at("go").textContent = asks !== "place" ? "Go" : !canMeasure ? "It stands there: go" : green ? "Go" : seen ? "Go all the same" : "Go without a check";
+  at("go").className = unchecked ? "button" : "button go";
+  at("go").disabled = !!state.paused_by || !!looking;
+  showPlacing(at("placing"), state, doing);
   at("pause").textContent = state.paused_by ? "Resume" : "Pause";
   show("plan-card", signedIn && (placing || driving) && !!plan);
   if (plan) at("plan-words").textContent = showOnPlan(plan, state);
@@ -64,7 +69,7 @@ function render() {
   at("driving-actions").textContent = trial ? `${state.actions} of ${trial.most_actions} actions` : "";
   at("driving-steps").textContent = state.steps.map(([name, blocked]) => (blocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
-  show("stop-bar", signedIn && driving);
+  show("stop-bar", signedIn && (driving || looking === "turn"));
   show("finish", signedIn && asks === "finish");
   show("waiting", signedIn && !question && !driving);
   at("waiting-words").textContent = "The run is getting ready: nothing is asked right now.";

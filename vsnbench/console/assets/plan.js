@@ -49,6 +49,9 @@ export function showOnPlan(plan, state) {
     parts.push(make("circle", { class: "mark", cx: x, cy: y, r: 0.24 }));
     parts.push(make("text", { class: "mark-number", transform: `translate(${x} ${y - 0.1}) scale(1 -1)` }, String(trial.start)));
   }
+  if (placing && state.placing.stands) {
+    parts.push(make("polygon", { class: "stands", points: arrow(state.placing.stands, 0.4, 0.24) }));
+  }
   if (state.course.length) {
     const points = [trial ? trial.pose : state.course[0], ...state.course].map(([x, y]) => `${x},${y}`).join(" ");
     parts.push(make("polyline", { class: "course", points }));

@@ -1,0 +1,59 @@
+// Where the robot stands, measured: arrows to mend it, and what it should see laid over what it does.
+
+import { post } from "./link.js";
+import { element } from "./judging.js";
+
+let shown = "";
+
+export function showPlacing(holder, state, doing) {
+  const { placing, question } = state;
+  const asked = question?.asks === "place" && placing.can_measure;
+  const key = JSON.stringify([asked, question?.number, placing]);
+  if (key === shown) return;
+  const slider = holder.querySelector("input[type=range]")?.value ?? 50;
+  shown = key;
+  if (!asked) return holder.replaceChildren();
+  const wish = (what) => () => doing(() => post("/wish", { question: question.number, what }));
+  const parts = [];
+  if (placing.looking) {
+    parts.push(element("p", { class: "words", role: "status" }, placing.looking === "turn" ? "It turns once around. Stand back." : "It looks where it stands …"));
+  } else if (!placing.seen) {
+    parts.push(element("button", { class: "button go", id: "check", onclick: wish("moved") }, "It stands there: check"));
+  } else {
+    parts.push(...seen(placing, slider));
+    const look = placing.green ? "button" : "button go";
+    parts.push(element("div", { class: "row spaced" },
+      element("button", { class: look, id: "moved", onclick: wish("moved") }, "Moved it: check"),
+      element("button", { class: "button", id: "turn", onclick: wish("turn") }, "Turn and check")));
+  }
+  holder.replaceChildren(element("div", { class: "card" }, ...parts));
+}
+
+function seen(placing, slider) {
+  const parts = [];
+  if (placing.problem) parts.push(element("p", { class: "words" }, `Not measured: ${placing.problem}`));
+  if (placing.headline) {
+    parts.push(element("p", { class: `verdict ${placing.green ? "good" : "bad"}`, id: "placement" }, placing.headline));
+  }
+  if (placing.arrows.length) {
+    parts.push(element("ul", { class: "arrows" }, ...placing.arrows.map(([direction, words]) => element("li", {}, element("b", {}, ARROW[direction] ?? "•"), ` ${words}`))));
+  } else if (placing.advice) parts.push(element("p", {}, placing.advice));
+  if (placing.differs) parts.push(element("p", { class: "words" }, placing.differs));
+  if (placing.picture) {
+    const layer = (what) => element("img", { class: "layer", src: `/placing/${what}?look=${placing.key}`, alt: "", id: `layer-${what}` });
+    const ghost = layer("ghost");
+    const photo = placing.photo ? layer("photo") : null;
+    const set = () => {
+      ghost.style.opacity = photo && pick.checked ? 0 : range.value / 100;
+      if (photo) photo.style.opacity = pick.checked ? range.value / 100 : 0;
+    };
+    const range = element("input", { type: "range", min: 0, max: 100, value: slider, "aria-label": "how much of it is laid over", oninput: () => set() });
+    const pick = element("input", { type: "checkbox", onchange: () => set() });
+    parts.push(element("div", { class: "overlay" }, element("img", { src: `/placing/seen?look=${placing.key}`, alt: "what the robot sees" }), ghost, photo), element("label", {}, "What it should see", range));
+    if (photo) parts.push(element("label", { class: "check" }, pick, " the photo kept of this mark"));
+    set();
+  }
+  return parts;
+}
+
+const ARROW = { forward: "↑", backward: "↓", left: "←", right: "→", "turn left": "↶", "turn right": "↷" };
