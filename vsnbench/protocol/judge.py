@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+    from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.protocol.site import Site, SiteObject
 
 
@@ -71,7 +71,7 @@ class Verdict:
 
 
 def end_after(
-    actions: int, action: Action, result: MotionResult | None, parameters: ProtocolParameters
+    actions: int, action: Action, result: MotionResult | None, parameters: "ProtocolParameters"
 ) -> EndReason | None:
     """Return why the episode ends after its `actions`-th action, or None when it goes on.
 
@@ -93,7 +93,7 @@ def end_after(
     return EndReason.STOP if action is Action.STOP else None
 
 
-def distance_to_goal(site: "Site", goal: str, fix: Fix, parameters: ProtocolParameters) -> GoalDistance:
+def distance_to_goal(site: "Site", goal: str, fix: Fix, parameters: "ProtocolParameters") -> GoalDistance:
     """Measure from the robot's position to the footprint of the nearest instance of the goal category.
 
     Where distance is measured in sight, the nearest instance is the nearest in sight; with none in sight, the straight
@@ -125,7 +125,7 @@ def distance_to_goal(site: "Site", goal: str, fix: Fix, parameters: ProtocolPara
     return GoalDistance(nearest_m, fix.source, nearest, in_sight=False)
 
 
-def stop_succeeds(site: "Site", goal: str, pose: Pose, parameters: ProtocolParameters) -> str | None:
+def stop_succeeds(site: "Site", goal: str, pose: Pose, parameters: "ProtocolParameters") -> str | None:
     """Return the goal instance near enough for STOP to succeed at a pose, or None."""
     if not site.instances(goal):
         return None
@@ -133,14 +133,16 @@ def stop_succeeds(site: "Site", goal: str, pose: Pose, parameters: ProtocolParam
     return distance.instance if distance.is_under(parameters.success_distance_m) else None
 
 
-def success_region(site: "Site", goal: str, parameters: ProtocolParameters) -> "BaseGeometry":
+def success_region(site: "Site", goal: str, parameters: "ProtocolParameters") -> "BaseGeometry":
     """Return from where STOP succeeds at a goal, metres in the site's frame; empty when the site has none."""
     import shapely
 
     return shapely.union_all([region for _, region in success_regions(site, goal, parameters)])
 
 
-def success_regions(site: "Site", goal: str, parameters: ProtocolParameters) -> "list[tuple[SiteObject, BaseGeometry]]":
+def success_regions(
+    site: "Site", goal: str, parameters: "ProtocolParameters"
+) -> "list[tuple[SiteObject, BaseGeometry]]":
     """Return each instance of a goal and from where STOP succeeds at it."""
     from vsnbench.protocol.sight import sight
 
@@ -151,7 +153,7 @@ def success_regions(site: "Site", goal: str, parameters: ProtocolParameters) -> 
 
 
 def judge(
-    end_reason: EndReason, actions: int, distance: GoalDistance | None, parameters: ProtocolParameters
+    end_reason: EndReason, actions: int, distance: GoalDistance | None, parameters: "ProtocolParameters"
 ) -> Verdict:
     """Judge an ended episode.
 

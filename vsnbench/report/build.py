@@ -5,19 +5,13 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vsnbench.database.migrate import open_record
 from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless
-from vsnbench.report.activity import ActionCount, Activity, RobotActivity, read_actions, read_robots
-from vsnbench.report.failures import Failures, read_failures
-from vsnbench.report.judgements import Judgements, read_judgements
-from vsnbench.report.question import Question, questions
-from vsnbench.report.question_tables import question_sheets
 from vsnbench.report.record import Record, Selection, goal_order, read_record
-from vsnbench.report.reference_tables import beside_sheet, paper_stability_sheet
-from vsnbench.report.scrutiny_tables import failure_sheet, judgement_sheet, scrutiny_sheets
 from vsnbench.report.sheets import Sheet
 from vsnbench.report.summary import Results, summarise
 from vsnbench.report.tables import (
@@ -28,7 +22,12 @@ from vsnbench.report.tables import (
     stability_sheet,
     start_sheet,
 )
-from vsnbench.report.twins import real_sheet, twin_sheet, twins
+
+if TYPE_CHECKING:  # a table alone needs none of them, and importing them takes as long as reading a small record
+    from vsnbench.report.activity import ActionCount, Activity, RobotActivity
+    from vsnbench.report.failures import Failures
+    from vsnbench.report.judgements import Judgements
+    from vsnbench.report.question import Question
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:
@@ -64,43 +63,64 @@ class Report:
 
     record: Record
     results: Results
-    activity: Activity | None = None
+    activity: "Activity | None" = None
     """None where only the rates were asked for."""
     reference: bool = False
     """The paper's numbers are laid beside."""
-    questions: tuple[Question, ...] = ()
+    questions: "tuple[Question, ...]" = ()
     """Which model succeeds more often, wherever that can be asked; empty where only the rates were asked for."""
 
     def sheets(self, *, long: bool = False) -> list[Sheet]:
         """Return the sheets in the order in which they are read; `long` adds those that are long."""
         results = self.results
-        sheets = question_sheets(self.questions)
+        sheets = self._question_sheets()
         if len(results.conditions) > 1:
             sheets.append(overview_sheet(results))
         sheets += [goal_sheet(one) for one in results.conditions]
         if self.reference:
+            from vsnbench.report.reference_tables import beside_sheet
+
             sheets.append(beside_sheet(results))
-        found = twins(results)
-        if real := real_sheet(found):
-            sheets.append(real)
-        if long and (twin := twin_sheet(found)):
-            sheets.append(twin)
+        sheets += self._twin_sheets(long=long)
         if any(one.ends for one in results.conditions):
             sheets.append(end_sheet(results))
         if self.activity:
             sheets.append(stability_sheet(self.activity.robots))
             if self.reference:
+                from vsnbench.report.reference_tables import paper_stability_sheet
+
                 sheets.append(paper_stability_sheet())
             if self.activity.actions:
                 sheets.append(action_sheet(results, self.activity.actions))
         if self.activity:
+            from vsnbench.report.scrutiny_tables import failure_sheet, judgement_sheet
+
             failures = failure_sheet(results, self.activity.failures)
             judgements = judgement_sheet(results, self.activity.judgements)
             sheets += [sheet for sheet in (failures, judgements) if sheet]
         if long:
+            from vsnbench.report.scrutiny_tables import scrutiny_sheets
+
             sheets += scrutiny_sheets(self.record, results)
             sheets += [start_sheet(one) for one in results.conditions]
         return sheets
+
+    def _question_sheets(self) -> list[Sheet]:
+        if not self.questions:
+            return []
+        from vsnbench.report.question_tables import question_sheets
+
+        return question_sheets(self.questions)
+
+    def _twin_sheets(self, *, long: bool) -> list[Sheet]:
+        """Return what the simulated trials of a model say of its real ones, where there are both."""
+        if len({one.condition.simulated for one in self.results.conditions}) < 2:
+            return []
+        from vsnbench.report.twins import real_sheet, twin_sheet, twins
+
+        found = twins(self.results)
+        sheets = (real_sheet(found), twin_sheet(found) if long else None)
+        return [sheet for sheet in sheets if sheet]
 
 
 def build(
@@ -130,6 +150,9 @@ def build(
     """
     if not activity:
         return _uncounted(url, selection, results_directory, reference=reference)
+    from vsnbench.report.activity import Activity
+    from vsnbench.report.question import questions
+
     with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
         counting = counter.submit(_actions, url, selection)
         report = _uncounted(url, selection, results_directory, reference=reference)
@@ -146,7 +169,9 @@ def _uncounted(url: str, selection: Selection, results_directory: Path | None, *
     return Report(record, summarise(record), reference=reference)
 
 
-def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
+def _actions(url: str, selection: Selection) -> "tuple[ActionCount, ...]":
+    from vsnbench.report.activity import read_actions
+
     engine = open_record(url)
     try:
         return read_actions(engine, selection)
@@ -154,7 +179,10 @@ def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
         engine.dispose()
 
 
-def _judged(url: str, record: Record) -> tuple[tuple[Failures, ...], tuple[Judgements, ...]]:
+def _judged(url: str, record: Record) -> "tuple[tuple[Failures, ...], tuple[Judgements, ...]]":
+    from vsnbench.report.failures import read_failures
+    from vsnbench.report.judgements import read_judgements
+
     engine = open_record(url)
     try:
         return read_failures(engine, record), read_judgements(engine, record)
@@ -162,7 +190,9 @@ def _judged(url: str, record: Record) -> tuple[tuple[Failures, ...], tuple[Judge
         engine.dispose()
 
 
-def _robots(url: str, record: Record) -> tuple[RobotActivity, ...]:
+def _robots(url: str, record: Record) -> "tuple[RobotActivity, ...]":
+    from vsnbench.report.activity import read_robots
+
     engine = open_record(url)
     try:
         return read_robots(engine, record)

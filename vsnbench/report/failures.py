@@ -13,13 +13,14 @@ from vsnbench.database.tables import Campaign, Episode, Robot, Step
 from vsnbench.errors import SiteError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site
 from vsnbench.report.conditions import Condition
 from vsnbench.report.record import Record
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
+
+    from vsnbench.protocol.site import Site
 
     Floats = npt.NDArray[np.float64]
 
@@ -183,11 +184,13 @@ class _View:
         return seen, nearest_m
 
 
-def _site(record: Record, condition: Condition) -> Site | None:
+def _site(record: Record, condition: Condition) -> "Site | None":
     content = record.sites.get(condition.site_sha256)
     if not content:
         return None
     try:
+        from vsnbench.protocol.site import Site
+
         return Site.model_validate(content)
     except (ValueError, SiteError):
         return None
