@@ -20,7 +20,7 @@ import pandas as pd
 
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.report.frames import episodes
-from vsnbench.simulator.twins.splits import SEEDS, Split
+from vsnbench.simulator.twins.generate import SEEDS, Split
 from vsnbench.statistics.rates import Proportion, wilson
 
 GREEDY = "greedy"

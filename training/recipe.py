@@ -11,7 +11,7 @@ from vsnbench.errors import UsageError
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
 from vsnbench.protocol.settings_file import read_settings
-from vsnbench.simulator.twins.splits import SEEDS, Split
+from vsnbench.simulator.twins.generate import SEEDS, Split
 from vsnbench.simulator.twins.variation import CameraVariation
 
 Span = tuple[float, float]

@@ -15,12 +15,11 @@ from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import campaign_states, episode_steps, list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.exchange.episodes import ExportedEpisode, read_episodes
+from vsnbench.exchange.episodes import ExportedEpisode, read_episodes, write_tum
 from vsnbench.exchange.habitat import read_habitat, write_habitat
 from vsnbench.exchange.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.exchange.rosbag import write_bag
 from vsnbench.exchange.step_csv import write_steps
-from vsnbench.exchange.tum import write_tum
 from vsnbench.exchange.upstream_log import read_upstream_log
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.parameters import ProtocolParameters

@@ -24,9 +24,8 @@ from vsnbench.protocol.survey.check import check_site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.physics import Physics
 from vsnbench.simulator.scene import build_scene
-from vsnbench.simulator.twins.generate import ROBOT_RADIUS_M, generate_site
+from vsnbench.simulator.twins.generate import ROBOT_RADIUS_M, SEEDS, Split, generate_site, split_of
 from vsnbench.simulator.twins.site_file import write_site
-from vsnbench.simulator.twins.splits import SEEDS, Split, split_of
 from vsnbench.simulator.twins.variation import CameraVariation, Lighting
 
 SAMPLE = [*range(10), *range(1_000, 1_010), *range(10_000, 10_010)]

@@ -19,7 +19,7 @@ from training.shards import read_provenance, read_shard
 from training.whole_files import TrainingError
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.models.weights import file_sha256
-from vsnbench.simulator.twins.splits import Split, split_of
+from vsnbench.simulator.twins.generate import Split, split_of
 
 RUN = Path(__file__).with_name("run_tiny.py")
 ROOT = RUN.parent.parent.parent

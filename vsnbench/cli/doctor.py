@@ -1,11 +1,19 @@
 """`vsnbench doctor`: check a robot and this machine before a session, on one screen."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.options import Database, Results
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.robots.check_result import CheckResult
+
+_EPISODE_BYTES = 40 * 2**20
+_FULL_CAMPAIGN = 90
 _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 
@@ -46,11 +54,10 @@ def command(
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros1_checkup import check_ros_robot
     from vsnbench.robots.ros2_checkup import check_ros2_robot
-    from vsnbench.runner.machine_checkup import check_machine
 
     simulated = robot.partition(":")[0] == "simulated"
     profile = None if simulated else load_profile(robot)
-    checks: list[CheckResult] = list(check_machine(ResultsDirectory.locate(results, db)))
+    checks: list[CheckResult] = list(_check_machine(ResultsDirectory.locate(results, db)))
     if profile is not None:
         speaks_ros2 = profile.interface is not None and profile.interface.kind == "ros2"
         checks += (check_ros2_robot if speaks_ros2 else check_ros_robot)(profile, move=move)
@@ -78,3 +85,31 @@ def command(
             + (f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else "")
         )
     raise typer.Exit(1 if failed else 0)
+
+
+def _check_machine(results: "ResultsDirectory") -> "Iterator[CheckResult]":
+    """Look at the disk and the record: is there room, and can it be written."""
+    from vsnbench.database.journal import Journal
+    from vsnbench.errors import VsnbenchError
+    from vsnbench.robots.check_result import CheckResult, Health
+
+    try:
+        results.prepare()
+    except VsnbenchError as error:
+        yield CheckResult(
+            "results", Health.FAILED, error.statement, error.advice or "choose another directory with --results"
+        )
+        return
+    episodes = results.free_bytes() // _EPISODE_BYTES
+    seen = f"{results.path}: {results.free_bytes() / 2**30:.1f} GiB free, room for some {episodes} episodes"
+    if episodes < _FULL_CAMPAIGN:
+        yield CheckResult("disk", Health.WARNING, seen, f"a campaign of {_FULL_CAMPAIGN} episodes may not fit")
+    else:
+        yield CheckResult("disk", Health.OK, seen)
+    try:
+        with Journal.open(results.database_url):
+            pass
+    except VsnbenchError as error:
+        yield CheckResult("database", Health.FAILED, error.statement, error.advice or "see docs/results.md")
+    else:
+        yield CheckResult("database", Health.OK, f"{results.shown_database} can be written")

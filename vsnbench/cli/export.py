@@ -29,8 +29,7 @@ def tum(
     """
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import episode_steps
-    from vsnbench.exchange.episodes import read_episodes
-    from vsnbench.exchange.tum import write_tum
+    from vsnbench.exchange.episodes import read_episodes, write_tum
     from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)

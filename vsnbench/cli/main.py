@@ -25,13 +25,13 @@ VERBS: dict[str, tuple[str, str]] = {
     "episodes": ("vsnbench.cli.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
     "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),
-    "models": ("vsnbench.cli.models", "List, show, check and fetch models."),
+    "models": ("vsnbench.cli.models", "List, show, check, fetch and serve models."),
     "ros1": ("vsnbench.cli.ros1", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
     "ros2": ("vsnbench.cli.ros2", "The ROS 2 nodes: discrete_move, and a simulated robot to rehearse with."),
     "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
     "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
     "import": ("vsnbench.cli.import_", "Take in results of other tools."),
-    "db": ("vsnbench.cli.db", "Where the results database is, its state, upgrade and backup."),
+    "db": ("vsnbench.cli.db", "Where the results database is, its state; upgrade, backup and merge."),
 }
 """Verb -> (module, line for --help), in the order of --help.
 

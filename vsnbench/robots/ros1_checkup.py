@@ -61,8 +61,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
     yield _own_address(master)
     if (other := master.live_node("/vsnbench")) is not None:
         yield CheckResult("session", Health.WARNING, f"vsnbench is running at {other}", "wait until it has ended")
-    from vsnbench.ros1.messages_by_name import message_class
-    from vsnbench.ros1.topic_listener import TopicListener
+    from vsnbench.ros1.topic_listener import TopicListener, message_class
 
     listener = TopicListener("vsnbench_doctor", [topic for topic, _ in _topics(profile)])
     try:

@@ -7,15 +7,27 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import rospy
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo, Image
 
 from vsnbench.ros1.node import start_node
 from vsnbench.sensing.heard import Heard
 from vsnbench.sensing.odometry import heading_of_quaternion
 
 _KEEP = 12
+_CLASSES: dict[str, Any] = {
+    "nav_msgs/Odometry": Odometry,
+    "sensor_msgs/CameraInfo": CameraInfo,
+    "sensor_msgs/Image": Image,
+}
+
+
+def message_class(name: str) -> Any:
+    """Return the class of a message type such as `sensor_msgs/Image`, one of the few that a check-up reads."""
+    return _CLASSES[name]
 
 
 class TopicListener:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.harmless_text import error_line
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.sensing.camera_images import Stamped
@@ -190,8 +191,12 @@ class RobotReports:
         self._update(lambda _: {"truth": truth})
 
     def take_categories(self, text: str) -> None:
-        """Take a simulator's categories of its labels, as JSON."""
-        named = {int(number): str(name) for number, name in json.loads(text).items()}
+        """Take a simulator's categories of its labels, as JSON; what cannot be read is logged."""
+        try:
+            named = {int(number): str(name) for number, name in json.loads(text).items()}
+        except (ValueError, AttributeError, RecursionError) as error:
+            logger.warning("a simulator's categories cannot be read: %s", error_line(error))
+            return
         self._update(lambda _: {"categories": MappingProxyType(named)})
 
     def take_account(self, text: str) -> None:

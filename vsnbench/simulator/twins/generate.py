@@ -3,6 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 import shapely
@@ -38,6 +41,29 @@ _FLOORS = {  # rooms with tiles on the floor have them on the walls too
     RoomKind.BEDROOM: ("wood", "carpet", "wood"),
     RoomKind.SECOND_BEDROOM: ("carpet", "wood"),
 }
+
+
+class Split(StrEnum):
+    """What a generated site may be used for."""
+
+    TRAINING = "training"
+    VALIDATION = "validation"
+    TEST = "test"
+
+
+SEEDS: Final = MappingProxyType(
+    {
+        Split.TEST: range(1_000),
+        Split.VALIDATION: range(1_000, 2_000),
+        Split.TRAINING: range(10_000, 1_000_000),
+    }
+)
+"""Which seeds may be trained on, which only validated or tested on; those of no split are nobody's."""
+
+
+def split_of(seed: int) -> Split | None:
+    """Return the split that a seed belongs to."""
+    return next((split for split, seeds in SEEDS.items() if seed in seeds), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
