@@ -150,22 +150,11 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
         start(*vsnbench, "simulate", "--site", directory / "hall.yaml", "--robot", near, *how)
         if way == "ros1" or "beside" in way:
             start(*vsnbench, "discrete-move", "--robot", near)
-        reached = near
+        reached, server = near, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"
         if "wifi" in way:
-            start(
-                sys.executable,
-                RELAY,
-                profile,
-                "near",
-                "far",
-                DELAY_S,
-                JITTER_S,
-                *(["beside"] if "beside" in way else []),
-            )
+            start(sys.executable, RELAY, profile, DELAY_S, JITTER_S, server)
             reached = f"{profile}@far"
-        moved = drive(
-            load_profile(reached), setting, actions, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"
-        )
+        moved = drive(load_profile(reached), setting, actions, server)
         return {"way": way, "rate_hz": rate_hz, "lag_s": lag_s, "noise": noise, "actions": actions, **moved}
 
 

@@ -65,7 +65,9 @@ sys.stdout.write("up\n")
 sys.stdout.flush()
 while True:
     with changed:
-        changed.wait_for(lambda: waiting and waiting[0][0] <= time.monotonic(), 0.002 if waiting else None)
-        due = [heapq.heappop(waiting) for _ in range(len(waiting)) if waiting and waiting[0][0] <= time.monotonic()]
-    for _, _, publisher, data in due:
-        publisher.publish(data)
+        now_s = time.monotonic()
+        if not waiting or waiting[0][0] > now_s:
+            changed.wait(waiting[0][0] - now_s if waiting else None)
+            continue
+        _, _, publisher, data = heapq.heappop(waiting)
+    publisher.publish(data)

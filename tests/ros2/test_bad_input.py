@@ -24,7 +24,7 @@ main()
 
 
 PATIENCE_S = 6
-ROBOTS = {"deaf": ["--deaf"], "lasting": ["--lasting"], "stamped": ["--stamped"], "two": []}
+ROBOTS = {"deaf": ["--deaf"], "lasting": ["--lasting"], "stamped": ["--stamped"], "docked": ["--docked"], "two": []}
 """Namespaces, and what is wrong with the robot in each."""
 
 
@@ -44,11 +44,11 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
         robots.append(graph.start(ROBOT, "--namespace", "two", "--name", "second_robot"))
         ask = HERE / "nodes" / "refused.py"
         lost = graph.start(ask, str(PATIENCE_S), profile, ROS_DOMAIN_ID=str(elsewhere.number))
-        wait_until(lambda: all("up" in one.output for one in robots), "the robots are up")
+        wait_until(lambda: all("up" in one.output for one in robots), "the robots are up", 90)
         # A namespace goes with a profile's name, which here is its file's path.
         asked = graph.start(ask, str(PATIENCE_S), *(f"{profile}@{name}" for name in ROBOTS))
-        assert asked.wait(60) == 0, asked.output
-        assert lost.wait(60) == 0, lost.output
+        assert asked.wait(120) == 0, asked.output
+        assert lost.wait(120) == 0, lost.output
         elsewhere.close()
         assert not [one for one in robots if "moves" in one.output]
         yield dict(zip([*ROBOTS, "nowhere"], answers(asked) + answers(lost), strict=True))
@@ -77,6 +77,11 @@ def test_a_base_that_listens_to_the_other_type_is_refused_with_the_field_to_set(
     begins = f"/stamped/test_robot listens to {stamped} on /stamped/cmd_vel, the profile says geometry_msgs/msg/Twist ("
     assert said["stamped"].startswith(begins)
     assert said["stamped"].endswith(f": set interface.command_type to {stamped}")
+
+
+def test_a_robot_on_its_dock_is_refused_with_the_command_that_undocks_it(said) -> None:
+    assert said["docked"].startswith("the robot stands on its dock")
+    assert "vsnbench ros2 undock --robot test-base-2@docked, or push it off by hand" in said["docked"]
 
 
 def test_two_robots_in_one_namespace_are_refused(said) -> None:

@@ -41,6 +41,7 @@ def row(rig: Rig2, cause: str, stood_s: float | None, said: str) -> None:
         ("nan", "odometry is not finite", True),
         ("jump", "odometry jumped 1.5", True),
         ("bumper", "bumper", False),
+        ("cliff", "cliff (cliff_front_left)", False),
         ("stuck", "the base does not follow its commands", False),
     ],
 )

@@ -1,4 +1,4 @@
-"""`vsnbench ros2`: the ROS 2 nodes: a simulated robot to rehearse with, and discrete_move beside a base."""
+"""`vsnbench ros2`: the ROS 2 nodes: a simulated robot to rehearse with, discrete_move beside a base; and undocking."""
 
 from pathlib import Path
 from typing import Annotated
@@ -100,3 +100,30 @@ def discrete_move(
         f"carrying out movements for {names.discrete_move}",
         by_network_alone=True,
     )
+
+
+@app.command("undock")
+def undock(robot: RobotOption = "turtlebot4") -> None:
+    """Have a Create 3 leave its dock, through its maker's own action: it drives backwards and turns round.
+
+    It needs irobot_create_msgs, which comes with a distribution of ROS 2 and in no wheel.
+
+    [bold]Examples[/bold]
+
+        vsnbench ros2 undock --robot turtlebot4
+    """
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros2.interface import ros2_interface
+
+    names = ros2_interface(load_profile(robot))
+    require_ros2()
+    from vsnbench.ros2.docking import undock as leave_dock
+    from vsnbench.ros2.node import Ros2Node
+
+    node = Ros2Node("vsnbench_undock", names.root)
+    try:
+        leave_dock(node, names)
+    finally:
+        node.close()
+    typer.echo("the robot has left its dock")

@@ -16,7 +16,8 @@ from vsnbench.robots.image_checkup import image_results
 from vsnbench.robots.ros1_checkup import clock_results, judge_turn, rate_result
 from vsnbench.robots.ros_link import connect
 from vsnbench.robots.ros_start import Patience, wait_until_ready
-from vsnbench.ros2.installation import INSTALL, discovery, missing_packages
+from vsnbench.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
 from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 
 if TYPE_CHECKING:
@@ -49,14 +50,18 @@ def check_ros2_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[C
         yield CheckResult("node", Health.FAILED, error.statement, error.advice)
         return
     try:
+        dock = Dock(profile.name, names)
+        subscribe_dock(listener.node, names, dock)
         heard = listener.listen(LISTEN_S)
         others = sorted(set(listener.graph.nodes()) - {listener.node.full_name})
         yield _graph_result(others)
+        if not (others or any(listener.graph.publishers(topic) for topic in wanted)):
+            return
         yield from _command_results(names, listener)
         yield from _topic_results(profile, names, listener, wanted, heard)
         yield from image_results(profile, heard, message_of, names.image_turns)
         yield from clock_results(profile, heard, frozenset(others))
-        yield from _base_results(names, listener, heard)
+        yield from _base_results(names, listener, heard, dock)
         yield _mover_result(profile, names, listener)
     finally:
         listener.close()
@@ -85,8 +90,7 @@ def _graph_result(others: list[str]) -> CheckResult:
 
 
 def _command_results(names: Ros2Interface, listener: TopicListener) -> Iterator[CheckResult]:
-    from vsnbench.ros2.graph import incompatibility
-    from vsnbench.ros2.graph_check import command_fault, listeners
+    from vsnbench.ros2.graph_check import command_fault, incompatibility, listeners
     from vsnbench.ros2.messages import COMMAND_CLASSES
     from vsnbench.ros2.node import RELIABLE
 
@@ -147,12 +151,13 @@ def _topic_results(
             yield CheckResult(topic, Health.OK, kind)
 
 
-def _base_results(names: Ros2Interface, listener: TopicListener, heard: dict[str, Heard]) -> Iterator[CheckResult]:
+def _base_results(
+    names: Ros2Interface, listener: TopicListener, heard: dict[str, Heard], dock: Dock
+) -> Iterator[CheckResult]:
     """Say what the base can say of contacts, its battery and its dock."""
-    from vsnbench.ros2.hazard_events import irobot_message
     from vsnbench.ros2.topic_listener import message_of
 
-    if names.hazards and irobot_message("HazardDetectionVector") is None:
+    if names.hazards and irobot_type("msg", "HazardDetectionVector") is None:
         yield CheckResult(
             names.hazards,
             Health.WARNING,
@@ -165,14 +170,17 @@ def _base_results(names: Ros2Interface, listener: TopicListener, heard: dict[str
     if names.battery and heard[names.battery].messages:
         state = message_of("sensor_msgs/BatteryState", heard[names.battery].messages[-1])
         share = f"{state.percentage:.0%}" if state.percentage == state.percentage else f"{state.voltage:.1f} V"
-        undock = "ros2 action send_goal /undock irobot_create_msgs/action/Undock '{}'"
-        if state.power_supply_status == state.POWER_SUPPLY_STATUS_CHARGING:
-            advice = f"a docked base does not turn: undock it ({undock}), or push it off"
+        if dock.is_charging and dock.is_docked is None:
+            advice = f"a docked base does not turn: {dock.advice}"
             yield CheckResult("battery", Health.WARNING, f"{share}, charging: is it on its dock?", advice)
         elif state.percentage < _LOW_BATTERY:
             yield CheckResult("battery", Health.WARNING, share, "charge it before a session")
         else:
             yield CheckResult("battery", Health.OK, share)
+    if dock.fault is not None:
+        yield CheckResult("dock", Health.FAILED, dock.fault.statement, dock.advice)
+    elif dock.is_docked is not None:
+        yield CheckResult("dock", Health.OK, "the robot is off it")
 
 
 def _mover_result(profile: RobotProfile, names: Ros2Interface, listener: TopicListener) -> CheckResult:

@@ -1,17 +1,9 @@
 """Asks the ROS 2 graph who publishes and listens; imported only where ROS 2 is installed."""
 
-from collections.abc import Sequence
 from typing import Any
 
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
-
-from vsnbench.errors import RobotError
 from vsnbench.ros2.graph_check import Endpoint
 from vsnbench.ros2.node import Ros2Node
-
-_RELIABLE, _LASTING = QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL
-_FOR_EVER_NS = 365 * 24 * 3600 * 10**9
-"""A duration beyond it is how the middleware says that there is none."""
 
 
 class Graph:
@@ -48,34 +40,6 @@ class Graph:
             self._labels[gid] = f"{name} (no. {taken + 1})" if taken else name
             others.append(self._labels[gid])
         return self._labels[gid]
-
-
-def incompatibility(publisher: QoSProfile, listeners: Sequence[Endpoint]) -> RobotError | None:
-    """Return the listener that will never hear a publisher, and why; None when all do."""
-    for one in listeners:
-        asks = one.qos
-        unmet = [
-            what
-            for what, fails in (
-                ("reliable", asks.reliability == _RELIABLE and publisher.reliability != _RELIABLE),
-                ("transient local", asks.durability == _LASTING and publisher.durability != _LASTING),
-                ("a deadline", 0 < asks.deadline.nanoseconds < _FOR_EVER_NS),
-                ("a lease of liveliness", 0 < asks.liveliness_lease_duration.nanoseconds < _FOR_EVER_NS),
-            )
-            if fails
-        ]
-        if unmet:
-            return RobotError(
-                f"{one.node} asks for {' and '.join(unmet)} and would never hear what is sent {words(publisher)}",
-                advice="set its quality of service to what drivers use, best effort and volatile",
-            )
-    return None
-
-
-def words(qos: QoSProfile) -> str:
-    """Return a quality of service in the words of ROS."""
-    reliable = "reliable" if qos.reliability == _RELIABLE else "best effort"
-    return f"{reliable} and {'transient local' if qos.durability == _LASTING else 'volatile'}"
 
 
 def _endpoint(info: Any) -> Endpoint:

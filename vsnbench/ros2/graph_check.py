@@ -11,6 +11,9 @@ from vsnbench.errors import RobotError
 
 OURS = ("vsnbench", "vsnbench_doctor", "discrete_move", "simulated_robot")
 """Names of our own nodes, with a number behind them or without."""
+_RELIABLE, _LASTING = "RELIABLE", "TRANSIENT_LOCAL"
+_FOR_EVER_NS = 365 * 24 * 3600 * 10**9
+"""A duration beyond it is how the middleware says that there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +91,35 @@ def hash_fault(topic: str, ours: str, theirs: Sequence[Endpoint]) -> str:
         if ours and one.type_hash and one.type_hash != ours:
             return f"{topic}: {one.node} has another definition of {one.type_name} than this machine"
     return ""
+
+
+def incompatibility(publisher: Any, listeners: Sequence[Endpoint]) -> RobotError | None:
+    """Return the listener that will never hear a publisher, and why; None when all do."""
+    for one in listeners:
+        asks = one.qos
+        unmet = [
+            what
+            for what, fails in (
+                ("reliable", _is(asks.reliability, _RELIABLE) and not _is(publisher.reliability, _RELIABLE)),
+                ("transient local", _is(asks.durability, _LASTING) and not _is(publisher.durability, _LASTING)),
+                ("a deadline", 0 < asks.deadline.nanoseconds < _FOR_EVER_NS),
+                ("a lease of liveliness", 0 < asks.liveliness_lease_duration.nanoseconds < _FOR_EVER_NS),
+            )
+            if fails
+        ]
+        if unmet:
+            return RobotError(
+                f"{one.node} asks for {' and '.join(unmet)} and would never hear what is sent {words(publisher)}",
+                advice="set its quality of service to what drivers use, best effort and volatile",
+            )
+    return None
+
+
+def words(qos: Any) -> str:
+    """Return a quality of service in the words of ROS."""
+    reliable = "reliable" if _is(qos.reliability, _RELIABLE) else "best effort"
+    return f"{reliable} and {'transient local' if _is(qos.durability, _LASTING) else 'volatile'}"
+
+
+def _is(policy: Any, name: str) -> bool:
+    return bool(policy.name == name)

@@ -4,12 +4,12 @@ Imported only where ROS 2 is installed. `irobot_create_msgs` comes with the robo
 without it a collision of a Create 3 is a person's word.
 """
 
-import importlib
 from collections.abc import Callable
 from typing import Any
 
 from std_msgs.msg import Bool
 
+from vsnbench.ros2.installation import irobot_type
 from vsnbench.ros2.interface import Ros2Interface
 from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
 from vsnbench.sensing.discrete_mover import Hazard
@@ -21,14 +21,6 @@ HAZARDS_OF_A_CREATE3 = {1: Hazard.BUMPER, 2: Hazard.CLIFF, 4: Hazard.WHEEL_DROP}
 """HazardDetection.type by its number; the others (backup limit, stall, proximity) are no contact and no drop."""
 
 
-def irobot_message(name: str) -> Any:
-    """Return a message class of irobot_create_msgs; None where the package is not on this machine."""
-    try:
-        return getattr(importlib.import_module("irobot_create_msgs.msg"), name)
-    except (ImportError, AttributeError):
-        return None
-
-
 def subscribe_hazards(node: Ros2Node, names: Ros2Interface, take: TakeHazard) -> list[str]:
     """Report every event to `take`; returns the topics that cannot be listened to for want of their type."""
     unheard = []
@@ -37,7 +29,7 @@ def subscribe_hazards(node: Ros2Node, names: Ros2Interface, take: TakeHazard) ->
             Bool, names.bumper, lambda message: take(Hazard.BUMPER, 0, bool(message.data), "somewhere"), SENSOR_DATA
         )
     if names.hazards:
-        vector = irobot_message("HazardDetectionVector")
+        vector = irobot_type("msg", "HazardDetectionVector")
         if vector is None:
             unheard.append(names.hazards)
         else:

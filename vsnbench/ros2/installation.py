@@ -6,6 +6,7 @@ Where a distribution's rclpy comes first on the path (a sourced /opt/ros/...), t
 import importlib
 import importlib.util
 import os
+from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.ros_generation import RosGeneration, speak
@@ -55,6 +56,17 @@ def discovery() -> str:
     reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
     server = os.environ.get("ROS_DISCOVERY_SERVER", "")
     return f"domain {domain}, {f'discovery server {server}' if server else f'discovery range {reach}'}"
+
+
+def irobot_type(kind: str, name: str) -> Any:
+    """Return a type of irobot_create_msgs, a `msg` or an `action`; None where the package is not on this machine.
+
+    It comes with a distribution (`ros-<distro>-irobot-create-msgs`, sourced) and in no wheel.
+    """
+    try:
+        return getattr(importlib.import_module(f"irobot_create_msgs.{kind}"), name)
+    except (ImportError, AttributeError):
+        return None
 
 
 def _is_there(name: str) -> bool:

@@ -33,6 +33,7 @@ class Ros2Interface(Interface):
     bumper: RosName = Field(default="", description="std_msgs/msg/Bool, true while pressed")
     battery: RosName = Field(default="", description="sensor_msgs/msg/BatteryState")
     dock: RosName = Field(default="", description="irobot_create_msgs/msg/DockStatus")
+    undock: RosName = Field(default="", description="action irobot_create_msgs/action/Undock")
     discrete_move: RosName = Field(
         default="discrete_move", description="of the node beside the base; without one this process steers"
     )
@@ -60,7 +61,7 @@ class Ros2Interface(Interface):
 
 _PARTS = (
     *("command", "odometry", "color", "color_info", "depth", "depth_info", "hazards", "bumper", "battery", "dock"),
-    "discrete_move",
+    *("undock", "discrete_move"),
 )
 
 

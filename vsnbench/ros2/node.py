@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 
 from vsnbench.end_signals import EndAsked
 from vsnbench.errors import RobotError
@@ -115,6 +116,15 @@ class Ros2Node:
         give_up_s = time.monotonic() + give_up_wall_s
         while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
             time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
+
+    def text_publisher(self, topic: str) -> Callable[[str], None]:
+        """Return what publishes a text as std_msgs/String, reliably."""
+        publisher = self.rclpy.create_publisher(String, topic, RELIABLE)
+        return lambda text: publisher.publish(String(data=text))
+
+    def listen_to_texts(self, topic: str, take: Callable[[str], None]) -> None:
+        """Hand every std_msgs/String of a topic to `take`."""
+        self.rclpy.create_subscription(String, topic, lambda message: take(message.data), RELIABLE)
 
     def stamp(self) -> Any:
         """Return the present as messages carry it."""

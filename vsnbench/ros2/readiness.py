@@ -44,13 +44,18 @@ def missing_part(link: "RobotLink", warned: set[str]) -> RobotError | None:
             return _silence(link, "image", topic, "sensor_msgs/msg/Image", "the camera's driver")
     if now.simulation is None and link.graph.publishers(names.resolve(ACCOUNT.lstrip("/"))):
         return RobotError("a simulator plays the robot and has not said yet what it plays")
+    if fault := link.dock.fault:
+        return fault
     if now.simulation is None:
-        _say_once(warned, link.unheard)
+        _say_once(warned, link)
     return link.choose_server()
 
 
-def _say_once(warned: set[str], unheard: list[str]) -> None:
-    for topic in unheard:
+def _say_once(warned: set[str], link: "RobotLink") -> None:
+    if link.dock.doubt and "dock" not in warned:
+        warned.add("dock")
+        logger.warning("%s", link.dock.doubt)
+    for topic in link.unheard:
         if topic not in warned:
             warned.add(topic)
             logger.warning(

@@ -20,6 +20,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import ROS2
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import Graph
 from vsnbench.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros2.interface import ros2_interface
@@ -213,6 +214,8 @@ class RobotLink:
             self._subscribe_image(names.depth, "depths", names.depth_frames + 2)
         listen(String, self._own(ACCOUNT), lambda message: self._reports.take_account(message.data), LATCHED)
         self.unheard = subscribe_hazards(self.node, names, self._on_hazard)
+        self.dock = Dock(self.profile_name, names)
+        subscribe_dock(self.node, names, self.dock)
 
     def _subscribe_image(self, topic: str, field: str, most: int) -> None:
         def on_image(data: bytes, info: Any) -> None:

@@ -24,6 +24,8 @@ CLASSES: Mapping[str, Any] = {
     "sensor_msgs/msg/BatteryState": BatteryState,
 }
 _KEEP = 12
+_CONNECTING_S = 1.5
+"""With the time of listening, what the graph may take to be discovered (`readiness`)."""
 
 
 class TopicListener:
@@ -39,7 +41,7 @@ class TopicListener:
 
     def listen(self, seconds: float) -> dict[str, Heard]:
         """Wait, and return what has come on each topic since the graph was discovered."""
-        time.sleep(1.0)
+        time.sleep(_CONNECTING_S)
         with self._lock:
             for topic in self._heard:
                 self._heard[topic] = Heard()

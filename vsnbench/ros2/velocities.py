@@ -9,8 +9,8 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.motion.controller import Command
-from vsnbench.ros2.graph import Graph, incompatibility
-from vsnbench.ros2.graph_check import command_fault, listeners
+from vsnbench.ros2.graph import Graph
+from vsnbench.ros2.graph_check import command_fault, incompatibility, listeners
 from vsnbench.ros2.interface import Ros2Interface
 from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
 from vsnbench.ros2.node import RELIABLE, SENSOR_DATA, Ros2Node

@@ -116,7 +116,8 @@ class RobotPlayer:
         ]
 
     def start(self) -> None:
-        """Let time pass."""
+        """Let time pass, once a first picture was taken: where nothing is compiled yet, that takes seconds."""
+        self._picture()
         for thread in self._threads:
             thread.start()
 

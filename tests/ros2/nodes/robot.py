@@ -1,8 +1,8 @@
 """A base and a camera over ROS 2 that do what lines on stdin tell them to; says on stdout when it moves or stands.
 
-Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `release`, `timeout S`. Camera: `blind`, `small`, `past`. Either:
-`good`. Arguments: `--stamped` listens to TwistStamped, `--lasting` asks for velocities that last, `--deaf` listens
-to none; `--namespace NAME`, and `--name NAME` for a second one in it.
+Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`.
+Either: `good`. Arguments: `--stamped` listens to TwistStamped, `--lasting` asks for velocities that last, `--deaf`
+listens to none, `--docked` stands on its dock; `--namespace NAME`, and `--name NAME` for a second one in it.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from vsnbench.ros2.installation import require_ros2
 
 require_ros2()
 from geometry_msgs.msg import Twist, TwistStamped
+from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, hazard_vector
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 from std_msgs.msg import Bool
@@ -30,6 +31,7 @@ options = argparse.ArgumentParser()
 options.add_argument("--stamped", action="store_true")
 options.add_argument("--lasting", action="store_true")
 options.add_argument("--deaf", action="store_true")
+options.add_argument("--docked", action="store_true")
 options.add_argument("--name", default="test_robot")
 options.add_argument("--namespace", default="")
 chosen = options.parse_args()
@@ -37,6 +39,8 @@ node = Ros2Node(chosen.name, chosen.namespace)
 make = node.rclpy
 odometry = make.create_publisher(Odometry, "odom", SENSOR_DATA)
 bumper = make.create_publisher(Bool, "bumper", SENSOR_DATA)
+hazards = make.create_publisher(HazardDetectionVector, "hazard_detection", SENSOR_DATA)
+dock = make.create_publisher(DockStatus, "dock_status", SENSOR_DATA)
 color = make.create_publisher(Image, "camera/color/image_raw", SENSOR_DATA)
 depth = make.create_publisher(Image, "camera/depth/image_raw", SENSOR_DATA)
 heard: queue.SimpleQueue = queue.SimpleQueue()
@@ -60,6 +64,9 @@ while True:
         word, *rest = told.get()
         if word in ("bumper", "release"):
             bumper.publish(Bool(data=word == "bumper"))
+            hazards.publish(hazard_vector())
+        elif word == "cliff":
+            hazards.publish(hazard_vector((2, "cliff_front_left")))
         elif word == "jump":
             offset_m += 1.5
         elif word == "timeout":
@@ -88,6 +95,7 @@ while True:
         if fault == "nan":
             message.pose.pose.position.x = math.nan
         odometry.publish(message)
+        dock.publish(DockStatus(data=chosen.docked))
     if now >= camera_due and fault != "blind":
         camera_due = max(camera_due + 1 / 30, now)
         taken_s = stamp_s - 3600 if fault == "past" else stamp_s

@@ -1,0 +1,1 @@
+"""Stands in for a package that comes with a robot's distribution and in no wheel."""
