@@ -1,4 +1,6 @@
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ SWEEP = ("run", "--model", "forward,random", "--seeds", "0-1", "--goal", "chair"
 def test_a_sweep_is_run_reported_and_gone_on_with_like_any_run(tmp_path: Path) -> None:
     first = vsnbench(tmp_path, *SWEEP, "--starts", "1")
     assert first.returncode == 0, first.stderr
-    assert "4 campaigns, up to 4 trials: about 36 s on 1 worker, at 3 s a trial, a guess" in first.stderr
+    assert "4 campaigns, up to 4 trials: about 24 s on 1 worker, at 3 s a trial, a guess" in first.stderr
     assert "all 4 trials are done" in first.stderr
     more = vsnbench(tmp_path, *SWEEP, "--starts", "1-2")
     assert "up to 8 trials, 4 of them done" in more.stderr
@@ -23,13 +25,29 @@ def test_a_sweep_is_run_reported_and_gone_on_with_like_any_run(tmp_path: Path) -
     assert [(model["model"], model["seeds"]) for model in models] == [("forward", [0, 1]), ("random", [0, 1])]
 
 
+def test_the_workers_of_a_sweep_stay_from_campaign_to_campaign(tmp_path: Path) -> None:
+    words = ("--model", "forward,random", "--goal", "chair", "--starts", "1-2", "--max-steps", "2", "--workers", "2")
+    done = vsnbench(tmp_path, "run", *words)
+    assert done.returncode == 0, done.stderr
+    query = """
+        SELECT c.id, p.pid FROM episode e JOIN process p ON p.id = e.process_id
+        JOIN trial t ON t.id = e.trial_id JOIN campaign c ON c.id = t.campaign_id WHERE e.state = 'judged'
+    """
+    with closing(sqlite3.connect(tmp_path / "vsnbench.db")) as connection:
+        ran = connection.execute(query).fetchall()
+        processes = {pid for (pid,) in connection.execute("SELECT pid FROM process")}
+    assert sorted(campaign for campaign, _ in ran) == [1, 1, 2, 2]
+    assert len({pid for _, pid in ran}) <= 2
+    assert len(processes) <= 3, "the driver and two workers"
+
+
 def test_a_long_sweep_is_asked_for_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     asked: list[str] = []
     monkeypatch.setattr("typer.confirm", lambda words, **_: asked.append(words))
     done = vsnbench(tmp_path, "run", "--model", "forward", "--seeds", "0-999", "--goal", "all", "--workers", "1")
     assert (asked, done.returncode) == (["Start?"], 1)
-    assert "1,000 campaigns, up to 105,000 trials: about 89 h on 1 worker" in done.stderr
+    assert "1,000 campaigns, up to 105,000 trials: about 88 h on 1 worker" in done.stderr
     assert "nothing was run" in done.stderr
     assert not (tmp_path / "vsnbench.db").exists()
 

@@ -9,7 +9,7 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.launch import RunRequest
 from vsnbench.runner.pool.capacity import WorkersAsked
 from vsnbench.runner.selection import named_site
-from vsnbench.runner.sweep import STARTUP_S, UNKNOWN_PACE_S, cost_of, plan_sweep, read_sites
+from vsnbench.runner.sweep import NEXT_STARTUP_S, STARTUP_S, UNKNOWN_PACE_S, cost_of, plan_sweep, read_sites
 
 REQUEST = RunRequest("forward", ("chair",), ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkersAsked(2))
 
@@ -72,8 +72,8 @@ def test_what_it_costs_comes_from_the_records_own_pace_and_leaves_out_what_is_do
     sweep = plan_sweep(REQUEST, "forward,random", "0-1", None)
     guessed = cost_of(sweep, NO_PACE)
     assert (guessed.campaigns, guessed.trials, guessed.done, guessed.known_from) == (4, 60, 0, 0)
-    assert math.isclose(guessed.seconds, 60 * UNKNOWN_PACE_S / 2 + 4 * STARTUP_S)
+    assert math.isclose(guessed.seconds, 60 * UNKNOWN_PACE_S / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
     pace = Pace({"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0): 15})
     known = cost_of(sweep, pace)
     assert (known.trials, known.done, known.known_from) == (60, 15, 40)
-    assert math.isclose(known.seconds, (15 * 1.0 + 30 * 5.0) / 2 + 4 * STARTUP_S)
+    assert math.isclose(known.seconds, (15 * 1.0 + 30 * 5.0) / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)

@@ -31,7 +31,7 @@ from vsnbench.runner.pool.capacity import ClusterWish, Wish, WorkersAsked, wish_
 from vsnbench.runner.pool.cluster import RayTasks
 from vsnbench.runner.pool.contract import TrialPool
 from vsnbench.runner.pool.handing_out import hand_out
-from vsnbench.runner.pool.local import LocalPool
+from vsnbench.runner.pool.local import LocalPool, SharedWorkers
 from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
@@ -98,13 +98,19 @@ class Launched:
     result: SessionResult
 
 
-def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | None = None) -> Launched:
+def launch(
+    request: RunRequest,
+    attendance: Attendance,
+    viewer: EpisodeViewer | None = None,
+    shared: SharedWorkers | None = None,
+) -> Launched:
     """Run the trials of the campaign that are left.
 
     Args:
         request: what was asked for.
         attendance: finds whoever stands beside the robot.
         viewer: whoever shows or copies the episodes, where copies are kept.
+        shared: workers that other campaigns are run with too.
 
     Raises:
         UsageError: something named does not exist or does not fit together; nothing was written.
@@ -124,7 +130,7 @@ def launch(request: RunRequest, attendance: Attendance, viewer: EpisodeViewer | 
     live = viewer is not None and viewer.is_live
     wish = wish_of(request.workers, bench, trials, live=live, attended=request.attended)
     with ExitStack() as stack:
-        crew = stack.enter_context(open_crew(bench, wish))
+        crew = stack.enter_context(open_crew(bench, wish, shared))
         described = crew.description
         tell_of_stand_in(described)
         profile = described.robot.profile
@@ -234,8 +240,13 @@ class Crew(Protocol):
 
 
 @contextmanager
-def open_crew(plan: BenchPlan, wish: Wish | ClusterWish) -> Iterator[Crew]:
+def open_crew(plan: BenchPlan, wish: Wish | ClusterWish, shared: SharedWorkers | None = None) -> Iterator[Crew]:
     """Make the bench here for one, start workers for more, or have a cluster's.
+
+    Args:
+        plan: what every trial is run with.
+        wish: how many run trials, and where.
+        shared: workers of this machine that may be there already, and stay; others end with the crew.
 
     Raises:
         UsageError: something named does not exist, does not fit together, or does not fit into memory.
@@ -247,6 +258,9 @@ def open_crew(plan: BenchPlan, wish: Wish | ClusterWish) -> Iterator[Crew]:
     elif wish.at_most == 1:
         with open_bench(plan) as bench:
             yield _Alone(plan, bench)
+    elif shared is not None:
+        with shared.made_ready(plan, wish) as local:
+            yield _Several(plan, local)
     else:
         with LocalPool(plan, wish) as local:
             yield _Several(plan, local)

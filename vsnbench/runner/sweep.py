@@ -16,6 +16,7 @@ from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.attendant import Attendant, Overview
 from vsnbench.runner.launch import DEFAULT_SITE, Launched, RunRequest, launch
 from vsnbench.runner.pool.capacity import Capacity
+from vsnbench.runner.pool.local import SharedWorkers
 from vsnbench.runner.selection import TWIN, choose_starts, most_goals, named_goals, named_site, read_numbers
 
 logger = logging.getLogger(__name__)
@@ -25,7 +26,9 @@ TWINS = "twins:"
 UNKNOWN_PACE_S = 3.0
 """What a trial is taken to need while the record knows of none: the embedded models need 1 to 3 s."""
 STARTUP_S = 6.0
-"""What a campaign needs before its first trial."""
+"""What the first campaign needs before its first trial; the workers of the others are there."""
+NEXT_STARTUP_S = 2.0
+"""What every other one needs."""
 MOST_CAMPAIGNS = 100_000
 
 
@@ -150,26 +153,29 @@ def cost_of(sweep: Sweep, pace: Pace) -> Cost:
         known = max(known, episodes)
         seconds += (trials - has) * mean_s
     workers = sweep.requests[0].workers.count or Capacity.of_this_machine().cores
-    starting_s = STARTUP_S * len(sweep.requests)
+    starting_s = STARTUP_S + NEXT_STARTUP_S * (len(sweep.requests) - 1)
     return Cost(len(sweep.requests), left + done, done, seconds / workers + starting_s, workers, known)
 
 
 def run_sweep(sweep: Sweep, attendance: Attendance, viewer: EpisodeViewer | None = None) -> Iterator[Swept]:
     """Run one campaign after another, and yield what became of each; one that cannot be run holds up no other.
 
+    Workers of this machine stay from campaign to campaign: they are told to make the next one's bench.
+
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
     total, before = sum(sweep.trials), 0
-    for place, (request, trials) in enumerate(zip(sweep.requests, sweep.trials, strict=True), start=1):
-        label = f"{place}/{len(sweep.requests)} seed {request.seed}"
-        beside = _OfSweep(attendance, label, before, total)
-        try:
-            yield Swept(request, launch(request, beside, viewer))
-        except VsnbenchError as error:
-            logger.warning("%s in %s with seed %d: %s", request.model, request.site, request.seed, error)
-            yield Swept(request, None, str(error))
-        before += trials
+    with SharedWorkers() as shared:
+        for place, (request, trials) in enumerate(zip(sweep.requests, sweep.trials, strict=True), start=1):
+            label = f"{place}/{len(sweep.requests)} seed {request.seed}"
+            beside = _OfSweep(attendance, label, before, total)
+            try:
+                yield Swept(request, launch(request, beside, viewer, shared))
+            except VsnbenchError as error:
+                logger.warning("%s in %s with seed %d: %s", request.model, request.site, request.seed, error)
+                yield Swept(request, None, str(error))
+            before += trials
 
 
 @dataclass(frozen=True, slots=True)

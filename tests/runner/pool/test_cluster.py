@@ -65,8 +65,16 @@ def test_who_never_answers_is_waited_for_no_longer_than_the_deadline(monkeypatch
             r"does not know this \$RAY_AUTH_TOKEN .*; see docs/scale.md",
         ),
         (
-            RuntimeError("Version mismatch: the cluster has 2.40"),
-            r"another version .* 2\.40; install the cluster's here",
+            RuntimeError(
+                "Version mismatch: The cluster was started with: Ray: 2.48.0 Python: 3.11.7 This process has 2.60"
+            ),
+            r"another version .* has 2\.60; install the cluster's here: pip install 'ray\[client\]==2\.48\.0'",
+        ),
+        (
+            ConnectionError(
+                "Initialization failure: Traceback: RuntimeError: Starting Ray client server failed. See x"
+            ),
+            r"could not start a client server in time; try again",
         ),
         (ValueError("what\nelse"), r"ray://head:10001: what else; see docs/scale\.md"),
     ],

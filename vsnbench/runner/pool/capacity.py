@@ -125,7 +125,7 @@ def chosen(wish: Wish, capacity: Capacity, measured: Prepared) -> int:
         return wish.at_most
     if wish.asked_for:
         raise UsageError(
-            f"--workers {wish.at_most}: one takes about {one_bytes / GIB:.1f} GiB and {capacity.free_bytes / GIB:.1f} "
+            f"{wish.at_most} workers: one takes about {one_bytes / GIB:.1f} GiB and {capacity.free_bytes / GIB:.1f} "
             f"GiB are free, which holds {held}",
             advice=f"give --workers {held}, or leave it out",
         )

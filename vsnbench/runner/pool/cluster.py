@@ -7,6 +7,7 @@ neither this machine's files nor its database.
 import importlib.util
 import logging
 import math
+import re
 import shlex
 import socket
 import sys
@@ -34,6 +35,8 @@ KNOCK_TIMEOUT_S = 5.0
 CONNECT_TIMEOUT_S = 60.0
 FIRST_BENCH_TIMEOUT_S = 300.0
 """How long the first worker may take: its node may have to be started, and load a large checkpoint."""
+_SERVER_FAILED = "Starting Ray client server failed"
+"""Ray's own words, in the midst of a traceback."""
 RETRIES = 3
 """How often Ray itself runs a task again whose node or process is gone."""
 
@@ -219,15 +222,21 @@ def _connected(address: ClusterAddress) -> Any:
 def _refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:
     """Return what kept Ray from connecting, with what to do about it."""
     words = error_line(error, named=False)
+    if isinstance(error, ConnectionError) and _SERVER_FAILED in words:
+        return VsnbenchError(
+            f"--cluster {address}: the head node could not start a client server in time",
+            advice="try again when it has less to do; its logs say why (ray_client_server_*.err)",
+        )
     if isinstance(error, ConnectionError):  # a wrong token reads like silence
         return VsnbenchError(
             f"--cluster {address}: it does not answer, or does not know this $RAY_AUTH_TOKEN ({words})",
             advice="see docs/scale.md for the token",
         )
     if "version" in words.lower():
+        there = re.search(r"started with:\s*Ray: ([\w.]+)", words)
         return VsnbenchError(
             f"--cluster {address}: another version of Ray or Python is there: {words}",
-            advice="install the cluster's here: pip install 'ray[client]==...'",
+            advice=f"install the cluster's here: pip install 'ray[client]=={there[1] if there else '...'}'",
         )
     return VsnbenchError(f"--cluster {address}: {words}", advice="see docs/scale.md")
 

@@ -8,7 +8,8 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Self
@@ -87,21 +88,34 @@ class LocalPool:
     """Workers on this machine; a context manager that leaves none behind."""
 
     def __init__(self, plan: BenchPlan, wish: Wish) -> None:
-        """Start the workers, and find out how many the machine holds.
+        """Start the workers, and find out how many the machine holds; arguments and errors as for `prepare`."""
+        self._workers: list[LocalWorker] = []
+        self._events: deque[PoolEvent] = deque()
+        self._capacity = Capacity.of_this_machine()
+        self.prepare(plan, wish)
+
+    def prepare(self, plan: BenchPlan, wish: Wish) -> None:
+        """Have the workers make a bench, and be as many as are wanted; those that are there make another one.
+
+        Args:
+            plan: what the next trials are run with; none is being run now.
+            wish: how many workers somebody wants.
 
         Raises:
-            UsageError: more were asked for than its memory holds, or the plan does not fit together.
+            UsageError: more were asked for than the machine's memory holds, or the plan does not fit together.
             VsnbenchError: the bench cannot be made.
         """
         self._order = Prepare(plan, tuple(sys.argv))
-        self._workers: list[LocalWorker] = []
-        self._events: deque[PoolEvent] = deque()
-        capacity = Capacity.of_this_machine()
+        capacity = self._capacity
         try:
-            self._start(capacity.at_first(wish, plan.model_options.get("device")))
+            for worker in self._workers:
+                worker.prepared = None
+                worker.tell(self._order)
+            self._start(capacity.at_first(wish, plan.model_options.get("device")) - len(self._workers))
             first = self._await_first()
             self._description = first.description
             self._count = chosen(wish, capacity, first)
+            self._workers.sort(key=lambda worker: worker.prepared is None)  # who is ready stays
             for surplus in self._workers[self._count :]:
                 surplus.bury()
             del self._workers[self._count :]
@@ -226,6 +240,45 @@ class LocalPool:
         self._workers.remove(worker)
         self._events.append(WorkerLost(worker.trial, how))
         self._start(1)
+
+
+class SharedWorkers:
+    """Workers of this machine that run one campaign after another; a context manager that leaves none behind."""
+
+    def __init__(self) -> None:
+        self._pool: LocalPool | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End them."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.kill()
+
+    @contextmanager
+    def made_ready(self, plan: BenchPlan, wish: Wish) -> Iterator[LocalPool]:
+        """Have them ready for a campaign; after any error nobody goes on with them.
+
+        Raises:
+            UsageError: more were asked for than memory holds, or the plan does not fit together.
+            VsnbenchError: the bench cannot be made.
+        """
+        try:
+            if self._pool is None:
+                self._pool = LocalPool(plan, wish)
+            else:
+                self._pool.prepare(plan, wish)
+            yield self._pool
+        except BaseException:
+            self.close()
+            raise
 
 
 def _still_talks(connection: "Connection[Order, Report]") -> bool:
