@@ -14,6 +14,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -94,6 +96,16 @@ class Driver:
         return line.strip()
 
 
+@contextmanager
+def earlier_tree(commit: str, tree: Path) -> Iterator[Path]:
+    """Have the files of a commit in a directory for a while."""
+    subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", "-q", tree, commit], check=True)
+    try:
+        yield tree
+    finally:
+        subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", tree], check=True)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -102,19 +114,14 @@ def main() -> None:
     parser.add_argument("--actions", type=int, default=100, help="of one round")
     parser.add_argument("--camera", default="", help="WIDTHxHEIGHT that this tree draws in place of the whole picture")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as directory:
-        tree = Path(directory) / "base"
-        subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", "-q", tree, arguments.base], check=True)
-        try:
-            lean = bool(arguments.camera)
-            robot = f"simulated:turtlebot2@{arguments.camera}" if lean else "simulated"
-            base = Driver(tree, "simulated", arguments.actions, lean=False)
-            here = Driver(ROOT, robot, arguments.actions, lean=lean)
-            rates = [(base.rate(), here.rate()) for _ in range(arguments.rounds)]
-            base.close()
-            here.close()
-        finally:
-            subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", tree], check=True)
+    with tempfile.TemporaryDirectory() as directory, earlier_tree(arguments.base, Path(directory) / "base") as tree:
+        lean = bool(arguments.camera)
+        robot = f"simulated:turtlebot2@{arguments.camera}" if lean else "simulated"
+        base = Driver(tree, "simulated", arguments.actions, lean=False)
+        here = Driver(ROOT, robot, arguments.actions, lean=lean)
+        rates = [(base.rate(), here.rate()) for _ in range(arguments.rounds)]
+        base.close()
+        here.close()
     before, after = (statistics.median(column) for column in zip(*rates, strict=True))
     ratios = [new / old for old, new in rates]
     print(

@@ -3,26 +3,37 @@
 Drives the same random actions twice in one process: bare (observe at 640x480 RGB-D, guard, execute) and as a whole
 recorded run (database, image files, Rerun). Prints actions per second, their ratio, and where the time goes.
 
-    python benchmarks/throughput.py [--episodes 6]
+    python benchmarks/throughput.py [--episodes 6] [--record lean]
+
+With a camera's size, the recorded run draws only that, for a model that reads RGB, beside the bare loop of an earlier
+commit at 640x480 with everything drawn:
+
+    python benchmarks/throughput.py --record numbers --camera 256x256 --base 56931d3
 """
 
 import argparse
+import statistics
 import tempfile
 import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from single_core import Driver, earlier_tree
+
+from vsnbench.compute_threads import compute_with_one_thread
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, trial_seed
 from vsnbench.database.journal import Journal
 from vsnbench.models.random_walk import RandomWalk
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, load_site
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.record.results import Kept, ResultsDirectory
+from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.registry import open_robot
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
 from vsnbench.runner.depth_guard import look_ahead
@@ -34,6 +45,7 @@ from vsnbench.runner.stopping import Stopping
 from vsnbench.viewer.live import RerunEpisodes
 
 START = 5
+ROUNDS = 5
 PARAMETERS = ProtocolParameters(max_actions=60)
 
 
@@ -106,7 +118,7 @@ def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
     return tally
 
 
-def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: Path) -> Tally:
+def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kept: Kept) -> Tally:
     """Run the same episodes as `vsnbench run` does."""
     tally = Tally()
     results = ResultsDirectory.locate(directory)
@@ -121,7 +133,8 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
     )
     with Journal.open(results.database_url) as journal, Stopping() as stop:
         campaign = journal.find_or_create_campaign(plan)
-        target = RecordingTarget(journal, results, "wanderer", robot.profile, RerunEpisodes(live=False))
+        viewer = RerunEpisodes(live=False) if kept is Kept.FULL else None
+        target = RecordingTarget(journal, results, "wanderer", robot.identity.profile, viewer, kept=kept)
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
         run_session(journal, campaign, site, PARAMETERS, robot, Wanderer(), recorder, Counting(tally), stop)
@@ -129,22 +142,49 @@ def drive_recorded(robot: SimulatedRobot, site: Site, episodes: int, directory: 
     return tally
 
 
+def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: Path, kept: Kept) -> None:
+    """Drive a bare round of the earlier commit and a recorded one of this tree by turns, and print the ratios."""
+    drive_recorded(robot, site, 1, directory / "warm-up", kept)
+    with earlier_tree(base, directory / "base") as tree:
+        earlier = Driver(tree, "simulated", 100, lean=False)
+        rates = []
+        for number in range(ROUNDS):
+            before = earlier.rate()
+            rates.append((before, drive_recorded(robot, site, episodes, directory / f"{number}", kept).rate))
+        earlier.close()
+    for before, after in rates:
+        print(f"{base} bare {before:6.1f} actions/s, recorded here {after:6.1f}  ({after / before:.2f} times)")
+    print(f"median ratio  {statistics.median(after / before for before, after in rates):6.2f}")
+
+
 def main() -> None:
     """Measure and print."""
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--episodes", type=int, default=6, help="episodes of up to 60 actions each")
-    episodes = arguments.parse_args().episodes
+    arguments.add_argument("--record", type=Kept, default=Kept.FULL, choices=list(Kept), help="what is kept")
+    arguments.add_argument("--camera", default="", help="WIDTHxHEIGHT that the recorded run draws")
+    arguments.add_argument("--base", default="", help="an earlier commit, whose bare loop is driven by turns with it")
+    asked = arguments.parse_args()
+    compute_with_one_thread()
+    episodes, kept = asked.episodes, asked.record
     site = load_site("apartment")
     robot = SimulatedRobot(site, load_profile("turtlebot2"), PARAMETERS)
+    recording: Robot = robot
+    if asked.camera:
+        read = frozenset({Sensor.RGB, Sensor.ODOMETRY})
+        recording = open_robot(f"simulated:turtlebot2@{asked.camera}", site, PARAMETERS, read=read)
     with tempfile.TemporaryDirectory() as directory:
+        if asked.base:
+            compare_with(asked.base, recording, site, episodes, Path(directory), kept)
+            return
         drive_bare(robot, site, 1)
-        drive_recorded(robot, site, 1, Path(directory) / "warm-up")
+        drive_recorded(recording, site, 1, Path(directory) / "warm-up", kept)
         bare = drive_bare(robot, site, episodes)
-        recorded = drive_recorded(robot, site, episodes, Path(directory) / "measured")
+        recorded = drive_recorded(recording, site, episodes, Path(directory) / "measured", kept)
     print(f"bare loop     {bare.rate:6.1f} actions/s  ({bare.actions} actions)")
     for part, spent_s in (("observe", bare.observe_s), ("guard", bare.guard_s), ("execute", bare.execute_s)):
         print(f"  {part:<11} {spent_s / bare.actions * 1000:6.2f} ms an action")
-    print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions: database, images, Rerun)")
+    print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions, --record {kept})")
     print(f"ratio         {recorded.rate / bare.rate:6.2f}")
 
 
