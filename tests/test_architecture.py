@@ -41,6 +41,7 @@ GROUND = {
     "errors",
     "git_checkout",
     "harmless_text",
+    "lab_file",
     "loopback",
     "machine_cache",
     "plugins",

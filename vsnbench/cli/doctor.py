@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +20,14 @@ _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 def command(
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.")
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
+        ),
     ] = "turtlebot2",
     move: Annotated[
         bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")

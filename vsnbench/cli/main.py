@@ -6,6 +6,7 @@ A verb's module is imported only when that verb is called, so that `vsnbench --h
 import importlib
 import logging
 import sys
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -14,6 +15,7 @@ from typer.main import get_command
 from vsnbench import __version__
 from vsnbench.cli.options import refuse_repeated
 from vsnbench.errors import VsnbenchError
+from vsnbench.lab_file import LabDefault, take_lab_defaults
 
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.run", "Run a campaign: one model, its goals, every starting position; resumes by itself."),
@@ -25,18 +27,23 @@ VERBS: dict[str, tuple[str, str]] = {
     "episodes": ("vsnbench.cli.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
     "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),
-    "models": ("vsnbench.cli.models", "List, show, check, fetch and serve models."),
+    "models": ("vsnbench.cli.models", "Begin, list, show, check, serve and fetch models."),
     "ros1": ("vsnbench.cli.ros1", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
     "ros2": ("vsnbench.cli.ros2", "The ROS 2 nodes: discrete_move, and a simulated robot to rehearse with."),
     "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
     "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
     "import": ("vsnbench.cli.import_", "Take in results of other tools."),
-    "db": ("vsnbench.cli.db", "Where the results database is, its state; upgrade, backup and merge."),
+    "init": ("vsnbench.cli.init", "Make a directory for a lab's work: its defaults, a site to fill."),
+    "config": ("vsnbench.cli.config", "Show a lab's defaults, and where each comes from."),
+    "db": ("vsnbench.cli.db", "The results database: its state, upgrade, backup and merge."),
 }
 """Verb -> (module, line for --help), in the order of --help.
 
 A module offers `app` (a Typer with sub-commands) or `command` (a function that is the verb itself).
 """
+
+_SAID_ALOUD = {"run": ("site", "robot"), "doctor": ("robot",)}
+"""Verbs that may move a robot -> which defaults of a file they name, so that nobody is surprised."""
 
 ALIASES = {"ros": "ros1"}
 """Older name of a verb -> the verb; understood, and not shown."""
@@ -97,8 +104,10 @@ def main() -> None:
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
     verb = next((word for word in sys.argv[1:] if word in VERBS or word in ALIASES), None)
     try:
+        taken = [] if verb == "config" else take_lab_defaults()
         app = build_app(verb)
         refuse_repeated(get_command(app), sys.argv[1:])
+        _say_defaults(verb, taken)
         app(prog_name="vsnbench")
     except VsnbenchError as error:
         sys.stderr.write(f"vsnbench: error: {error}\n")
@@ -111,6 +120,19 @@ def main() -> None:
             raise
         sys.stderr.write(f"vsnbench: error: {fault}\n")
         sys.exit(VsnbenchError.exit_code)
+
+
+def _say_defaults(verb: str | None, taken: Sequence[LabDefault]) -> None:
+    """Name the defaults of a lab's file that decide what a robot does."""
+    typed = {word.split("=", 1)[0] for word in sys.argv[1:]}
+    said = [
+        f"{each.name} {each.value}"
+        for each in taken
+        if each.name in _SAID_ALOUD.get(verb or "", ())
+        and not typed & {f"--{each.name}", f"--{each.name}s", "--help", "-h"}
+    ]
+    if said:
+        sys.stderr.write(f"{', '.join(said)} (from {taken[0].source})\n")
 
 
 def _record_fault() -> str:

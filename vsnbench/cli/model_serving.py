@@ -1,9 +1,15 @@
-"""`vsnbench models serve` and `models check ws://…`: a model behind a WebSocket, served and tried."""
+"""`vsnbench models serve` and what `models check` tries of a model: behind a WebSocket, or in this process."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.models.contract_check import ContractFinding
 
 _WHERE = "Where"
 
@@ -47,8 +53,6 @@ def serve(
     A model in another Python is served by the one file that the last example writes:
     docs/models.md and docs/wire.md say how.
     """
-    from vsnbench.errors import UsageError
-
     if (model is None) == (write_stub is None):
         raise UsageError("name the model to serve, or a directory with --write-stub")
     if write_stub is not None:
@@ -76,6 +80,33 @@ def serve(
 
 def check_served(url: str, model_config: Path | None, *, as_json: bool) -> None:
     """Try a model's server and say what was seen; exit code 1 when something fails."""
+    from vsnbench.models.remote.checking import check_server
+
+    tell_of_contract(check_server(url, model_config), as_json=as_json)
+
+
+def check_against_contract(name: str, options: dict[str, Any], *, as_json: bool) -> None:
+    """Try a policy in this process and say what was seen; exit code 1 when something fails."""
+    from vsnbench.models.contract import SurveyedPolicy
+    from vsnbench.models.contract_check import check_policy
+    from vsnbench.models.registry import create_policy
+
+    policy = create_policy(name, None, **options)
+    try:
+        if isinstance(policy, SurveyedPolicy):
+            raise UsageError(
+                f"model {name} is handed the site, and made-up looks belong to none",
+                advice=f"try it in one: vsnbench run --model {name} --goal chair --starts 1",
+            )
+        findings = check_policy(policy)
+    finally:
+        if callable(close := getattr(policy, "close", None)):
+            close()
+    tell_of_contract(findings, as_json=as_json)
+
+
+def tell_of_contract(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
+    """Print what was tried of a model; exit code 1 when something failed."""
     import json
     from dataclasses import asdict
 
@@ -84,9 +115,7 @@ def check_served(url: str, model_config: Path | None, *, as_json: bool) -> None:
     from rich.table import Table
 
     from vsnbench.harmless_text import harmless
-    from vsnbench.models.remote.checking import check_server
 
-    findings = check_server(url, model_config)
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
     else:

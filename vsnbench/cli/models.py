@@ -8,12 +8,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from vsnbench.cli.model_serving import check_served, serve
+from vsnbench.cli.model_serving import check_against_contract, check_served, serve
+from vsnbench.cli.model_starting import new
 
 if TYPE_CHECKING:
     from vsnbench.models.description import ModelCheck, ModelDescription
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app.command("new")(new)
 app.command("serve")(serve)
 
 ModelName = Annotated[str, typer.Argument(help="A model's name, or package.module:Class.", metavar="MODEL")]
@@ -105,18 +107,19 @@ def check(
     device: Annotated[str, typer.Option("--device", help="auto, cpu, cuda or mps.")] = "auto",
     as_json: Json = False,
 ) -> None:
-    """Say what is in a checkpoint, compare what would run it with plain PyTorch, and time both.
+    """Try a model: its weights against plain PyTorch, a class of your own or a server against the contract.
 
-    The file is read without running anything in it; one that is damaged or hostile is refused.
-    Given an address, try the server there against docs/wire.md and time it; exit code 1 when something fails.
+    Weights are read without running anything in them; a file that is damaged or hostile is refused.
+    A class is tried against docs/models.md (one seed, one answer; episodes that forget the last; sensors that are
+    read; odd images; time), a server against docs/wire.md. Exit code 1 when something fails.
 
     [bold]Examples[/bold]
 
+        vsnbench models check mylab.policy:MyModel
         vsnbench models check pirlnav --weights objectnav_rl_ft_hd.ckpt
         vsnbench models check pirlnav --device cpu --json
         vsnbench models check ws://127.0.0.1:8765
     """
-    from vsnbench.errors import UsageError
     from vsnbench.models.description import describe_model
     from vsnbench.models.registry import locate
 
@@ -124,7 +127,10 @@ def check(
         check_served(name, model_config, as_json=as_json)
         return
     if not describe_model(name).can_check:
-        raise UsageError(f"model {name} has no weights to check")
+        given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
+        options = {option: value for option, value in given.items() if value is not None}
+        check_against_contract(name, options, as_json=as_json)
+        return
     _, factory = locate(name)
     report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
     if as_json:

@@ -19,6 +19,7 @@ from vsnbench.cli.options import (
     operator_page,
 )
 from vsnbench.errors import UsageError
+from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
     from vsnbench.record.results import Kept
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _WHAT = "What to run"
 _HOW = "How"
 _MODEL = "Model"
+_DEVELOPMENT = "While a model is written"
 _MOST_WORKERS = 4096
 
 
@@ -47,14 +49,28 @@ def command(
     ],
     site: Annotated[
         str,
-        typer.Option("--site", help="embedded site, a site file, or twin:N, a generated flat", rich_help_panel=_WHAT),
+        typer.Option(
+            "--site",
+            envvar=VARIABLE_OF["site"],
+            show_envvar=False,
+            help="embedded site, a site file, or twin:N, a generated flat",
+            rich_help_panel=_WHAT,
+        ),
     ] = "apartment",
     sites: Annotated[
         str | None,
         typer.Option("--sites", help="several: apartment,twins:0-19 (generated flats)", rich_help_panel=_WHAT),
     ] = None,
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="simulated, simulated:lola2, turtlebot2, ...", rich_help_panel=_WHAT)
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="simulated, simulated:lola2, turtlebot2, ...",
+            rich_help_panel=_WHAT,
+        ),
     ] = "simulated",
     starts: Annotated[
         str | None,
@@ -180,6 +196,17 @@ def command(
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="do not ask before a long sweep", rich_help_panel=_HOW)
     ] = False,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="end at the first void episode", rich_help_panel=_DEVELOPMENT)
+    ] = False,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch",
+            help="run again whenever the model's files change; in simulation, into a directory that is thrown away",
+            rich_help_panel=_DEVELOPMENT,
+        ),
+    ] = False,
     record: Annotated[
         str,
         typer.Option(
@@ -206,6 +233,7 @@ def command(
         vsnbench run --model random --goal all --starts 1-5
         vsnbench run --model pirlnav --weights il.ckpt --goal all
         vsnbench run --model mylab.policy:Policy --goal bed,sofa
+        vsnbench run --model mylab.policy:Policy --goal chair --starts 1 --watch
         vsnbench run --model ws://gpu-box:8765 --goal all
         vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
@@ -219,6 +247,10 @@ def command(
     The same command goes on with the trials that are left.
     Another seed, site, model or parameter is another campaign; several make a sweep.
     """
+    if watch:
+        from vsnbench.cli.watching import run_and_watch
+
+        raise typer.Exit(run_and_watch(model, robot, cluster, results, db, [weights, model_config]))
     from vsnbench.cli.run_summary import leave_strays_behind
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
@@ -255,6 +287,7 @@ def command(
         workers=WorkersAsked(_workers(workers), cluster, gpus),
         kept=_kept(record, live=live),
         attended=page is not None,
+        fail_fast=fail_fast,
     )
     before = frozenset(threading.enumerate())
     if "," in model or seeds is not None or sites is not None:

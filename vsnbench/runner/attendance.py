@@ -45,6 +45,8 @@ class Occasion:
     """Nobody is to see which model drives, nor what it chooses."""
     beside: tuple[int, int] = (0, 0)
     """Trials of the sweep that this is a campaign of, but for its own: how many are done, out of how many."""
+    most_void: int = 3
+    """So many void episodes one after another end the session: another attempt will mend nothing."""
 
 
 class PageOfADesk(Protocol):

@@ -36,7 +36,7 @@ from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
-from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.session import VOID_IN_A_ROW, SessionResult, run_session
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -72,6 +72,8 @@ class RunRequest:
     """What is kept of an episode beside its rows."""
     attended: bool = False
     """Somebody stands beside the robot, though it may be simulated: one trial after another."""
+    fail_fast: bool = False
+    """The first void episode ends the session."""
 
     def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
         """Return what every trial of it is run with."""
@@ -187,6 +189,7 @@ def launch(
             request.results,
             (campaign.id,),
             provenance.operator,
+            most_void=1 if request.fail_fast else VOID_IN_A_ROW,
         )
         keeping = Keeping(campaign, request.results, viewer, provenance.operator)
         result = crew.run(journal, keeping, attendance, occasion)
@@ -304,6 +307,7 @@ class _Alone:
                 occasion.stop,
                 keeping.operator,
                 described.title,
+                occasion.most_void,
             )
 
 
@@ -324,4 +328,4 @@ class _Several:
     def run(self, journal: Journal, keeping: Keeping, attendance: Attendance, occasion: Occasion) -> SessionResult:
         site, parameters = self._plan.site, self._plan.parameters
         with attendance.oversee(occasion) as overview:
-            return hand_out(journal, keeping, site, parameters, self._pool, overview, occasion.stop)
+            return hand_out(journal, keeping, site, parameters, self._pool, overview, occasion.stop, occasion.most_void)

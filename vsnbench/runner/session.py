@@ -61,6 +61,8 @@ class VoidsInARow:
     What a person ended with the emergency stop key says nothing about what is broken, and is not counted.
     """
 
+    most: int = VOID_IN_A_ROW
+    """So many one after another end the session."""
     episodes: int = 0
     void: int = 0
     _in_a_row: int = 0
@@ -74,9 +76,11 @@ class VoidsInARow:
             self._in_a_row = 0
         elif reason is not EndReason.ABORTED:
             self._in_a_row += 1
-        if self._in_a_row < VOID_IN_A_ROW:
+        if self._in_a_row < self.most:
             return ""
-        return f"{VOID_IN_A_ROW} void episodes one after another, the last: {outcome.error}"
+        if self.most == 1:
+            return f"an episode is void: {outcome.error}"
+        return f"{self.most} void episodes one after another, the last: {outcome.error}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +125,7 @@ def run_session(
     stop: Stopping,
     operator: str = "",
     driven_by: str = "",
+    most_void: int = VOID_IN_A_ROW,
 ) -> SessionResult:
     """Run every trial that was asked for and is left, once each.
 
@@ -131,7 +136,7 @@ def run_session(
         Stopped: a person or the system asked to stop; what happened until then is recorded.
         RecordError: the record cannot be written.
     """
-    voids = VoidsInARow()
+    voids = VoidsInARow(most_void)
     because = ""
     wanted = [trial.id for trial in campaign.trials]
     beside = Judged(journal, attendant, operator)

@@ -12,7 +12,7 @@ from vsnbench.runner.episode import EpisodePlan
 from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.pool.contract import ActionsTaken, EpisodeKept, TrialPool, WorkerLost
 from vsnbench.runner.pool.messages import Keeping
-from vsnbench.runner.session import SessionResult, VoidsInARow
+from vsnbench.runner.session import VOID_IN_A_ROW, SessionResult, VoidsInARow
 from vsnbench.runner.stopping import Stopped, Stopping
 
 LOST_IN_A_ROW = 10
@@ -29,6 +29,7 @@ def hand_out(
     pool: TrialPool,
     overview: Overview,
     stop: Stopping,
+    most_void: int = VOID_IN_A_ROW,
 ) -> SessionResult:
     """Run every trial that was asked for and is left, once each, on as many workers as the pool has.
 
@@ -40,7 +41,7 @@ def hand_out(
         VsnbenchError: a worker found that nothing can be run or kept.
     """
     try:
-        return _HandingOut(journal, keeping, site, parameters, pool, overview, stop).run()
+        return _HandingOut(journal, keeping, site, parameters, pool, overview, stop, most_void).run()
     except Stopped as stopped:
         pool.stop(stopped.request)
         raise
@@ -56,6 +57,7 @@ class _HandingOut:
         pool: TrialPool,
         overview: Overview,
         stop: Stopping,
+        most_void: int,
     ) -> None:
         self._journal = journal
         self._keeping = keeping
@@ -65,7 +67,7 @@ class _HandingOut:
         self._overview = overview
         self._stop = stop
         self._waiting: deque[Trial] = deque(journal.standing(keeping.campaign).left)
-        self._voids = VoidsInARow()
+        self._voids = VoidsInARow(most_void)
         self._lost_in_a_row = 0
         self._because = ""
         self._actions: deque[tuple[float, int]] = deque()

@@ -1,0 +1,134 @@
+"""`vsnbench init`, `config show` and `models new`, typed one after another as a new lab would."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+VARIABLES = ("VSNBENCH_SITE", "VSNBENCH_ROBOT", "VSNBENCH_RESULTS", "VSNBENCH_OPERATOR", "VSNBENCH_WEIGHTS")
+PATIENCE_S = 120.0
+
+
+def environment(**more: str) -> dict[str, str]:
+    here = str(Path(__file__).parents[2])
+    inherited = {name: value for name, value in os.environ.items() if name not in VARIABLES}
+    return {**inherited, "PYTHONPATH": os.pathsep.join([here, inherited.get("PYTHONPATH", "")]), **more}
+
+
+def vsnbench(cwd: Path, *words: str, **more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vsnbench.cli.main", *words]
+    return subprocess.run(
+        command, cwd=cwd, env=environment(**more), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+
+
+@pytest.mark.slow
+def test_a_lab_begins_with_three_commands(tmp_path: Path) -> None:
+    begun = vsnbench(tmp_path, "init", "lab")
+    assert begun.returncode == 0, begun.stderr
+    lab = tmp_path / "lab"
+    assert "next: cd lab && vsnbench sites check lab.yaml" in begun.stderr
+    assert vsnbench(lab, "sites", "check", "lab.yaml").returncode == 0
+    words = ("run", "--model", "oracle", "--goal", "chair", "--starts", "1", "--record", "numbers")
+    run = vsnbench(lab, *words)
+    assert run.returncode == 0, run.stderr
+    assert f"site lab.yaml, robot simulated (from {lab / 'vsnbench.toml'})" in run.stderr
+    report = json.loads(vsnbench(lab, "report", "--format", "json").stdout)
+    assert [(model["name"], model["site"]) for model in report["models"]] == [("oracle", "lab")]
+    again = vsnbench(lab, "init")
+    assert again.stdout.count("was already there") == 3
+
+
+def test_config_show_says_where_each_default_comes_from(tmp_path: Path) -> None:
+    (tmp_path / "vsnbench.toml").write_text('robot = "lola2"\nsite = "apartment"\n')
+    shown = vsnbench(tmp_path, "config", "show", "--json", VSNBENCH_ROBOT="turtlebot2")
+    found = {each["name"]: (each["value"], each["source"]) for each in json.loads(shown.stdout)}
+    assert found["robot"] == ("turtlebot2", "VSNBENCH_ROBOT")
+    assert found["site"] == ("apartment", str(tmp_path / "vsnbench.toml"))
+    assert found["results"] == ("", "")
+
+
+@pytest.mark.slow
+def test_a_flag_comes_before_environment_and_file(tmp_path: Path) -> None:
+    (tmp_path / "vsnbench.toml").write_text('site = "nowhere.yaml"\n')
+    words = ("run", "--model", "oracle", "--goal", "chair", "--starts", "99")
+    assert "nowhere.yaml" in vsnbench(tmp_path, *words).stderr
+    assert "elsewhere.yaml" in vsnbench(tmp_path, *words, VSNBENCH_SITE="elsewhere.yaml").stderr
+    flagged = vsnbench(tmp_path, *words, "--site", "apartment", VSNBENCH_SITE="elsewhere.yaml").stderr
+    assert "elsewhere" not in flagged
+    assert "99" in flagged
+
+
+@pytest.mark.slow
+def test_a_package_begun_with_models_new_passes_its_own_tests(tmp_path: Path) -> None:
+    begun = vsnbench(tmp_path, "models", "new", "my-model")
+    assert begun.returncode == 0, begun.stderr
+    assert "models check my_model.policy:MyModel" in begun.stderr
+    made = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
+        cwd=tmp_path / "my-model",
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert made.returncode == 0, made.stdout
+    assert "2 passed" in made.stdout
+    assert "not empty" in vsnbench(tmp_path, "models", "new", "my-model").stderr
+
+
+@pytest.mark.parametrize("name", ["3x", "class"])
+def test_a_name_that_makes_no_package_is_refused(tmp_path: Path, name: str) -> None:
+    refused = vsnbench(tmp_path, "models", "new", f"./{name}")
+    assert refused.returncode == 2
+    assert "makes no name of a Python package" in refused.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_run_that_watches_runs_again_when_the_model_changes(tmp_path: Path) -> None:
+    vsnbench(tmp_path, "models", "new", "spinning")
+    here = tmp_path / "spinning"
+    policy = here / "spinning" / "policy.py"
+    words = ("--model", "spinning.policy:Spinning", "--goal", "chair", "--starts", "1", "--max-steps", "2", "--watch")
+    command = [sys.executable, "-m", "vsnbench.cli.main", "run", *words, "--record", "numbers"]
+    log = tmp_path / "log"
+    with log.open("wb") as sink:
+        watching = subprocess.Popen(command, cwd=here, env=environment(), stdout=sink, stderr=sink)
+    try:
+        until(log, "passed; waiting for a change of spinning")
+        policy.write_text(policy.read_text().replace("depth_m.shape", "depth_m.shap"))
+        until(log, "exit code 1; waiting for a change of spinning")
+        assert "an episode is void: act: AttributeError" in log.read_text()
+    finally:
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(PATIENCE_S) == 130
+    assert not (here / "results").exists()
+
+
+def until(log: Path, text: str) -> None:
+    give_up_s = time.monotonic() + PATIENCE_S
+    while text not in log.read_text(errors="replace"):
+        assert time.monotonic() < give_up_s, log.read_text(errors="replace")
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--robot", "turtlebot2"), "only a simulated robot may start by itself"),
+        (("--results", "kept"), "--watch throws its results away"),
+        (("--model", "oracle"), "--watch runs one class of your own"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    model = () if "--model" in words else ("--model", "a.b:C")
+    refused = vsnbench(tmp_path, "run", *model, "--goal", "chair", "--watch", *words)
+    assert refused.returncode == 2
+    assert said in refused.stderr

@@ -1,0 +1,94 @@
+"""What `models check` finds in policies that break the contract, each in a way that people do."""
+
+import numpy as np
+import pytest
+
+from vsnbench.models.contract import ModelCard
+from vsnbench.models.contract_check import check_policy
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision
+from vsnbench.protocol.observation import Sensor
+
+TURNS = (Action.TURN_LEFT, Action.TURN_RIGHT)
+
+
+class Sound:
+    card = ModelCard("sound", goals=frozenset({"chair"}), sensors=frozenset({Sensor.DEPTH}))
+
+    def reset(self, goal, seed):
+        if goal != "chair":
+            raise ValueError(f"unknown goal {goal}")
+        self.random = np.random.default_rng(seed)
+
+    def act(self, observation):
+        assert observation.depth_m is not None
+        return Decision(TURNS[int(self.random.integers(2))])
+
+
+class Unseeded(Sound):
+    def reset(self, goal, seed):
+        super().reset(goal, seed)
+        self.random = np.random.default_rng()
+
+
+class Remembering(Sound):
+    episodes = 0
+
+    def reset(self, goal, seed):
+        super().reset(goal, seed + self.episodes // 6)
+        self.episodes += 1
+
+
+class TakesEveryGoal(Sound):
+    def reset(self, goal, seed):
+        self.random = np.random.default_rng(seed)
+
+
+class OneSize(Sound):
+    def act(self, observation):
+        assert observation.depth_m.shape[1] == 640, "this network is built for 640 columns"
+        return super().act(observation)
+
+
+class NeedsDepth(Sound):
+    def act(self, observation):
+        return Decision(TURNS[int(np.nanargmax(observation.depth_m[0, :2]))])
+
+
+class Wordy(Sound):
+    def act(self, observation):
+        super().act(observation)
+        return "left"
+
+
+def failed(policy) -> dict[str, str]:
+    return {finding.what: finding.seen for finding in check_policy(policy) if not finding.passed}
+
+
+def test_a_sound_policy_passes_everything() -> None:
+    assert failed(Sound()) == {}
+
+
+@pytest.mark.parametrize(
+    ("policy", "what", "seen"),
+    [
+        (Unseeded, "one seed, one answer", "differs on the same seed and images"),
+        (Remembering, "an episode forgets the last", "differs after another episode"),
+        (TakesEveryGoal, "a goal that it does not know", "the card names the goals that it knows"),
+        (OneSize, "other image sizes", "33 x 17: AssertionError: this network is built for 640 columns"),
+        (NeedsDepth, "black image, no depth anywhere", "All-NaN slice"),
+        (Wordy, "one seed, one answer", "Decision"),
+    ],
+)
+def test_a_fault_is_found_and_said(policy, what, seen) -> None:
+    assert seen in failed(policy())[what]
+
+
+def test_a_sensor_that_is_never_read_is_pointed_out() -> None:
+    class Idle(Sound):
+        def act(self, observation):
+            return Decision(Action.STOP)
+
+    found = {finding.what: finding for finding in check_policy(Idle())}["sensors on the card are read"]
+    assert found.passed
+    assert "depth on the card, and not read" in found.seen

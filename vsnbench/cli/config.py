@@ -1,0 +1,50 @@
+"""`vsnbench config`: a lab's defaults, and where each comes from."""
+
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="""Show a lab's defaults: a flag comes first, then the environment, then vsnbench.toml.
+
+    vsnbench config show
+    """,
+)
+
+
+@app.callback()
+def config() -> None:
+    """Keep `show` a verb of its own."""
+
+
+@app.command()
+def show(as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False) -> None:
+    """Show every default, and the file or variable that says it.
+
+    [bold]Examples[/bold]
+
+        vsnbench config show
+        VSNBENCH_ROBOT=turtlebot2 vsnbench config show --json
+    """
+    import json
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from vsnbench.lab_file import VARIABLE_OF, lab_defaults
+
+    defaults = lab_defaults()
+    if as_json:
+        typer.echo(json.dumps([asdict(each) for each in defaults], indent=2))
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("default", "value", "from"):
+        table.add_column(heading, overflow="fold")
+    for each in defaults:
+        unsaid = f"[dim]not said: {VARIABLE_OF[each.name]} or vsnbench.toml may[/dim]"
+        table.add_row(each.name, escape(each.value) or "[dim]-[/dim]", escape(each.source) or unsaid)
+    Console().print(table, highlight=False)

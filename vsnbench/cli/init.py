@@ -1,0 +1,45 @@
+"""`vsnbench init`: a directory for a lab's work."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.errors import UsageError
+
+_STARTER = Path(__file__).with_name("starter")
+_FILES = {"vsnbench.toml": "vsnbench.toml", "lab.yaml": "lab.yaml", "gitignore": ".gitignore"}
+
+
+def command(
+    directory: Annotated[
+        Path, typer.Argument(help="Where; made when it is not there.", metavar="[DIR]", show_default=False)
+    ] = Path(),
+) -> None:
+    """Make a directory for a lab's work: its defaults (vsnbench.toml), a site to fill, a .gitignore.
+
+    What lies there already stays as it is.
+
+    [bold]Examples[/bold]
+
+        vsnbench init
+        vsnbench init ~/benchmark
+    """
+    target = directory.expanduser()
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for source, name in _FILES.items():
+            file = target / name
+            try:
+                with file.open("x", encoding="utf-8") as made:
+                    made.write((_STARTER / source).read_text(encoding="utf-8"))
+            except FileExistsError:
+                typer.echo(f"{file} (was already there, and stays)")
+            else:
+                typer.echo(file)
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}") from error
+    go_there = "" if target.resolve() == Path.cwd() else f"cd {target} && "
+    typer.echo(f"next: {go_there}vsnbench sites check lab.yaml", err=True)
+    typer.echo("      vsnbench run --model oracle --goal all", err=True)
+    typer.echo("      vsnbench report", err=True)

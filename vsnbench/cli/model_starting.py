@@ -1,0 +1,26 @@
+"""`vsnbench models new`: a package to begin a model of one's own with."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def new(
+    directory: Annotated[Path, typer.Argument(help="A new directory; its name becomes the model's.", metavar="DIR")],
+) -> None:
+    """Write a package with a model that drives, its settings, its tests and a README: change it into yours.
+
+    [bold]Example[/bold]
+
+        vsnbench models new mymodel
+        cd mymodel
+        vsnbench run --model mymodel.policy:Mymodel --goal chair --starts 1 --watch
+    """
+    from vsnbench.models.starting import write_model_package
+
+    model, files = write_model_package(directory)
+    for file in files:
+        typer.echo(file)
+    typer.echo(f"next: cd {directory} && vsnbench models check {model}", err=True)
+    typer.echo(f"      vsnbench run --model {model} --goal chair --starts 1 --watch", err=True)
