@@ -12,6 +12,7 @@ from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.console.operator_page import OperatorPage
+    from vsnbench.record.results import Kept
 
 RECORD_PANEL = "Record"
 """Heading under which `--help` lists them."""
@@ -81,6 +82,9 @@ def operator_page(
     return OperatorPage(address or LOOPBACK, DEFAULT_PORT if port is None else port, certificate, key)
 
 
+_MOST_WORKERS = 4096
+
+
 def refuse_repeated(root: Any, words: Sequence[str]) -> None:
     """Refuse an option that takes one value and was given twice: the parser would take the last without a word.
 
@@ -104,3 +108,31 @@ def refuse_repeated(root: Any, words: Sequence[str]) -> None:
             raise UsageError(
                 f"{parameter.opts[0]} was given {times} times, and takes one value", advice=f"give it once{alone}"
             )
+
+
+def what_is_kept(given: str, *, live: bool) -> "Kept":
+    """Return what is kept of an episode.
+
+    Raises:
+        UsageError: there is no such word, or it does not go with `--live`.
+    """
+    from vsnbench.record.results import Kept
+
+    if given not in list(Kept):
+        raise UsageError(f"--record {given}: say {', '.join(Kept)}")
+    if live and given != Kept.FULL:
+        raise UsageError(f"--live shows each episode from its copy for Rerun, which --record {given} does not make")
+    return Kept(given)
+
+
+def workers_asked(given: str) -> int | None:
+    """Return how many workers were asked for; None for `auto`.
+
+    Raises:
+        UsageError: it is no number from 1.
+    """
+    if given == "auto":
+        return None
+    if not given.isdecimal() or not 1 <= int(given) <= _MOST_WORKERS:
+        raise UsageError(f"--workers {given}: give a number from 1 to {_MOST_WORKERS}, or auto")
+    return int(given)

@@ -17,12 +17,13 @@ from vsnbench.cli.options import (
     Database,
     Results,
     operator_page,
+    what_is_kept,
+    workers_asked,
 )
 from vsnbench.errors import UsageError
 from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
-    from vsnbench.record.results import Kept
     from vsnbench.runner.attendance import Attendance
     from vsnbench.runner.launch import RunRequest
 
@@ -30,7 +31,6 @@ _WHAT = "What to run"
 _HOW = "How"
 _MODEL = "Model"
 _DEVELOPMENT = "While a model is written"
-_MOST_WORKERS = 4096
 
 
 def command(
@@ -284,8 +284,8 @@ def command(
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if elsewhere else act_timeout,
         isolation=Isolation(python, memory_bytes) if apart else None,
-        workers=WorkersAsked(_workers(workers), cluster, gpus),
-        kept=_kept(record, live=live),
+        workers=WorkersAsked(workers_asked(workers), cluster, gpus),
+        kept=what_is_kept(record, live=live),
         attended=page is not None,
         fail_fast=fail_fast,
     )
@@ -322,31 +322,3 @@ def _run_and_tell(request: "RunRequest", attendance: "Attendance", *, live: bool
         return stopped.request.exit_code
     tell(console, launched, request)
     return 1 if launched.result.left or launched.result.elsewhere else 0
-
-
-def _kept(given: str, *, live: bool) -> "Kept":
-    """Return what is kept of an episode.
-
-    Raises:
-        UsageError: there is no such word, or it does not go with `--live`.
-    """
-    from vsnbench.record.results import Kept
-
-    if given not in list(Kept):
-        raise UsageError(f"--record {given}: say {', '.join(Kept)}")
-    if live and given != Kept.FULL:
-        raise UsageError(f"--live shows each episode from its copy for Rerun, which --record {given} does not make")
-    return Kept(given)
-
-
-def _workers(given: str) -> int | None:
-    """Return how many workers were asked for; None for `auto`.
-
-    Raises:
-        UsageError: it is no number from 1.
-    """
-    if given == "auto":
-        return None
-    if not given.isdecimal() or not 1 <= int(given) <= _MOST_WORKERS:
-        raise UsageError(f"--workers {given}: give a number from 1 to {_MOST_WORKERS}, or auto")
-    return int(given)
