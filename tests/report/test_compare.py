@@ -143,6 +143,21 @@ def test_the_interval_is_of_the_design_that_the_test_is_of(lab: Lab) -> None:
     assert independent_difference(rate.first.outcomes, rate.second.outcomes).low < 0
 
 
+def test_no_winner_is_named_while_the_interval_holds_no_difference(lab: Lab) -> None:
+    # Positions are more alike than chance would have them: little varies, and exchanging them makes p small.
+    missed = {("bed", start) for start in (7, 8, 11, 15)} | {("plant", start) for start in (1, 7, 8, 9, 10, 12, 14, 15)}
+    for model, goals in (("a", ("chair", "sofa", "bed")), ("b", ("chair", "plant"))):
+        lab.write([Attempt(g, s, success=(g, s) not in missed) for g in goals for s in STARTS], model=model)
+    (comparison,) = comparisons(lab, "a", "b")
+    rate = comparison.rates[0]
+    assert rate.scope == "all goals"
+    assert rate.p < 0.05
+    assert rate.interval.low < 0 < rate.interval.high
+    assert not rate.significant
+    assert "not distinguishable" in verdicts(comparison)[0]
+    assert "but the interval holds 0" in verdicts(comparison)[0]
+
+
 def test_advice_counts_in_starting_positions_and_in_episodes_a_cell(lab: Lab) -> None:
     succeed(lab, "a", {("chair", start) for start in range(1, 9)})
     succeed(lab, "b", {("chair", start) for start in range(5, 10)})

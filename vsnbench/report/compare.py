@@ -115,8 +115,22 @@ class RateComparison:
 
     @property
     def significant(self) -> bool:
-        """Whether the difference is beyond chance, corrected for everything asked together."""
+        """Whether the difference is beyond chance, corrected for everything asked together, and its interval agrees."""
+        return self.below_level and not self.doubted
+
+    @property
+    def below_level(self) -> bool:
+        """Whether the corrected p-value is small enough."""
         return self.adjusted_p < 1 - CONFIDENCE
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the interval holds 0.
+
+        It can while p is small: positions that happen to be more alike than chance would have them make the test sharp,
+        and the interval never takes episodes for worth more than as many independent ones.
+        """
+        return 0.0 in self.interval
 
     @property
     def cells(self) -> tuple[int, int]:

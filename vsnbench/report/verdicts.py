@@ -39,6 +39,8 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
     if rate.significant:
         better, worse = (a, b) if rate.difference > 0 else (b, a)
         return f"{where}: {better} succeeds more often than {worse}: {numbers}, {p}.{caveat}"
+    if rate.below_level:
+        p += "; the test alone would tell them apart, but the interval holds 0"
     further = advice(rate.outlook, rate.reach, comparison.level)
     further = f"; {further}" if further else ""
     return f"{where}: not distinguishable at this number of trials ({numbers}, {p}){further}.{caveat}"
