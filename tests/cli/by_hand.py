@@ -7,7 +7,7 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Decision
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.observation import Observation
+from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
 from vsnbench.protocol.site import Site
@@ -19,6 +19,8 @@ class ByHand(SimulatedRobot):
     """Says that it is real, and that nothing but a person can place it."""
 
     needs_a_person = True
+    sensors = SimulatedRobot.sensors - {Sensor.DEPTH}
+    """It says nothing of its depth camera: nobody checks how it stands."""
 
     def __init__(self, site: Site, parameters: ProtocolParameters) -> None:
         profile = load_profile("turtlebot2")

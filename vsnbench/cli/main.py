@@ -31,6 +31,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "ros1": ("vsnbench.cli.ros1", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
     "ros2": ("vsnbench.cli.ros2", "The ROS 2 nodes: discrete_move, and a simulated robot to rehearse with."),
     "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
+    "place": ("vsnbench.cli.place", "Measure how far off its mark a robot stands, before it drives."),
     "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
     "import": ("vsnbench.cli.import_", "Take in results of other tools."),
     "init": ("vsnbench.cli.init", "Make a directory for a lab's work: its defaults, a site to fill."),

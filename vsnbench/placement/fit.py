@@ -60,16 +60,21 @@ class FitState:
     """The odometry's turns are to be lengthened by this share."""
     steps: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     """(G, 2) how far each group stands off the survey; a plane's along its normal, in the first number."""
-    covariance: Floats = field(default_factory=lambda: np.eye(3))
-    """(3, 3) of the pose."""
-    given: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    """(3, 3) what the looks alone say of the pose, the nuisances known: the data's own information."""
+    covariance: Floats = field(default_factory=lambda: np.eye(_COMMON))
+    """(6, 6) of the pose, the scale, the tilt and the turning."""
 
     def pose_of(self, look: SmallLook) -> Pose:
         """Return where a look was taken."""
         return self.pose.compose(
             Pose(look.odometry.x_m, look.odometry.y_m, look.odometry.heading_rad * (1 + self.turn))
         )
+
+    def covariance_of(self, look: SmallLook) -> Floats:
+        """Return the (3, 3) covariance of where a look was taken on the spot where the first one was."""
+        by_common = np.zeros((3, _COMMON))
+        by_common[:, _POSE] = np.eye(3)
+        by_common[2, _TURN] = look.odometry.heading_rad
+        return np.asarray(by_common @ self.covariance @ by_common.T)
 
 
 def refine(
@@ -216,7 +221,6 @@ class _Normal:
         gain = mixed @ inverse  # (G, 6, 2)
         matrix = matrix - np.einsum("gik,gjk->ij", gain, mixed)
         right = right - np.einsum("gik,gk->i", gain, own_right)
-        information = matrix.copy()
         spread = np.array(
             [errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn], float
         )
@@ -234,8 +238,4 @@ class _Normal:
         state.tilt_rad += float(step[_TILT])
         state.turn += float(step[_TURN])
         state.steps = state.steps + own_step
-        state.covariance = np.linalg.inv(matrix)[_POSE, _POSE]
-        nuisance = information[3:, 3:] + np.diag(spread[3:] ** -2.0)
-        state.given = information[_POSE, _POSE] - information[_POSE, 3:] @ np.linalg.solve(
-            nuisance, information[3:, _POSE]
-        )
+        state.covariance = np.linalg.inv(matrix)

@@ -3,12 +3,14 @@
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.placement.fit import ErrorModel, FitState, refine
 from vsnbench.placement.looks import DepthLook, SmallLook
-from vsnbench.placement.search import candidates, misfit_of, near
+from vsnbench.placement.search import REACH_DEG, REACH_M, candidates, misfit_of, near
 from vsnbench.placement.twin import Twin, twin_of
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
@@ -16,12 +18,19 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.simulator.renderer import eye_of
 
+Floats = npt.NDArray[np.float64]
+
 _COARSE_PX, _MIDDLE_PX, _FINE_PX = 40, 80, 160
 _BASINS = 5
 _UNDETERMINED_M, _UNDETERMINED_RAD = 0.10, math.radians(4.0)
 """A direction whose standard deviation is larger is not determined by the view."""
-_MISFIT_LIMIT = 0.55
-_AS_GOOD = 0.04
+_MISFIT_LIMIT = 0.22
+_DOUBT = 0.012
+"""A basin that misfits by so much more than the best has e times less weight."""
+_LEAST_SEEN = 60
+"""Pixels of a small look; with fewer there is nothing to go by."""
+_MOST_SEARCHED = 5
+"""Looks of a turn that the search goes by; the fit takes all."""
 _GONE_M, _GONE_SHARE, _LEAST_PIXELS = 0.12, 0.45, 25
 
 
@@ -45,44 +54,62 @@ class PlacementMatcher:
             tolerance: how far off it may stand; the protocol's default when None.
         """
         began_s = time.perf_counter()
-        twin, camera = self._twin, self._camera
-        first = looks[0].odometry
-        placed = [DepthLook(look.depth_m, look.odometry.relative_to(first)) for look in looks]
-        small = {
-            width: [SmallLook.of(look, camera, width) for look in placed]
-            for width in (_COARSE_PX, _MIDDLE_PX, _FINE_PX)
-        }
-        found = candidates(twin, camera, small[_COARSE_PX], start.pose, _BASINS)
-        fitted: list[tuple[FitState, float]] = []
-        for one in found:
-            state = refine(twin, camera, small[_MIDDLE_PX], one.pose, self._errors, 6, (0.20, 0.06))
-            fitted.append((state, misfit_of(twin, camera, small[_MIDDLE_PX], state.pose)))
-        fitted.sort(key=lambda each: each[1])
-        best, misfit = fitted[0]
-        moved = self._moved(small[_MIDDLE_PX], best)
-        left_out = frozenset(moved)
-        best = refine(twin, camera, small[_FINE_PX], best.pose, self._errors, 5, (0.06, 0.04), left_out, best)
-        ambiguous = any(
-            other < misfit + _AS_GOOD * max(misfit, 0.1) and not near(state.pose, best.pose)
-            for state, other in fitted[1:]
-        )
-        self.last_state, self.last_fitted = best, fitted
-        now = best.pose_of(small[_FINE_PX][-1])
+        twin, camera, errors = self._twin, self._camera, self._errors
+        placed = _from_the_first(looks)
+        fine = [SmallLook.of(look, camera, _FINE_PX) for look in placed]
+        basins = self._basins(placed, start.pose)
+        if basins:
+            best = basins[0]
+            left_out = frozenset(best.moved)
+            state = refine(twin, camera, fine, best.state.pose, errors, 4, (0.06, 0.04), left_out, best.state)
+            covariance = state.covariance_of(fine[-1]) + _doubt(state, basins)
+            misfit, moved = best.misfit, best.moved
+        else:
+            state, misfit, moved = FitState(start.pose), 0.0, frozenset[int]()
+            covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
+        now = state.pose_of(fine[-1])
         return MeasuredPlacement(
             start=start.number,
             mark=start.pose,
             pose=now,
-            covariance=PoseCovariance.of(best.covariance),
+            covariance=PoseCovariance.of(covariance),
             tolerance=tolerance or PlacementTolerance(),
             method=PlacementMethod.LOOK if len(looks) == 1 else PlacementMethod.TURN,
             looks=len(looks),
             fits=misfit < _MISFIT_LIMIT,
-            undetermined=_undetermined(best.covariance, now),
-            ambiguous=ambiguous,
+            undetermined=_undetermined(covariance, now),
             moved=tuple(self._site.objects[group].id for group in sorted(moved)),
-            depth_scale=best.scale,
+            depth_scale=state.scale,
             took_s=time.perf_counter() - began_s,
         )
+
+    def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "list[_Basin]":
+        """Return the places where the robot may stand, best first; none where next to nothing is seen."""
+        twin, camera = self._twin, self._camera
+        coarse = [SmallLook.of(look, camera, _COARSE_PX) for look in looks]
+        middle = [SmallLook.of(look, camera, _MIDDLE_PX) for look in looks]
+        coarse = [look for look in coarse if np.isfinite(look.depth_m).sum() >= _LEAST_SEEN]
+        if not coarse:
+            return []
+        sparse = coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))]
+        basins: list[_Basin] = []
+        for one in candidates(twin, camera, sparse, mark, _BASINS):
+            state = refine(twin, camera, coarse, one.pose, self._errors, 6, (0.25, 0.10))
+            known = any(near(state.pose, other.state.pose, 0.2) for other in basins)
+            if not known and _within_reach(state.pose, mark):
+                basins.append(self._settled(middle, state))
+        return sorted(basins, key=lambda each: each.misfit)
+
+    def _settled(self, looks: Sequence[SmallLook], state: FitState) -> "_Basin":
+        """Fit on, without what turns out to stand elsewhere."""
+        twin, camera, errors = self._twin, self._camera, self._errors
+        state = refine(twin, camera, looks, state.pose, errors, 3, (0.12, 0.06), frozenset(), state)
+        moved = self._moved(looks, state)
+        if moved:
+            state = refine(twin, camera, looks, state.pose, errors, 3, (0.10, 0.06), frozenset(moved), state)
+            moved |= self._moved(looks, state)
+        misfit = misfit_of(twin, camera, looks, [state.pose_of(look) for look in looks], state.scale)
+        return _Basin(state, misfit, frozenset(moved))
 
     def _moved(self, looks: Sequence[SmallLook], state: FitState) -> set[int]:
         """Return the groups of objects that do not stand where the survey says."""
@@ -104,7 +131,48 @@ class PlacementMatcher:
         return set(np.nonzero(gone | off)[0].tolist())
 
 
-def _undetermined(covariance: np.ndarray, pose: Pose) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class _Basin:
+    """A place where the robot may stand."""
+
+    state: FitState
+    misfit: float
+    moved: frozenset[int]
+
+
+def _within_reach(pose: Pose, mark: Pose) -> bool:
+    off = pose.relative_to(mark)
+    return math.hypot(*off.position) < REACH_M + 0.15 and abs(math.remainder(off.heading_rad, math.tau)) < math.radians(
+        REACH_DEG + 8
+    )
+
+
+def _doubt(state: FitState, basins: Sequence[_Basin]) -> Floats:
+    """Return what other places add to the (3, 3) covariance of the pose, by how well they fit beside the best."""
+    weights = np.array([math.exp((basins[0].misfit - basin.misfit) / _DOUBT) for basin in basins])
+    away = np.array([_difference(basin.state.pose, state.pose) for basin in basins])
+    away[0] = 0.0
+    return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
+
+
+def _difference(one: Pose, other: Pose) -> tuple[float, float, float]:
+    turned_rad = math.remainder(one.heading_rad - other.heading_rad, math.tau)
+    return (one.x_m - other.x_m, one.y_m - other.y_m, turned_rad)
+
+
+def _from_the_first(looks: Sequence[DepthLook]) -> list[DepthLook]:
+    """Return the looks with their odometry from the first one on, headings counted on beyond a full turn."""
+    first = looks[0].odometry
+    away = [look.odometry.relative_to(first) for look in looks]
+    headings = np.unwrap([pose.heading_rad for pose in away])
+    headings -= headings[0]
+    return [
+        DepthLook(look.depth_m, Pose(pose.x_m, pose.y_m, float(heading)))
+        for look, pose, heading in zip(looks, away, headings, strict=True)
+    ]
+
+
+def _undetermined(covariance: Floats, pose: Pose) -> tuple[str, ...]:
     """Return in words which directions are not determined."""
     words: list[str] = []
     values, axes = np.linalg.eigh(covariance[:2, :2])
@@ -113,13 +181,8 @@ def _undetermined(covariance: np.ndarray, pose: Pose) -> tuple[str, ...]:
     elif math.sqrt(values[1]) > _UNDETERMINED_M:
         along_rad = math.atan2(axes[1, 1], axes[0, 1]) - pose.heading_rad
         slant = abs(math.remainder(along_rad, math.pi))
-        words.append(
-            "left-right"
-            if slant > math.radians(67)
-            else "forward-back"
-            if slant < math.radians(23)
-            else "the place along one line"
-        )
+        across, ahead = slant > math.radians(67), slant < math.radians(23)
+        words.append("left-right" if across else "forward-back" if ahead else "the place along one line")
     if math.sqrt(covariance[2, 2]) > _UNDETERMINED_RAD:
         words.append("heading")
     return tuple(words)

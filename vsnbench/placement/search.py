@@ -1,6 +1,7 @@
 """Where a robot may stand, roughly: every pose of a grid about the mark, by how well its view fits what was seen."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ REACH_M, REACH_DEG = 0.45, 30.0
 _STEP_M, _STEP_DEG = 0.15, 5.0
 CUT = 0.15
 """Residuals of the logarithm of depth are cut here: what differs by more just differs."""
+_CHANGED = 0.5
+"""What a pixel costs, where 1 is seeing through a wall, at which something has come or gone: rooms change."""
 _APART_M, _APART_RAD = 0.22, math.radians(8.0)
 """Two places nearer than both are one basin."""
 
@@ -28,20 +31,30 @@ class Candidate:
     misfit: float
 
 
-def misfit_of(twin: Twin, camera: Camera, looks: list[SmallLook], pose: Pose) -> float:
-    """Return how badly the views from there fit the looks: the mean of the cut residuals, as a share of the cut."""
+def misfit_of(
+    twin: Twin, camera: Camera, looks: Sequence[SmallLook], poses: Sequence[Pose], scale: float = 1.0
+) -> float:
+    """Return how badly the views from `poses` fit the looks: the mean of the cut residuals, as a share of the cut.
+
+    To see through the building is impossible, and costs all; to see nearer than expected, or through an object, costs
+    less, for things come and go.
+    """
     total, pixels = 0.0, 0
-    for look in looks:
-        drawn = twin.drawer.draw(eye_of(camera, pose.compose(look.odometry)), look.pinhole).depth_m
+    for look, pose in zip(looks, poses, strict=True):
+        view = twin.drawer.draw(eye_of(camera, pose), look.pinhole)
         seen = np.isfinite(look.depth_m)
         with np.errstate(invalid="ignore", divide="ignore"):
-            residual = np.abs(np.log(look.depth_m[seen] / drawn[seen]))
-        total += float(np.minimum(np.nan_to_num(residual, nan=CUT), CUT).sum())
-        pixels += int(seen.sum())
+            residual = np.log(scale * look.depth_m[seen] / view.depth_m[seen])
+        residual = np.clip(np.nan_to_num(residual, nan=CUT), -CUT, CUT)
+        solid = twin.object_of[view.face[seen]] == 0
+        cost = np.abs(residual)
+        cost[(residual < 0) | ~solid] *= _CHANGED
+        total += float(cost.sum())
+        pixels += len(cost)
     return total / (CUT * pixels) if pixels else 1.0
 
 
-def candidates(twin: Twin, camera: Camera, looks: list[SmallLook], mark: Pose, most: int) -> list[Candidate]:
+def candidates(twin: Twin, camera: Camera, looks: Sequence[SmallLook], mark: Pose, most: int) -> tuple[Candidate, ...]:
     """Return the best basins about the mark, best first.
 
     Args:
@@ -54,7 +67,7 @@ def candidates(twin: Twin, camera: Camera, looks: list[SmallLook], mark: Pose, m
     steps = np.arange(-REACH_M, REACH_M + 1e-9, _STEP_M)
     turns = np.radians(np.arange(-REACH_DEG, REACH_DEG + 1e-9, _STEP_DEG))
     tried = [
-        Candidate(pose, misfit_of(twin, camera, looks, pose))
+        Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks]))
         for ahead in steps
         for left in steps
         if math.hypot(ahead, left) <= REACH_M * 1.2
@@ -68,12 +81,10 @@ def candidates(twin: Twin, camera: Camera, looks: list[SmallLook], mark: Pose, m
             basins.append(one)
             if len(basins) == most:
                 break
-    return basins
+    return tuple(basins)
 
 
-def near(one: Pose, other: Pose) -> bool:
-    """Whether two poses are of one basin."""
-    return (
-        one.distance_to(other) < _APART_M
-        and abs(math.remainder(one.heading_rad - other.heading_rad, math.tau)) < _APART_RAD
-    )
+def near(one: Pose, other: Pose, share: float = 1.0) -> bool:
+    """Whether two poses are of one basin, or nearer than that by `share`."""
+    turned_rad = abs(math.remainder(one.heading_rad - other.heading_rad, math.tau))
+    return one.distance_to(other) < share * _APART_M and turned_rad < share * _APART_RAD

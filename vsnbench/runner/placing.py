@@ -8,24 +8,26 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import NotPlacedError, RobotError
-from vsnbench.placement.ghost import ghost_png
+from vsnbench.placement.ghost import ghost, ghost_png, laid_over
 from vsnbench.placement.looks import DepthLook
 from vsnbench.placement.matching import PlacementMatcher
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pictures import encode_jpeg
+from vsnbench.protocol.pictures import encode_jpeg, encode_png
 from vsnbench.protocol.placement import MeasuredPlacement, PlacementTolerance
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.robots.contract import CarriedInPlay, Robot
 from vsnbench.runner.stopping import Stopping
+from vsnbench.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -62,6 +64,20 @@ class PlacementLook:
     def ghost_png(self) -> bytes | None:
         """The edges of what it should see from its mark, as a PNG of the picture's size, clear elsewhere."""
         return None if self.observation is None else ghost_png(self.site, self.observation.camera, self.mark)
+
+    def write_overlay(self, path: Path) -> None:
+        """Write what the robot sees with the edges of what it should see over it, as PNG.
+
+        Raises:
+            RobotError: it could not look.
+            RecordError: the file cannot be written.
+        """
+        if self.observation is None:
+            raise RobotError(f"there is no picture: {self.problem}")
+        seen = self.observation
+        over = laid_over(seen.rgb, ghost(self.site, seen.camera, self.mark))
+        solid = np.full((*over.shape[:2], 1), 255, np.uint8)
+        write_whole(path, encode_png(np.concatenate([over, solid], axis=2)))
 
 
 class Placing:
