@@ -1,0 +1,104 @@
+"""A placing measured from depth images: as precise as it says, never green by mistake, honest where it cannot tell."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsnbench.placement.looks import DepthLook
+from vsnbench.placement.matching import PlacementMatcher
+from vsnbench.placement.trials import NoisyEye, Trial, draw_trial
+from vsnbench.protocol.placement import REGION_95, MeasuredPlacement, PlacementMethod
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import load_site
+from vsnbench.robots.profiles import load_profile
+
+APARTMENT = load_site("apartment")
+CAMERA = load_profile("turtlebot2").camera
+MATCHER = PlacementMatcher(APARTMENT, CAMERA)
+FACING_A_BARE_WALL = 1
+
+
+def trial_at(number: int, seed: int, most_m: float = 0.40, most_deg: float = 25.0) -> tuple[Trial, NoisyEye]:
+    rng = np.random.default_rng([seed, number])
+    trial = draw_trial(APARTMENT, APARTMENT.start(number), rng, most_m, most_deg)
+    return trial, NoisyEye(trial.room, CAMERA, trial.depth_scale, rng)
+
+
+def is_covered(got: MeasuredPlacement, truth: Pose) -> bool:
+    turned_rad = math.remainder(got.pose.heading_rad - truth.heading_rad, math.tau)
+    away = np.array([got.pose.x_m - truth.x_m, got.pose.y_m - truth.y_m, turned_rad])
+    return float(away @ np.linalg.solve(got.covariance.matrix, away)) <= REGION_95
+
+
+def test_an_offset_is_measured_in_a_room_that_is_not_quite_as_surveyed() -> None:
+    errors_m, errors_deg, covered = [], [], 0
+    for number in (4, 5, 8, 9, 11, 12):
+        trial, eye = trial_at(number, seed=2)
+        got = MATCHER.measure(trial.start, [eye.look(trial.pose)])
+        errors_m.append(got.pose.distance_to(trial.pose))
+        errors_deg.append(abs(math.degrees(math.remainder(got.pose.heading_rad - trial.pose.heading_rad, math.tau))))
+        covered += is_covered(got, trial.pose)
+        assert got.method is PlacementMethod.LOOK
+        off = trial.pose.relative_to(got.mark)
+        assert not got.within_tolerance or math.hypot(*off.position) <= got.tolerance.distance_m
+    assert np.median(errors_m) < 0.04
+    assert np.median(errors_deg) < 0.5
+    assert covered >= 5
+
+
+def test_a_bare_wall_leaves_left_and_right_undetermined_and_a_turn_on_the_spot_settles_it() -> None:
+    trial, eye = trial_at(FACING_A_BARE_WALL, seed=3, most_m=0.10, most_deg=3.0)
+    look = MATCHER.measure(trial.start, [eye.look(trial.pose)])
+    assert look.undetermined == ("left-right",)
+    assert not look.within_tolerance
+    assert look.arrows == ()
+    assert "turn on the spot" in look.advice
+    around, end = eye.turn(trial.pose, turn_error=0.01)
+    turn = MATCHER.measure(trial.start, around)
+    assert turn.determined
+    assert turn.method is PlacementMethod.TURN
+    assert turn.pose.distance_to(end) < 0.05
+    assert math.degrees(abs(math.remainder(turn.pose.heading_rad - end.heading_rad, math.tau))) < 1.0
+    assert is_covered(turn, end)
+
+
+def test_headings_that_the_odometry_wraps_are_those_of_one_turn() -> None:
+    start = APARTMENT.start(5)
+    rng = np.random.default_rng(1)
+    around, end = NoisyEye(APARTMENT, CAMERA, 1.0, rng).turn(start.pose, turn_error=0.02)
+    wrapped = [
+        DepthLook(look.depth_m, Pose(0.0, 0.0, math.remainder(look.odometry.heading_rad, math.tau))) for look in around
+    ]
+    got = MATCHER.measure(start, wrapped)
+    assert got.pose.distance_to(end) < 0.03
+    assert abs(math.remainder(got.pose.heading_rad - end.heading_rad, math.tau)) < math.radians(0.5)
+
+
+def test_what_has_been_taken_away_is_named_and_does_not_mislead() -> None:
+    start = APARTMENT.start(9)
+    rng = np.random.default_rng(5)
+    everything = NoisyEye(APARTMENT, CAMERA, 1.0, rng).look(start.pose)
+    assert MATCHER.measure(start, [everything]).moved == ()
+    gone = "desk"
+    without = APARTMENT.model_copy(update={"objects": [one for one in APARTMENT.objects if one.id != gone]})
+    got = MATCHER.measure(start, [NoisyEye(without, CAMERA, 1.0, rng).look(start.pose)])
+    assert gone in got.moved
+    assert got.differs.startswith("the plan and the room differ here: ")
+    assert got.pose.distance_to(start.pose) < 0.05
+
+
+@pytest.mark.parametrize("depth_m", [np.nan, 0.0, np.inf])
+def test_where_next_to_nothing_is_seen_nothing_is_determined(depth_m: float) -> None:
+    blind = DepthLook(np.full((480, 640), depth_m, np.float32), Pose(0.0, 0.0))
+    got = MATCHER.measure(APARTMENT.start(3), [blind])
+    assert got.undetermined == ("forward-back", "left-right", "heading")
+    assert not got.within_tolerance
+
+
+def test_another_mark_than_the_one_that_was_said_is_never_green() -> None:
+    rng = np.random.default_rng(6)
+    eye = NoisyEye(APARTMENT, CAMERA, 1.0, rng)
+    for stands, said in ((3, 4), (5, 9), (8, 2), (12, 11)):
+        got = MATCHER.measure(APARTMENT.start(said), [eye.look(APARTMENT.start(stands).pose)])
+        assert not got.within_tolerance

@@ -1,0 +1,80 @@
+"""What a measured placement says: green only where all of its region lies within the tolerance, and how to mend it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.placement import (
+    Direction,
+    MeasuredPlacement,
+    PlacementMethod,
+    PlacementTolerance,
+    PoseCovariance,
+)
+from vsnbench.protocol.pose import Pose
+
+MARK = Pose(2.0, 1.0, math.radians(90))
+
+
+def placed(
+    ahead_m: float, left_m: float, turn_deg: float, std_m: float = 0.01, std_deg: float = 0.2
+) -> MeasuredPlacement:
+    variance = PoseCovariance.of(np.diag([std_m**2, std_m**2, math.radians(std_deg) ** 2]))
+    pose = MARK.compose(Pose(ahead_m, left_m, math.radians(turn_deg)))
+    return MeasuredPlacement(4, MARK, pose, variance, PlacementTolerance(), PlacementMethod.LOOK, 1)
+
+
+def test_it_is_green_only_where_the_whole_region_lies_within_the_tolerance() -> None:
+    assert placed(0.03, -0.02, 1.0).within_tolerance
+    assert not placed(0.12, 0.0, 0.0).within_tolerance
+    assert not placed(0.0, 0.0, 3.2).within_tolerance
+    assert not placed(0.03, 0.0, 0.0, std_m=0.03).within_tolerance, "8 cm of region beside 3 cm of offset"
+    assert not placed(0.0, 0.0, 0.0, std_deg=1.2).within_tolerance
+
+
+def test_what_is_not_determined_is_never_green_and_has_no_arrows() -> None:
+    right = placed(0.0, 0.0, 0.0)
+    for doubt in (replace(right, undetermined=("left-right",)), replace(right, fits=False)):
+        assert not doubt.within_tolerance
+        assert doubt.arrows == ()
+        assert doubt.advice
+    assert replace(right, undetermined=("left-right",)).headline == "not determined: left-right"
+
+
+def test_arrows_say_how_to_mend_it_as_the_robot_faces() -> None:
+    arrows = placed(0.20, -0.04, 10.0).arrows
+    assert [arrow.direction for arrow in arrows] == [Direction.TURN_RIGHT, Direction.BACKWARD, Direction.LEFT]
+    assert arrows[0].words == "turn right 10°"
+    moved = MARK.compose(Pose(0.20, -0.04, math.radians(10.0)))
+    ways = {arrow.direction: arrow.amount for arrow in arrows}
+    mended = moved.compose(Pose(-ways[Direction.BACKWARD], ways[Direction.LEFT]))
+    assert mended.distance_to(MARK) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_covariance_is_turned_into_the_mark_s_frame() -> None:
+    along_x = PoseCovariance.of(np.diag([0.04, 0.0001, 0.01]))
+    got = replace(placed(0.0, 0.0, 0.0), covariance=along_x)
+    assert got.offset_covariance.yy == pytest.approx(0.04), "the mark faces along y: x lies to its right"
+    assert got.region_m == pytest.approx(2.795 * 0.2, abs=0.01)
+    assert PoseCovariance(*along_x.values) == along_x
+
+
+def test_a_covariance_of_no_numbers_is_refused() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        PoseCovariance(math.nan, 0, 0, 1, 0, 1)
+
+
+def test_the_usual_tolerance_leaves_older_campaigns_their_hash_and_another_is_kept() -> None:
+    assert "placement" not in ProtocolParameters().model_dump(mode="json")
+    strict = ProtocolParameters(placement=PlacementTolerance(distance_m=0.05))
+    assert ProtocolParameters.from_record(strict.model_dump(mode="json")) == strict
+
+
+def test_everything_is_plain_in_json() -> None:
+    told = placed(0.2, 0.0, 0.0).as_json()
+    assert told["offset"]["ahead_m"] == pytest.approx(0.2)
+    assert told["within_tolerance"] is False
+    assert told["arrows"] == [{"direction": "backward", "amount": pytest.approx(0.2), "words": "20 cm backward"}]
