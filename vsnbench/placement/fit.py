@@ -7,6 +7,7 @@ that is left for the pose says what those errors do to it, which pixels by the t
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -80,7 +81,7 @@ class FitState:
 def refine(
     twin: Twin,
     camera: Camera,
-    looks: list[SmallLook],
+    looks: Sequence[SmallLook],
     start: Pose,
     errors: ErrorModel,
     rounds: int,
