@@ -28,7 +28,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "study": _PURE,
     "viewer": {"protocol", "database", "record"},
     "report": _PURE | {"database", "record", "study"},
-    "exchange": {"protocol", "database", "record"},
+    "exchange": {"protocol", "sensing", "database", "record"},
     "runner": {"protocol"} | _MACHINERY | _RESOURCES,
     "console": {"protocol", "simulator", "sensing"} | _RESOURCES | {"viewer", "report", "exchange", "runner"},
     "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner", "console"},

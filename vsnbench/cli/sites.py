@@ -15,6 +15,7 @@ app = typer.Typer(
     vsnbench sites draw apartment --output plan.svg
     vsnbench sites look apartment --output look.png
     vsnbench sites generate --seed 7 --output flat.yaml
+    vsnbench sites edit my-flat.yaml --underlay map.yaml
     """,
 )
 
@@ -238,6 +239,75 @@ def generate(
         return
     write_site(site, path)
     typer.echo(str(path))
+
+
+@app.command()
+def edit(
+    site_file: Annotated[str, typer.Argument(help="The site's file; a new one where there is none.")],
+    underlay: Annotated[
+        str, typer.Option(help="Lay this under the plan: a ROS map's map.yaml, or a picture of a plan.")
+    ] = "",
+    robot: Annotated[str, typer.Option(help="Check for this robot: a profile's name.")] = "turtlebot2",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page on 127.0.0.1; 0 for any.")] = 0,
+) -> None:
+    """Draw and correct a site in the browser, its checks beside it; the file's comments are kept. Ctrl-C ends.
+
+    vsnbench sites edit lab.yaml --underlay map.yaml
+    """
+    import signal
+    import threading
+    from pathlib import Path
+
+    from vsnbench.console.plan_underlay import Underlay
+    from vsnbench.console.session_key import SessionKey
+    from vsnbench.console.site_editor import MOST_BODY_BYTES, SiteEditor
+    from vsnbench.console.web_server import WebServer
+    from vsnbench.errors import UsageError
+    from vsnbench.protocol.site import embedded_sites
+    from vsnbench.robots.profiles import load_profile
+
+    path = Path(site_file)
+    if site_file in embedded_sites():
+        raise UsageError(
+            f"{site_file} is an embedded site", advice=f"copy it first: cp {embedded_sites()[site_file]} my-flat.yaml"
+        )
+    if path.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"a site file ends in .yaml, and {site_file} does not")
+    below = Underlay.of_file(Path(underlay)) if underlay else None
+    editor = SiteEditor(path, load_profile(robot), below)
+    ended = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    with WebServer(editor.app(), SessionKey.new(), port=port, most_body_bytes=MOST_BODY_BYTES) as server:
+        typer.echo(f"{path} is edited at {server.addresses[0]}")
+        try:
+            ended.wait()
+        except KeyboardInterrupt:
+            typer.echo("")
+
+
+@app.command("export")
+def export_site(
+    site_name: SiteArgument,
+    output: Annotated[str, typer.Option("--map", help="Write a ROS map here: a map.yaml, its PGM beside it.")],
+    resolution: Annotated[float, typer.Option(min=0.005, max=1.0, help="Side of a cell, metres.")] = 0.05,
+    furniture: Annotated[bool, typer.Option(help="Draw what stands there too.")] = True,
+) -> None:
+    """Write a site as a map that ROS's map_server reads.
+
+    vsnbench sites export apartment --map apartment-map.yaml
+    """
+    from pathlib import Path
+
+    from vsnbench.errors import UsageError
+    from vsnbench.exchange.ros_map import write_ros_map
+    from vsnbench.exchange.site_map import map_of_site
+    from vsnbench.protocol.site import load_site
+
+    path = Path(output)
+    if path.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"cannot write a map to {path}", advice="name a file that ends in .yaml")
+    for written in write_ros_map(map_of_site(load_site(site_name), resolution, furniture=furniture), path):
+        typer.echo(str(written))
 
 
 def _count(number: int, what: str) -> str:

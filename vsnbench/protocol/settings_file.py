@@ -90,8 +90,28 @@ def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchErro
     Raises:
         VsnbenchError: the file cannot be read; of the class `error`.
     """
+    return text_faults(_text_of(path, error, what), str(path), model, what)
+
+
+def parse_plain(text: str, origin: str, error: type[VsnbenchError], what: str) -> dict[str, Any]:
+    """Read YAML text with a mapping in it, whatever its fields; bounded as every settings file is.
+
+    Raises:
+        VsnbenchError: it is none; of the class `error`; the message names the line.
+    """
     try:
-        _parse(_text_of(path, error, what), str(path), model, what, checking=True)
+        _, content = _read_yaml(text, origin)
+    except _FaultyError as faulty:
+        raise error(str(faulty.faults[0])) from faulty
+    if not isinstance(content, dict):
+        raise error(f"{origin}: a {what} file is a mapping")
+    return content
+
+
+def text_faults(text: str, origin: str, model: type[BaseModel], what: str) -> list[SettingsFault]:
+    """Return everything in which a text breaks its format; empty for a good one."""
+    try:
+        _parse(text, origin, model, what, checking=True)
     except _FaultyError as faulty:
         return list(faulty.faults)
     return []

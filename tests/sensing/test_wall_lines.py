@@ -1,0 +1,54 @@
+"""Walls proposed in a map."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.plan_grid import FREE, OCCUPIED, PlanGrid
+from vsnbench.sensing.wall_lines import propose_walls
+
+
+def drawn(*shapes: shapely.Polygon, origin: Pose | None = None) -> PlanGrid:
+    """Draw shapes, metres from the grid's corner, into 8 m x 6 m of cells of 5 cm."""
+    x_m, y_m = np.meshgrid((np.arange(160) + 0.5) * 0.05, (np.arange(120) + 0.5) * 0.05)
+    inside = shapely.contains_xy(shapely.union_all(list(shapes)), x_m, y_m)
+    return PlanGrid(np.where(inside, OCCUPIED, FREE).astype(np.uint8), 0.05, origin or Pose(0.0, 0.0))
+
+
+def wall(x0: float, y0: float, x1: float, y1: float, thick: float = 0.15) -> shapely.Polygon:
+    return shapely.LineString([(x0, y0), (x1, y1)]).buffer(thick / 2, cap_style="flat")
+
+
+WALLS = [(1, 1, 7, 1), (7, 1, 7, 5), (1, 1, 1, 5), (1, 5, 5, 5), (5, 5, 7, 3)]
+"""The last is a diagonal one."""
+
+
+def covered(grid: PlanGrid, walls: list[tuple[float, ...]]) -> float:
+    near = shapely.union_all([shapely.LineString([each.start, each.end]).buffer(0.06) for each in propose_walls(grid)])
+    lines = [shapely.LineString([(x0, y0), (x1, y1)]) for x0, y0, x1, y1 in walls]
+    return sum(line.intersection(near).length for line in lines) / sum(line.length for line in lines)
+
+
+def test_walls_straight_and_diagonal_are_proposed_where_they_are() -> None:
+    assert covered(drawn(*(wall(*each) for each in WALLS)), list(WALLS)) > 0.9
+
+
+def test_a_cupboard_is_no_wall() -> None:
+    grid = drawn(wall(1, 1, 7, 1), shapely.box(3, 3, 4.2, 4.0))
+    (line,) = propose_walls(grid)
+    assert line.thickness_m == pytest.approx(0.15, abs=0.06)
+    assert line.length_m == pytest.approx(6.0, abs=0.1)
+
+
+def test_proposals_lie_in_the_sites_frame() -> None:
+    (line,) = propose_walls(drawn(wall(1, 1, 7, 1), origin=Pose(10.0, 20.0, math.pi / 2)))
+    ends = sorted([line.start, line.end], key=lambda end: end[1])
+    assert ends[0] == pytest.approx((9.0, 21.0), abs=0.08)
+    assert ends[1] == pytest.approx((9.0, 27.0), abs=0.08)
+
+
+def test_an_empty_map_proposes_nothing() -> None:
+    assert propose_walls(drawn()) == []

@@ -1,0 +1,204 @@
+// The plan as SVG. The picture's y runs down, the site's up: every point is drawn at (x, -y).
+
+import { distance, outline, radians } from "./editor-model.js";
+
+const NS = "http://www.w3.org/2000/svg";
+export const flip = ([x, y]) => `${x},${-y}`;
+
+export function drawn(kind, fields, parent, words) {
+  const element = document.createElementNS(NS, kind);
+  for (const [name, value] of Object.entries(fields)) element.setAttribute(name, value);
+  if (words !== undefined) element.textContent = words;
+  parent?.append(element);
+  return element;
+}
+
+export class Plan {
+  constructor(svg, model) {
+    this.svg = svg;
+    this.model = model;
+    this.view = [-1, -9, 12, 10];
+    this.underlay = null;
+    this.lines = [];
+    this.lit = null;
+    this.draft = null;
+    this.scalePoints = [];
+    this.goals = new Set();
+  }
+
+  unit() { return this.view[2] / Math.max(this.svg.clientWidth, 1); }
+
+  at(event) {
+    const box = this.svg.getBoundingClientRect();
+    const scale = Math.max(this.view[2] / box.width, this.view[3] / box.height);
+    const left = this.view[0] + this.view[2] / 2 - (scale * box.width) / 2;
+    const top = this.view[1] + this.view[3] / 2 - (scale * box.height) / 2;
+    return [left + (event.clientX - box.left) * scale, -(top + (event.clientY - box.top) * scale)];
+  }
+
+  centre() { return [this.view[0] + this.view[2] / 2, -(this.view[1] + this.view[3] / 2)]; }
+
+  zoom(factor, about = this.centre()) {
+    const size = Math.min(Math.max(this.view[2] * factor, 0.5), 400) / this.view[2];
+    this.view[0] = about[0] - (about[0] - this.view[0]) * size;
+    this.view[1] = -about[1] - (-about[1] - this.view[1]) * size;
+    this.view[2] *= size;
+    this.view[3] *= size;
+    this.draw();
+  }
+
+  pan(dx, dy) {
+    this.view[0] -= dx;
+    this.view[1] += dy;
+    this.draw();
+  }
+
+  fit() {
+    const { site } = this.model;
+    const points = [...site.walls.flatMap((wall) => [wall.start, wall.end]), ...site.rooms.flatMap((room) => room.polygon),
+      ...site.objects.map((thing) => thing.position), ...site.starts.map((start) => start.position)];
+    if (this.underlay) {
+      const { x_m: x, y_m: y, width_m: width, height_m: height } = this.underlay;
+      points.push([x, y], [x + width, y + height]);
+    }
+    if (!points.length) points.push([0, 0], [10, 8]);
+    const [xs, ys] = [points.map((point) => point[0]), points.map((point) => point[1])];
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const ratio = (this.svg.clientHeight || 3) / (this.svg.clientWidth || 4);
+    const width = Math.max(right - left + 1.2, (high - low + 1.2) / ratio);
+    this.view = [(left + right) / 2 - width / 2, -(low + high) / 2 - (width * ratio) / 2, width, width * ratio];
+    this.draw();
+  }
+
+  draw() {
+    const { svg, view } = this;
+    svg.setAttribute("viewBox", view.join(" "));
+    svg.replaceChildren();
+    const { site, chosen } = this.model;
+    const mark = (list, index, name) => `${name}${chosen && chosen[0] === list && chosen[1] === index ? " p-chosen" : ""}`;
+    const group = drawn("g", {}, svg);
+    this.#underlay(group);
+    site.rooms.forEach((room, index) => {
+      drawn("polygon", { points: room.polygon.map(flip).join(" "), class: mark("rooms", index, `p-room${this.underlay ? " over" : ""}`), "data-of": `rooms ${index}` }, group);
+    });
+    this.#grid(group);
+    [...site.objects.keys()].sort((a, b) => this.#height(a) - this.#height(b)).forEach((index) => this.#object(group, site.objects[index], index, mark));
+    site.walls.forEach((wall, index) => {
+      drawn("polygon", { points: wallOutline(wall).map(flip).join(" "), class: mark("walls", index, "p-wall"), "data-of": `walls ${index}` }, group);
+    });
+    for (const list of ["windows", "doors"]) {
+      site[list].forEach((each, index) => {
+        const name = `p-${list.slice(0, -1)}${each.closed ? " closed" : ""}`;
+        drawn("line", { ...ends(each), class: mark(list, index, name), "data-of": `${list} ${index}` }, group);
+      });
+    }
+    site.rooms.forEach((room) => this.#text(group, middle(room.polygon), room.name, 13));
+    site.starts.forEach((start, index) => this.#start(group, start, index, mark));
+    this.lines.forEach((line, index) => drawn("line", { ...ends(line), class: "p-line", "data-of": `lines ${index}` }, group));
+    this.#handles(group);
+    if (this.draft) {
+      drawn("polyline", { points: this.draft.map(flip).join(" "), class: "p-draft" }, group);
+      if (this.draft.length > 1) {
+        const [from, to] = this.draft.slice(-2);
+        this.#text(group, middle([from, to]), `${distance(from, to).toFixed(2)} m`, 14);
+      }
+    }
+    for (const point of this.scalePoints) drawn("circle", { cx: point[0], cy: -point[1], r: 5 * this.unit(), class: "p-draft" }, group);
+    this.#lit(group);
+  }
+
+  #height(index) {
+    const thing = this.model.site.objects[index];
+    return (thing.elevation_m ?? 0) + (thing.solid === false ? -1 : 0);
+  }
+
+  #underlay(group) {
+    const { underlay } = this;
+    if (!underlay || underlay.hidden) return;
+    const turn = (-underlay.heading_rad * 180) / Math.PI;
+    drawn("image", {
+      href: underlay.href, x: 0, y: -underlay.height_m, width: underlay.width_m, height: underlay.height_m, opacity: 0.7,
+      preserveAspectRatio: "none", transform: `translate(${underlay.x_m} ${-underlay.y_m}) rotate(${turn})`,
+    }, group);
+  }
+
+  #grid(group) {
+    const step = this.view[2] > 60 ? 10 : this.view[2] > 30 ? 5 : this.view[2] < 3 ? 0.25 : 1;
+    const [left, top, width, height] = this.view;
+    for (let x = Math.ceil(left / step) * step; x < left + width; x += step) {
+      drawn("line", { x1: x, y1: top, x2: x, y2: top + height, class: Math.abs(x) < 1e-9 ? "p-axis" : "p-grid" }, group);
+      this.#text(group, [x, -(top + 14 * this.unit())], `${Number(x.toFixed(2))}`, 10);
+    }
+    for (let y = Math.ceil(top / step) * step; y < top + height; y += step) {
+      drawn("line", { x1: left, y1: y, x2: left + width, y2: y, class: Math.abs(y) < 1e-9 ? "p-axis" : "p-grid" }, group);
+      this.#text(group, [left + 16 * this.unit(), -(y + 3 * this.unit())], `${Number((-y).toFixed(2))}`, 10);
+    }
+  }
+
+  #object(group, thing, index, mark) {
+    const corners = outline(thing);
+    const kind = `p-object${this.goals.has(thing.category) ? " goal" : ""}${thing.solid === false ? " flat" : ""}`;
+    drawn("polygon", { points: corners.map(flip).join(" "), class: mark("objects", index, kind), "data-of": `objects ${index}` }, group);
+    const turn = radians(thing.heading_deg ?? 0);
+    const front = thing.size_m[0] / 2;
+    const nose = (far, side) => [thing.position[0] + Math.cos(turn) * far - Math.sin(turn) * side, thing.position[1] + Math.sin(turn) * far + Math.cos(turn) * side];
+    const tip = Math.min(0.08, front / 2);
+    drawn("polyline", { points: [nose(front - tip, tip), nose(front, 0), nose(front - tip, -tip)].map(flip).join(" "), class: "p-front" }, group);
+    if (Math.max(...thing.size_m) / this.unit() > 45) this.#text(group, thing.position, thing.category.replaceAll("_", " "), 11);
+  }
+
+  #start(group, start, index, mark) {
+    const [x, y] = start.position;
+    const turn = radians(start.heading_deg ?? 0);
+    const radius = 0.16;
+    drawn("line", { x1: x, y1: -y, x2: x + 0.34 * Math.cos(turn), y2: -(y + 0.34 * Math.sin(turn)), class: "p-heading" }, group);
+    drawn("circle", { cx: x, cy: -y, r: radius, class: mark("starts", index, "p-start"), "data-of": `starts ${index}` }, group);
+    this.#text(group, [x, y - 4 * this.unit()], `${start.number}`, 12);
+  }
+
+  #handles(group) {
+    const entry = this.model.entry();
+    if (!entry) return;
+    const radius = 7 * this.unit();
+    const handle = (at, name) => drawn("circle", { cx: at[0], cy: -at[1], r: radius, class: "p-handle", "data-handle": name }, group);
+    if (entry.start) {
+      handle(entry.start, "start");
+      handle(entry.end, "end");
+      this.#text(group, middle([entry.start, entry.end]), `${distance(entry.start, entry.end).toFixed(2)} m`, 14);
+    } else if (entry.polygon) entry.polygon.forEach((corner, index) => handle(corner, `polygon ${index}`));
+    else if (entry.position) {
+      const far = (entry.size_m ? entry.size_m[0] / 2 : 0.16) + 0.25;
+      const turn = radians(entry.heading_deg ?? 0);
+      handle([entry.position[0] + far * Math.cos(turn), entry.position[1] + far * Math.sin(turn)], "turn");
+      if (entry.footprint) entry.footprint.forEach((corner, index) => handle(corner, `footprint ${index}`));
+      else if (entry.size_m) handle(outline(entry)[0], "size");
+    }
+  }
+
+  #lit(group) {
+    if (!this.lit) return;
+    const { type, coordinates } = this.lit;
+    if (type === "Polygon") drawn("polygon", { points: coordinates[0].map(flip).join(" "), class: "p-lit" }, group);
+    if (type === "LineString") drawn("polyline", { points: coordinates.map(flip).join(" "), class: "p-lit" }, group);
+    if (type === "MultiPoint") for (const [x, y] of coordinates) drawn("circle", { cx: x, cy: -y, r: 16 * this.unit(), class: "p-lit" }, group);
+  }
+
+  #text(group, at, words, pixels) {
+    const size = pixels * this.unit();
+    drawn("text", { x: at[0], y: -at[1], "font-size": size, "stroke-width": size / 5, class: "p-text" }, group, words);
+  }
+}
+
+const ends = (each) => ({ x1: each.start[0], y1: -each.start[1], x2: each.end[0], y2: -each.end[1] });
+
+export function middle(points) {
+  return [points.reduce((sum, point) => sum + point[0], 0) / points.length, points.reduce((sum, point) => sum + point[1], 0) / points.length];
+}
+
+function wallOutline(wall) {
+  const half = (wall.thickness_m ?? 0.1) / 2;
+  const length = distance(wall.start, wall.end) || 1;
+  const [ax, ay] = [((wall.end[0] - wall.start[0]) / length) * half, ((wall.end[1] - wall.start[1]) / length) * half];
+  const [s, e] = [[wall.start[0] - ax, wall.start[1] - ay], [wall.end[0] + ax, wall.end[1] + ay]];
+  return [[s[0] - ay, s[1] + ax], [e[0] - ay, e[1] + ax], [e[0] + ay, e[1] - ax], [s[0] + ay, s[1] - ax]];
+}

@@ -1,0 +1,39 @@
+"""A surveyed site as the map that a robot would make of it: walls and what stands on the floor occupied, rooms free."""
+
+import math
+
+import numpy as np
+import shapely
+
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
+from vsnbench.protocol.walls import solid_shapes, wall_shapes
+from vsnbench.sensing.plan_grid import FREE, OCCUPIED, UNKNOWN, PlanGrid
+
+_MARGIN_M = 0.5
+
+
+def map_of_site(site: Site, resolution_m: float = 0.05, *, furniture: bool = True, below_m: float = 0.4) -> PlanGrid:
+    """Draw a site as an occupancy grid.
+
+    Args:
+        site: the place.
+        resolution_m: side of a cell.
+        furniture: whether what stands there is drawn too, as a laser scanner in the height `below_m` would see it.
+        below_m: what begins higher is left out.
+    """
+    walls = shapely.union_all([wall.shape for wall in site.walls])
+    x_min, y_min, x_max, y_max = (float(value) for value in walls.buffer(_MARGIN_M).bounds)
+    columns, rows = math.ceil((x_max - x_min) / resolution_m), math.ceil((y_max - y_min) / resolution_m)
+    x_m, y_m = np.meshgrid(
+        x_min + (np.arange(columns) + 0.5) * resolution_m, y_min + (np.arange(rows) + 0.5) * resolution_m
+    )
+    cells = np.full((rows, columns), UNKNOWN, np.uint8)
+    cells[shapely.contains_xy(shapely.union_all([room.shape for room in site.rooms]), x_m, y_m)] = FREE
+    solid = shapely.union_all(solid_shapes(site, below_m) if furniture else wall_shapes(site))
+    shapely.prepare(solid)
+    cells[shapely.contains_xy(solid, x_m, y_m)] = OCCUPIED
+    shut = [door.centre_line.buffer(resolution_m) for door in site.doors if door.closed]
+    if shut:
+        cells[shapely.contains_xy(shapely.union_all(shut), x_m, y_m)] = OCCUPIED
+    return PlanGrid(cells, resolution_m, Pose(x_min, y_min))

@@ -1,0 +1,186 @@
+"""Proposes walls in an occupancy grid: straight runs of occupied cells, each a centre line with its thickness.
+
+Directions are found first, since rooms have few; then the occupied cells are read along each, strip by strip, and runs
+that lie in one line become one wall. Furniture gives short or thick runs and is left out.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.sensing.plan_grid import OCCUPIED, PlanGrid
+
+SHORTEST_M = 0.6
+"""Shorter runs are furniture as often as wall."""
+THICKEST_M = 0.4
+_BRIDGED_M = 0.25
+"""Gaps in a run up to this are dropouts of the map."""
+_DIRECTIONS = 5
+"""So many directions at most; rooms have two, and a diagonal wall is a third."""
+_LEAST_SHARE = 0.02
+"""A direction holds at least this share of what runs along any."""
+_FILLED = 0.6
+_AS_LONG = 0.7
+"""A strip beside a wall's is its thickness where it is occupied for so much of its length."""
+_TAKEN = 0.5
+"""Runs of which so much is in walls already are their rims."""
+_STEP_DEG = 1.0
+
+Points = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class WallLine:
+    """A proposed wall by the ends of its centre line, metres in the site's frame."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    thickness_m: float
+
+    @property
+    def length_m(self) -> float:
+        """Distance between the ends, metres."""
+        return math.dist(self.start, self.end)
+
+
+def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLine]:
+    """Return the walls that a grid seems to show, the longest first."""
+    rows, columns = np.nonzero(grid.cells == OCCUPIED)
+    if rows.size == 0:
+        return []
+    points = np.column_stack((columns + 0.5, rows + 0.5))
+    left = np.ones(len(points), np.bool_)
+    found: list[WallLine] = []
+    for angle_rad in _directions(grid):
+        for first, last, thickness, used in _runs(points, left, angle_rad, grid.resolution_m, shortest_m):
+            ends = grid.in_site(np.array([first, last]))
+            (x0, y0), (x1, y1) = ends.tolist()
+            found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
+            left[used] = False
+    return sorted(found, key=lambda line: -line.length_m)
+
+
+def _directions(grid: PlanGrid) -> list[float]:
+    """Return the directions of the walls, radians in the grid, the one with most of them first."""
+    import cv2
+
+    image = (grid.cells == OCCUPIED).astype(np.uint8) * 255
+    shortest = max(round(0.4 / grid.resolution_m), 5)
+    lines = cv2.HoughLinesP(image, 1, np.pi / 360, shortest, None, shortest, max(round(0.1 / grid.resolution_m), 1))
+    if lines is None:
+        return [0.0, math.pi / 2]
+    ends = np.asarray(lines, np.float64).reshape(-1, 4)
+    along = ends[:, 2:] - ends[:, :2]
+    length, angle = np.hypot(*along.T), np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 180
+    bins = round(180 / _STEP_DEG)
+    weight = np.bincount(np.round(angle / _STEP_DEG).astype(int) % bins, length**2, bins)
+    smooth = weight + np.roll(weight, 1) + np.roll(weight, -1)
+    total, chosen = smooth.sum(), []
+    for _ in range(_DIRECTIONS):
+        best = int(np.argmax(smooth))
+        if smooth[best] < _LEAST_SHARE * total or smooth[best] == 0:
+            break
+        off = (angle - best * _STEP_DEG + 90) % 180 - 90
+        near = np.abs(off) <= 2
+        if near.any():
+            chosen.append(math.radians(best * _STEP_DEG + float(np.average(off[near], weights=length[near] ** 2))))
+        smooth[[(best + step) % bins for step in range(-8, 9)]] = 0
+    return chosen or [0.0, math.pi / 2]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """Occupied cells that follow each other in one strip, a cell wide, of a direction."""
+
+    strip: int
+    first: float
+    last: float
+    cells: npt.NDArray[np.intp]
+
+    @property
+    def length(self) -> float:
+        return self.last - self.first + 1
+
+
+def _runs(
+    points: Points, left: npt.NDArray[np.bool_], angle_rad: float, resolution_m: float, shortest_m: float
+) -> Iterator[tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]]]:
+    """Yield first and last point of each wall in a direction, its thickness in cells, and the cells that it is."""
+    way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
+    runs = _strips(points, np.flatnonzero(left), way, resolution_m, shortest_m)
+    gone = ~left
+    for seed in sorted(runs, key=lambda run: -run.length):
+        if gone[seed.cells].mean() > _TAKEN:
+            continue
+        wall = [seed]
+        for step in (-1, 1):
+            strip = seed.strip + step
+            while beside := [run for run in runs if run.strip == strip and _lies_beside(run, seed, gone)]:
+                wall += beside
+                strip += step
+        if len({run.strip for run in wall}) * resolution_m > THICKEST_M:
+            gone[np.concatenate([run.cells for run in wall])] = True  # furniture
+            continue
+        fitted = _one_wall(wall, points, way)
+        gone[fitted[3]] = True
+        gone[_near(points, fitted, way, 1.5)] = True
+        yield fitted
+
+
+def _strips(
+    points: Points, indices: npt.NDArray[np.intp], way: Points, resolution_m: float, shortest_m: float
+) -> list[_Run]:
+    along = points[indices] @ way
+    across = points[indices] @ np.array([-way[1], way[0]])
+    strips = np.floor(across).astype(int)
+    gap, shortest = max(_BRIDGED_M / resolution_m, 2.5), shortest_m / resolution_m
+    found = []
+    for strip in np.unique(strips):
+        inside = np.flatnonzero((strips >= strip) & (strips <= strip + 1))  # a slanted one runs in two
+        order = inside[np.argsort(along[inside])]
+        for run in np.split(order, np.flatnonzero(np.diff(along[order]) > gap) + 1):
+            length = along[run[-1]] - along[run[0]] + 1
+            if length >= shortest and np.unique(np.floor(along[run] + 1e-6)).size >= _FILLED * length:
+                found.append(_Run(int(strip), float(along[run[0]]), float(along[run[-1]]), indices[run]))
+    return found
+
+
+def _lies_beside(run: _Run, seed: _Run, gone: npt.NDArray[np.bool_]) -> bool:
+    """Whether a run belongs to the thickness of the wall that another is."""
+    shared = min(run.last, seed.last) - max(run.first, seed.first)
+    return shared > _AS_LONG * seed.length and not gone[run.cells].mean() > _TAKEN
+
+
+def _near(
+    points: Points,
+    fitted: tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]],
+    way: Points,
+    margin: float,
+) -> npt.NDArray[np.bool_]:
+    """Return which cells lie in a wall found, or on its rim."""
+    first, last, thickness, _ = fitted
+    normal = np.array([-way[1], way[0]])
+    along, across = (points - np.array(first)) @ way, (points - np.array(first)) @ normal
+    end = float((np.array(last) - np.array(first)) @ way)
+    slope = float((np.array(last) - np.array(first)) @ normal) / end
+    inside: npt.NDArray[np.bool_] = (along > -1) & (along < end + 1)
+    return np.asarray(inside & (np.abs(across - slope * along) < thickness / 2 + margin), np.bool_)
+
+
+def _one_wall(
+    group: list[_Run], points: Points, way: Points
+) -> tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]]:
+    """Fit one centre line through the cells of a group."""
+    used = np.unique(np.concatenate([run.cells for run in group]))
+    normal = np.array([-way[1], way[0]])
+    along, across = points[used] @ way, points[used] @ normal
+    slope, offset = np.polyfit(along, across, 1) if np.ptp(along) > 0 else (0.0, float(across.mean()))
+    first, last = along.min() - 0.5, along.max() + 0.5
+    ends = [way * at + normal * (slope * at + offset) for at in (first, last)]
+    residual = across - (slope * along + offset)
+    thickness = float(np.clip(np.sqrt(12) * residual.std() + 0.3, 1.0, None))
+    (x0, y0), (x1, y1) = (end.tolist() for end in ends)
+    return (x0, y0), (x1, y1), thickness, used
