@@ -28,7 +28,7 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
             "few-starts",
             f"site {site.name}",
             f"has {len(site.starts)} starting position{'' if len(site.starts) == 1 else 's'}",
-            f"the protocol asks for {STARTING_POSITIONS}: survey {STARTING_POSITIONS - len(site.starts)} more",
+            f"the protocol asks for {STARTING_POSITIONS}, survey {STARTING_POSITIONS - len(site.starts)} more",
             amount=Amount(STARTING_POSITIONS - len(site.starts), "starts"),
         )
     for index in range(len(site.starts)):
