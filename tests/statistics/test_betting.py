@@ -1,11 +1,12 @@
 """Every finite plan that is small enough is tried in every order; coverage is counted, not sampled."""
 
 import itertools
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from vsnbench.statistics.betting import as_share, capital, p_values, sequence
+from vsnbench.statistics.betting import FRACTIONS, as_share, capital, p_values, sequence
 
 PLANS = [
     pytest.param(values, id="".join(str(round(2 * value)) for value in values))
@@ -68,3 +69,38 @@ def test_with_replacement_a_true_mean_survives_every_look() -> None:
 def test_more_values_than_the_plan_has_are_refused() -> None:
     with pytest.raises(ValueError, match="4 values cannot come from a plan of 3"):
         capital([1.0, 0.0, 1.0, 1.0], 0.5, 3)
+
+
+def ruled_out(values: list[float], mean: Fraction, size: int, alpha: float) -> list[bool]:
+    """Say after each value whether a bet on a greater mean has won: written anew from the definition, in fractions.
+
+    A gambler puts a share of the capital on "the next is greater than it should be": it is multiplied by 1 less the
+    share, plus the share times value over expectation, and the expectation is what the rest must have on average.
+    """
+    purses = [Fraction(1, len(FRACTIONS)) for _ in FRACTIONS]
+    rest, won, told = mean * size, False, []
+    for drawn, value in enumerate(map(Fraction, values)):
+        expected = rest / (size - drawn)
+        won = won or expected < 0 or (expected == 0 and value > 0)
+        if not won and expected > 0:
+            bets = zip(purses, (Fraction(str(share)) for share in FRACTIONS), strict=True)
+            purses = [purse * (1 - share + share * value / expected) for purse, share in bets]
+        rest -= value
+        won = won or sum(purses) >= Fraction(2) / Fraction(str(alpha))
+        told.append(won)
+    return told
+
+
+def test_the_sequence_is_that_of_an_implementation_in_fractions() -> None:
+    random = np.random.default_rng(8)
+    for size, seen in ((9, 9), (12, 7)):
+        values = random.choice([0.0, 0.5, 1.0], seen, p=[0.1, 0.3, 0.6]).tolist()
+        low, high = sequence(values, size, alpha=0.3)
+        means = [Fraction(part, 2 * size) for part in range(2 * size + 1)]
+        too_low = [ruled_out(values, mean, size, 0.3) for mean in means]
+        too_high = [ruled_out([1 - value for value in values], 1 - mean, size, 0.3) for mean in means]
+        for look in range(seen):
+            kept = [mean for mean, out in zip(means, too_low, strict=True) if not out[look]]
+            assert float(min(kept)) == pytest.approx(low[look])
+            kept = [mean for mean, out in zip(means, too_high, strict=True) if not out[look]]
+            assert float(max(kept)) == pytest.approx(high[look])

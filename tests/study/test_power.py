@@ -71,3 +71,11 @@ def test_simulated_blocks_have_the_difference_that_was_asked_for() -> None:
     blocks = simulated_blocks(np.random.default_rng(0), Design(20, 4, 1, 0.5, Resemblance(0.1, 0.3, 0.5)), 0.2)
     assert blocks.shape == (600, 80)
     assert blocks.mean() == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_margin_that_must_be_beaten_costs_power_and_none_is_left_at_the_margin_itself() -> None:
+    design = Design(20, 2, 1, 0.5, UNRELATED)
+    without, beyond = (planned_power(small_study(margin=margin), design, (0.15, 0.6)) for margin in (0.0, 0.15))
+    assert beyond[0].power <= 0.05
+    assert beyond[0].power < without[0].power
+    assert 0.5 < beyond[1].power <= without[1].power

@@ -53,7 +53,9 @@ def power_sheet(place: "StudyPlace", rate: float) -> "Sheet":
     size = f"{starts} starting positions, {len(study.goals)} goals, {study.repetitions} repetitions"
     level = f"alpha {study.alpha:g} over {pairs_of(study)} questions"
     alike = "how hard cells are differs (correlation 0.3, 0.1 across a position's goals), half of it for both models"
-    notes = [f"{size}; mean rate {rate:.0%}; {level}. 600 simulated studies a line.", f"Assumed: {alike}."]
+    notes = [f"{size}; mean rate {rate:.0%}; {level}. Hundreds of simulated studies a line.", f"Assumed: {alike}."]
+    if study.margin:
+        notes.append(f"To be found, an arm must be better by more than the margin of {study.margin:.0%}.")
     least = next((one.difference for one in found if one.power >= study.power), None)
     at = next(one for one in found if one.difference == study.difference)
     if at.power < study.power:

@@ -9,12 +9,15 @@ power is that of one pair with the others equal, at Holm's strictest step, and s
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.statistics.betting import as_share, capital
+from vsnbench.statistics.clustered import Cell
+from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.power import Design, Resemblance, common_parts, power
 from vsnbench.study.file import Rate, StudyFile
 
@@ -55,11 +58,28 @@ def design_of_study(study: StudyFile, starts: int, rate: float, resemblance: Res
 def planned_power(
     study: StudyFile, design: Design, differences: Sequence[float] = DIFFERENCES, seed: int = 0
 ) -> tuple[PlannedPower, ...]:
-    """Return the power of a design over true differences; at least 600 simulated studies each."""
+    """Return the power of a design over true differences: 600 simulated studies each, 200 where there is a margin."""
+    if study.stopping == "decided":
+        return tuple(_decided(study, design, each, seed) for each in differences)
+    find = partial(_beyond, study.margin) if study.margin else power
     blocks = design.starts * design.cells * design.trials
-    if study.stopping == "plan":
-        return tuple(PlannedPower(each, power(design, each, seed), blocks) for each in differences)
-    return tuple(_decided(study, design, each, seed) for each in differences)
+    return tuple(PlannedPower(each, find(design, each, seed), blocks) for each in differences)
+
+
+def _beyond(margin: float, design: Design, difference: float, seed: int) -> float:
+    """Return how often the first arm is found better by more than a margin: by the test and by the whole interval."""
+    arms = simulated_arms(np.random.default_rng(seed), design, difference, samples=200).sum(-1)
+    found = 0
+    for first, second in zip(arms[0], arms[1], strict=True):
+        outcomes = PairedOutcomes(
+            tuple(
+                PairedCell(Cell(start, int(first[at]), design.trials), Cell(start, int(second[at]), design.trials))
+                for at in np.ndindex(first.shape)
+                for start in at[:1]
+            )
+        )
+        found += paired_interval(outcomes, 1 - design.level).low > margin and paired_test(outcomes) <= design.level
+    return found / arms.shape[1]
 
 
 def _decided(study: StudyFile, design: Design, difference: float, seed: int) -> PlannedPower:
@@ -74,7 +94,13 @@ def _decided(study: StudyFile, design: Design, difference: float, seed: int) -> 
 
 
 def simulated_blocks(random: np.random.Generator, design: Design, difference: float, samples: int = 600) -> Floats:
-    """Return (samples, blocks): paired differences of single trials, -1, 0 or 1, block by block in random order.
+    """Return (samples, blocks): paired differences of single trials, -1, 0 or 1, block by block in random order."""
+    first, second = simulated_arms(random, design, difference, samples).reshape(2, samples, -1)
+    return np.asarray(random.permuted(first - second, axis=1), np.float64)
+
+
+def simulated_arms(random: np.random.Generator, design: Design, difference: float, samples: int) -> Floats:
+    """Return (2, samples, starts, cells, trials): 1 for each success of two arms, the first better by `difference`.
 
     After the threshold model of `vsnbench.statistics.power`.
     """
@@ -86,10 +112,10 @@ def simulated_blocks(random: np.random.Generator, design: Design, difference: fl
     of_start, of_cell = design.resemblance.of_normals
     models = math.sin(math.pi / 2 * design.resemblance.models)
     shared = common_parts(random, shape, of_start, of_cell)
-    apart = np.zeros((*shape, design.trials))
-    for rate, sign in ((first, 1), (second, -1)):
+    arms = []
+    for rate in (first, second):
         own = common_parts(random, shape, of_start, of_cell)
         common = math.sqrt(models) * shared + math.sqrt(1 - models) * own
         chance = ndtr((common + ndtri(rate)) / math.sqrt(max(1e-9, 1 - of_cell)))
-        apart += sign * (random.random(apart.shape) < chance[..., None])
-    return np.asarray(random.permuted(apart.reshape(samples, -1), axis=1), np.float64)
+        arms.append(random.random((*shape, design.trials)) < chance[..., None])
+    return np.asarray(arms, np.float64)
