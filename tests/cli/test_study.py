@@ -170,6 +170,11 @@ def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_re
     for answer in (refused, lab("status"), lab("report")):
         assert words in answer.err
         assert "`alpha: 0.06`, and was `alpha: 0.05`" in answer.err
+    file.write_text(locked.replace("aviary:Magpie", "aviary:Wren"))
+    told = lab("status").err
+    assert "which names a model and is hidden while the study is blind" in told
+    assert not TELLING.search(told.encode())
+    file.write_text(locked.replace("alpha: 0.05", "alpha: 0.06"))
     assert "no reason given" in lab("amend").err
     assert lab("amend", "--reason", "a typing error").code == 0
     assert lab("status").err == ""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from vsnbench.database.blinding import HIDDEN
 from vsnbench.database.migrate import open_record
 from vsnbench.database.study_entries import RecordedStudy
 from vsnbench.database.study_queries import directories_of, find_study, studies
@@ -87,6 +88,8 @@ def _changed(file: Path, text: str, recorded: RecordedStudy) -> str:
     if sha256_of(recorded.content) != recorded.sha256:
         return f"the copy of {file} in the record itself was changed after it was locked"
     if change := first_change(recorded.content, text):
+        if recorded.gives_away(change):
+            change = f"{' '.join(change.split()[:2])}, which names a model and is {HIDDEN}"
         return f"{file} was changed after it was locked: {change}"
     note = read_note(file)
     if note is not None and note.sha256 != recorded.sha256:

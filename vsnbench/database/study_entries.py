@@ -123,6 +123,11 @@ class RecordedStudy:
             return arm
         return f"arm {self.by_name[arm].code}"
 
+    def gives_away(self, words: str) -> bool:
+        """Whether these words name a model to people who are blind now."""
+        known = {word for arm in self.arms for word in (arm.name, arm.model, arm.weights_label) if word}
+        return self.is_blind and any(word.lower() in words.lower() for word in known)
+
     @property
     def by_name(self) -> Mapping[str, RecordedArm]:
         """The arms by their names."""

@@ -79,7 +79,7 @@ def _beyond(margin: float, design: Design, difference: float, seed: int) -> floa
             )
         )
         found += paired_interval(outcomes, 1 - design.level).low > margin and paired_test(outcomes) <= design.level
-    return found / arms.shape[1]
+    return float(found / arms.shape[1])
 
 
 def _decided(study: StudyFile, design: Design, difference: float, seed: int) -> PlannedPower:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from vsnbench.database.blinding import HIDDEN
 from vsnbench.database.migrate import open_record
 from vsnbench.database.study_entries import AMEND, OVER, SESSION, SESSION_END, SUSPEND, UNBLIND, RecordedStudy
 from vsnbench.database.study_entries import StudyTrialStanding as Standing
@@ -91,7 +92,8 @@ def _deviations(
     for entry in recorded.entries:
         when = f"{entry.created_at:%Y-%m-%d %H:%M} by {entry.author} after {entry.results} results: {entry.reason}"
         if entry.kind == AMEND:
-            yield Deviation("amendment", f"{when} ({'; '.join(entry.text.splitlines())})")
+            lines = "; ".join(entry.text.splitlines())
+            yield Deviation("amendment", f"{when} ({HIDDEN if recorded.gives_away(lines) else lines})")
         elif entry.kind == UNBLIND and entry.results < len(standing) and not over:
             yield Deviation("unblinded early", f"{when} ({entry.results} of {len(standing)} trials)")
         elif entry.kind == UNBLIND:
