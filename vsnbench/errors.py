@@ -86,6 +86,10 @@ class EpisodeClosedError(RecordError):
     """The episode is not this process's to write to: it has ended, or another process has it."""
 
 
+class JudgedMeanwhileError(VsnbenchError):
+    """Another has judged the episode since it was looked at; nothing was written."""
+
+
 class StudyError(VsnbenchError):
     """A study file that breaks its format, or is not what was locked; exit code 2."""
 

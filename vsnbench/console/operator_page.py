@@ -18,10 +18,18 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from vsnbench.console.gate import set_cookie
-from vsnbench.console.pages import IN_WORDS, door_of, page_routes, said_in, text_in, visitor_of
+from vsnbench.console.pages import (
+    IN_WORDS,
+    door_of,
+    page_routes,
+    said_in,
+    text_in,
+    visitor_of,
+    whole_number_in,
+)
 from vsnbench.console.phones import Phones
 from vsnbench.console.session_key import LONGEST_NAME, SessionKey, Visitor
-from vsnbench.console.session_state import session_state
+from vsnbench.console.session_state import episode_shown, session_state
 from vsnbench.console.site_drawing import plan_svg
 from vsnbench.console.web_server import LOOPBACK, WebServer
 from vsnbench.harmless_text import harmless
@@ -29,6 +37,7 @@ from vsnbench.runner.answers import MisreadError
 from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.attendant import Judgement
 from vsnbench.runner.case import Case, UnsureError, Word
+from vsnbench.runner.corrections import Corrections
 from vsnbench.runner.desk import Choice, Desk
 from vsnbench.runner.terminal_placing import LOOK, MOVED, TURN
 
@@ -99,6 +108,7 @@ class _Pages:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._news: set[asyncio.Event] = set()
         self._plan = plan_svg(occasion.site)
+        self._corrections = Corrections(desk, occasion)
 
     def app(self) -> Starlette:
         """Return the application."""
@@ -115,6 +125,11 @@ class _Pages:
                 Route("/pause", self._pause, methods=["POST"]),
                 Route("/wish", self._wish, methods=["POST"]),
                 Route("/placing/{what}", self._placing_picture),
+                Route("/episodes", self._episodes),
+                Route("/episodes/{number:int}/frames/{step:int}", self._frame),
+                Route("/summary", self._summary),
+                Route("/amend", self._amend, methods=["POST"]),
+                Route("/undo", self._undo, methods=["POST"]),
                 WebSocketRoute("/live", self._live),
             ],
             exception_handlers=IN_WORDS,
@@ -183,7 +198,7 @@ class _Pages:
 
     def _reply(self, said: dict[str, Any], answer: Choice | Judgement, author: str) -> None:
         try:
-            self._desk.reply(_question_of(said), answer, author, PAGE)
+            self._desk.reply(whole_number_in(said, "question"), answer, author, PAGE)
         except ValueError as error:
             raise HTTPException(400, str(error)) from error
 
@@ -193,7 +208,7 @@ class _Pages:
         what = text_in(said, "what", 20)
         if what not in (LOOK, TURN, MOVED):
             raise HTTPException(400, f"{what!r} is nothing that a robot can do at its mark")
-        self._desk.wish(_question_of(said), what)
+        self._desk.wish(whole_number_in(said, "question"), what)
         return JSONResponse({"words": ""})
 
     async def _placing_picture(self, request: Request) -> Response:
@@ -204,6 +219,37 @@ class _Pages:
         if picture is None:
             raise HTTPException(404, "there is no such picture now")
         return Response(picture, media_type="image/png" if name == "ghost_png" else "image/jpeg")
+
+    async def _episodes(self, _request: Request) -> Response:
+        shown = await run_in_threadpool(self._corrections.episodes)
+        return JSONResponse({"episodes": [episode_shown(one) for one in shown]})
+
+    async def _summary(self, _request: Request) -> Response:
+        return JSONResponse({"rows": await run_in_threadpool(self._corrections.summary)})
+
+    async def _frame(self, request: Request) -> Response:
+        number, step = request.path_params["number"], request.path_params["step"]
+        frame = await run_in_threadpool(self._corrections.frame, number, step)
+        if frame is None:
+            raise HTTPException(404, "no such picture is kept")
+        return Response(frame, media_type="image/jpeg")
+
+    async def _amend(self, request: Request) -> Response:
+        said = await said_in(request)
+        author = _signed_in(request)
+        episode, seen = whole_number_in(said, "episode"), whole_number_in(said, "seen")
+        note = text_in(said, "note")
+        try:
+            words = await run_in_threadpool(self._corrections.amend, episode, word_in(said), note, author, seen)
+        except MisreadError as error:
+            return JSONResponse({"words": str(error), "unsure": isinstance(error, UnsureError)}, 422)
+        return JSONResponse({"words": words})
+
+    async def _undo(self, request: Request) -> Response:
+        said = await said_in(request)
+        author = _signed_in(request)
+        episode, seen = whole_number_in(said, "episode"), whole_number_in(said, "seen")
+        return JSONResponse({"words": await run_in_threadpool(self._corrections.undo, episode, author, seen)})
 
     async def _stop(self, request: Request) -> Response:
         return JSONResponse({"words": await self._stops(visitor_of(request.scope))})
@@ -266,13 +312,6 @@ def word_in(said: dict[str, Any]) -> Word:
         void=text_in(said, "void"),
         sure=said.get("sure") is True,
     )
-
-
-def _question_of(said: dict[str, Any]) -> int:
-    number = said.get("question")
-    if not isinstance(number, int):
-        raise HTTPException(400, "which question is answered?")
-    return number
 
 
 def _signed_in(request: Request) -> str:

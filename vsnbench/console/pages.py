@@ -84,6 +84,18 @@ def text_in(said: dict[str, Any], name: str, most: int = 500) -> str:
     return " ".join(given.split())
 
 
+def whole_number_in(said: dict[str, Any], name: str) -> int:
+    """Return a whole number that a request says.
+
+    Raises:
+        HTTPException: it does not, or says one that no record has.
+    """
+    given = said.get(name)
+    if not isinstance(given, int) or isinstance(given, bool) or not 0 <= given < 2**31:
+        raise HTTPException(400, f"{name} must be a whole number")
+    return given
+
+
 async def in_words(_request: Request, error: Exception) -> Response:
     """Answer what went wrong as words, for `Starlette(exception_handlers=...)`."""
     if isinstance(error, HTTPException):

@@ -6,6 +6,7 @@ from typing import Any
 from vsnbench.protocol.pose import Pose
 from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.case import Case
+from vsnbench.runner.corrections import ShownEpisode
 from vsnbench.runner.desk import Asks, Desk
 
 STEPS_SHOWN = 400
@@ -48,8 +49,9 @@ def session_state(desk: Desk, occasion: Occasion) -> dict[str, Any]:
         "course": [_pose(step.pose) for step in board.steps],
         "left_at": _pose(board.left_at) if board.left_at else None,
         "way": board.way,
+        "record": desk.changes,
         "picture": board.picture.number if board.picture else 0,
-        "case": _case(Case.of_ended(ended)) if judging and ended else None,
+        "case": case_shown(Case.of_ended(ended)) if judging and ended else None,
         "last": None if ended is None else {"episode": ended.number, "words": ended.outcome.verdict.text},
     }
 
@@ -80,7 +82,8 @@ def _pose(pose: Pose) -> list[float]:
     return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.heading_rad, 4)]
 
 
-def _case(case: Case) -> dict[str, Any]:
+def case_shown(case: Case) -> dict[str, Any]:
+    """Return what a person needs to judge an episode."""
     return {
         "episode": case.number,
         "ended_with": case.ended_with.value,
@@ -90,4 +93,22 @@ def _case(case: Case) -> dict[str, Any]:
         "proposal": case.proposal.text if case.proposal else "",
         "success": case.proposal.success if case.proposal else None,
         "success_m": case.parameters.success_distance_m,
+    }
+
+
+def episode_shown(one: ShownEpisode) -> dict[str, Any]:
+    """Return an episode that has ended, as the list shows it."""
+    episode = one.summary
+    return {
+        "episode": episode.id,
+        "driven_by": episode.model,
+        "goal": episode.goal,
+        "start": episode.start,
+        "outcome": episode.outcome,
+        "author": one.author,
+        "words": one.words,
+        "seen": one.verdicts,
+        "undo_s": round(one.undo_s, 1),
+        "case": case_shown(one.case),
+        "can_be_judged": one.case.ended_with.is_result or episode.outcome != "void",
     }

@@ -30,13 +30,15 @@ from vsnbench.database.row_encoding import (
 )
 from vsnbench.database.tables import Campaign, Episode, Event, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
-from vsnbench.errors import EpisodeClosedError
+from vsnbench.errors import EpisodeClosedError, JudgedMeanwhileError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.step_record import StepRecord, StepTimings
 
+TAKEN_BACK = "taken_back"
+"""Kind of the events that say that a judgement was a slip, and who says so."""
 UNBEGUN = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 
 
@@ -128,7 +130,16 @@ class EpisodeWriter:
         with transaction(self.engine) as connection:
             end_episode(connection, self._process_id, episode_id, end)
 
-    def judge(self, episode_id: int, verdict: Verdict, *, author: str, source: str = "person", note: str = "") -> None:
+    def judge(
+        self,
+        episode_id: int,
+        verdict: Verdict,
+        *,
+        author: str,
+        source: str = "person",
+        note: str = "",
+        seen: int | None = None,
+    ) -> None:
         """Append a judgement to an ended episode; from now on it stands.
 
         Args:
@@ -137,13 +148,28 @@ class EpisodeWriter:
             author: who judges.
             source: `person`, `protocol`, `recovery` or `import`.
             note: why, in the author's own words.
+            seen: how many verdicts the author saw; None for whoever does not look.
 
         Raises:
             UsageError: there is no such episode.
             EpisodeClosedError: it has not ended yet.
+            JudgedMeanwhileError: there are others than were seen; nothing was written.
         """
         with transaction(self.engine) as connection:
-            judge(connection, episode_id, verdict, author=author, source=source, note=note)
+            judge(connection, episode_id, verdict, author=author, source=source, note=note, seen=seen)
+
+    def take_back(self, episode_id: int, *, author: str, seen: int) -> None:
+        """Take the judgement of an episode back: it awaits another; what was said stays in the record.
+
+        Raises:
+            UsageError: there is no such episode.
+            JudgedMeanwhileError: there are other verdicts than were seen; nothing was written.
+        """
+        with transaction(self.engine) as connection:
+            advance(connection, episode_id, EpisodeState.AWAITING, came_from=(EpisodeState.JUDGED, EpisodeState.VOID))
+            _see_that_nobody_judged(connection, episode_id, seen)
+            said = {"kind": TAKEN_BACK, "author": text(author), "text": "the judgement was a slip"}
+            connection.execute(insert(Event), {**said, "episode_id": episode_id, "created_at": datetime.now(UTC)})
 
 
 def images_directory(episode_id: int) -> str:
@@ -241,13 +267,36 @@ def end_episode(connection: Connection, process_id: int, episode_id: int, end: E
 
 
 def judge(
-    connection: Connection, episode_id: int, verdict: Verdict, *, author: str, source: str, note: str = ""
+    connection: Connection,
+    episode_id: int,
+    verdict: Verdict,
+    *,
+    author: str,
+    source: str,
+    note: str = "",
+    seen: int | None = None,
 ) -> None:
     """Append a judgement within a transaction; see `Journal.judge`."""
     state = EpisodeState.VOID if verdict.success is None else EpisodeState.JUDGED
     advance(connection, episode_id, state, came_from=ENDED)
+    if seen is not None:
+        _see_that_nobody_judged(connection, episode_id, seen)
     row = verdict_row(episode_id, verdict, author=author, source=source, note=note)
     connection.execute(insert(VerdictTable), row)
+
+
+def _see_that_nobody_judged(connection: Connection, episode_id: int, seen: int) -> None:
+    """See, once the episode's row is ours, that its verdicts are those that were looked at.
+
+    Raises:
+        JudgedMeanwhileError: they are not.
+    """
+    query = select(VerdictTable.author, VerdictTable.reason).where(VerdictTable.episode_id == episode_id)
+    found = connection.execute(query.order_by(VerdictTable.id)).all()
+    if len(found) != seen:
+        last = found[-1] if found else None
+        said = f"{last.author} said meanwhile: {last.reason}" if last else "it has no verdict"
+        raise JudgedMeanwhileError(f"#{episode_id}: {said}", advice="look again, then say what you think")
 
 
 def step_row(episode_id: int, step: StepRecord) -> Row:

@@ -7,6 +7,7 @@ A trial is claimed before a person is asked to wheel the robot to its mark; the 
 confirmed; it runs until it ends. What the protocol can decide by itself is judged at once; what only a person can
 confirm (a real robot's result, an imported log) awaits that person's word and counts nowhere before. A judgement may
 be amended for ever: a judged episode becomes void and a void one judged, by a new verdict and never by forgetting one.
+Who judged by a slip takes it back, and the episode awaits a judgement again: that, too, is a row more.
 """
 
 from collections.abc import Iterable
@@ -46,7 +47,7 @@ COMES_FROM: dict[EpisodeState, tuple[EpisodeState, ...]] = {
     EpisodeState.CLAIMED: (),
     EpisodeState.PLACED: (EpisodeState.CLAIMED, EpisodeState.PLACED),
     EpisodeState.RUNNING: (EpisodeState.PLACED,),
-    EpisodeState.AWAITING: (EpisodeState.RUNNING,),
+    EpisodeState.AWAITING: (EpisodeState.RUNNING, EpisodeState.JUDGED, EpisodeState.VOID),
     EpisodeState.JUDGED: (EpisodeState.RUNNING, *ENDED),
     EpisodeState.VOID: (*ACTIVE, *ENDED),
 }

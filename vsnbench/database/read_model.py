@@ -25,6 +25,8 @@ def standing_verdict_id(episode_id: InstrumentedAttribute[int]) -> ColumnElement
     )
 
 
+STANDS: ColumnElement[bool] = Episode.state != EpisodeState.AWAITING.value
+"""Its latest judgement stands: one that was taken back does not, and the episode awaits another."""
 END_REASON: ColumnElement[str | None] = func.coalesce(Verdict.end_reason, Episode.end_reason)
 SUCCESS: ColumnElement[bool | None] = Verdict.success.expression
 """None unless the episode is judged."""
@@ -70,7 +72,7 @@ def episodes_of_trials(*columns: Any) -> Select[Any]:
         select(*columns)
         .select_from(Episode)
         .join(Trial, Trial.id == Episode.trial_id)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .outerjoin(Verdict, (Verdict.id == standing_verdict_id(Episode.id)) & STANDS)
     )
 
 

@@ -154,7 +154,9 @@ class EpisodeDetails:
 
     @property
     def standing(self) -> RecordedVerdict | None:
-        """The verdict that stands: the latest judgement; None while there is none."""
+        """The verdict that stands: the latest judgement; None while there is none, or it was taken back."""
+        if self.summary.state == EpisodeState.AWAITING:
+            return None
         return next((verdict for verdict in reversed(self.verdicts) if not verdict.proposed), None)
 
 

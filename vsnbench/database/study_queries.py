@@ -9,7 +9,7 @@ from vsnbench.database.campaign_plan import Trial as KnownTrial
 from vsnbench.database.engine import reading, record_errors
 from vsnbench.database.lifecycle import RESULTS, EpisodeState
 from vsnbench.database.provenance import ProcessIdentity, this_process
-from vsnbench.database.read_model import SUCCESS, standing_verdict_id
+from vsnbench.database.read_model import STANDS, SUCCESS, standing_verdict_id
 from vsnbench.database.study_entries import (
     SESSION,
     SESSION_END,
@@ -121,7 +121,7 @@ def study_standing(
         .join(Trial, Trial.id == StudyTrial.trial_id)
         .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
         .outerjoin(Episode, Episode.id == first)
-        .outerjoin(Verdict, Verdict.id == standing_verdict_id(Episode.id))
+        .outerjoin(Verdict, (Verdict.id == standing_verdict_id(Episode.id)) & STANDS)
         .outerjoin(Process, Process.id == Episode.process_id)
         .where(StudyTrial.study_id == study_id)
         .order_by(StudyTrial.rank)

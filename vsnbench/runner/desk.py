@@ -115,6 +115,8 @@ class Desk:
         """Between the go and the end of an episode."""
         self.says: Callable[[str], None] = lambda _words: None
         """Writes a line at the terminal, from any thread."""
+        self.changes = 0
+        """How often something ended or was judged."""
         self.told: list[Callable[[], None]] = []
         """Called, in any thread, when something has changed."""
 
@@ -227,6 +229,11 @@ class Desk:
         if not line:
             raise EOFError
         return line
+
+    def record_changed(self) -> None:
+        """Tell every face that something ended, or was judged."""
+        self.changes += 1
+        self.tell()
 
     def tell(self) -> None:
         """Tell every face that something has changed."""

@@ -135,7 +135,7 @@ class Operator(Nobody):
         if self._beside.by_page and ended.outcome.verdict.end_reason is EndReason.ABORTED and board.upcoming:
             board.again.append(board.upcoming.trial)
         super().episode_ended(ended)
-        self._desk.tell()
+        self._desk.record_changed()
 
     def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Name the starting position, have its placing checked, and wait for the go."""

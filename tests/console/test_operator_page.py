@@ -1,0 +1,171 @@
+"""The operator's page without a browser: what it shows, what may be said at it, and what nobody can make it do."""
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from tests.console.browser import Browser
+from tests.database.records_of_a_lab import begun, cell, plan, run, stopped
+from vsnbench.console.operator_page import OperatorPage
+from vsnbench.database.journal import Journal
+from vsnbench.database.queries import episode_details
+from vsnbench.database_url import sqlite_url
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.runner.attendance import Occasion
+from vsnbench.runner.attendant import Upcoming
+from vsnbench.runner.desk import Asks, Choice, Desk
+from vsnbench.runner.episode import EpisodePlan
+from vsnbench.runner.stopping import Stopping
+
+
+@dataclass
+class Session:
+    """A desk with its page, over a record with one episode (1) that awaits a judgement."""
+
+    desk: Desk
+    journal: Journal
+    address: str
+    halts: list[str] = field(default_factory=list)
+
+    def browser(self, name: str = "") -> Browser:
+        entered = Browser(self.address).enter()
+        entered.proof = entered.ask("GET", "/state").json["proof"]
+        if name:
+            said = entered.post("/sign-in", name=name)
+            entered.cookie = said.headers["set-cookie"].partition(";")[0]
+        return entered
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    results = ResultsDirectory.locate(tmp_path / "results", None)
+    results.prepare()
+    with Journal.open(sqlite_url(results.path / "vsnbench.db")) as journal:
+        campaign = journal.find_or_create_campaign(plan())
+        run(journal, campaign.trials[0], replace(stopped(success=True), proposed=True))
+        claim = begun(journal, campaign.trials[1])
+        site, stop, halts, desk = cell(), Stopping(), [], Desk()
+        occasion = Occasion(
+            *("puck in cell", 4, 1, 0, ProtocolParameters(), True, lambda: halts.append("halt"), stop, site, 0.177),
+            *(journal, results, (campaign.id,), "lab"),
+        )
+        desk.attends(occasion.halt, lambda request: halts.append(request.words))
+        parameters = ProtocolParameters()
+        desk.board.trial_begins(
+            Upcoming(claim.id, claim.trial.id, "arm A", EpisodePlan(site, "chair", site.starts[1], 7, parameters))
+        )
+        with OperatorPage(port=0).serve(desk, occasion) as words:
+            yield Session(desk, journal, words.split()[-1], halts)
+
+
+def test_the_next_trial_is_shown_to_everybody_and_the_first_go_counts(session: Session) -> None:
+    anna, ben = session.browser("Anna"), session.browser("Ben")
+    with session.desk.ask(Asks.PLACE) as question:
+        state = ben.ask("GET", "/state").json
+        assert (state["trial"]["driven_by"], state["trial"]["start"], state["question"]["asks"]) == (
+            "arm A",
+            2,
+            "place",
+        )
+        assert anna.post("/answer", question=question.number, said="go").status == 200
+        late = ben.post("/answer", question=question.number, said="go")
+        assert (late.status, "Anna said go first" in late.json["words"]) == (409, True)
+    assert question.reply is not None
+    assert (question.reply.said, question.reply.author) == (Choice.GO, "Anna")
+
+
+def test_nobody_answers_without_a_name(session: Session) -> None:
+    with session.desk.ask(Asks.PLACE) as question:
+        said = session.browser().post("/answer", question=question.number, said="go")
+    assert (said.status, "sign in first" in said.json["words"]) == (403, True)
+    assert session.browser().post("/sign-in", name="  ").status == 422
+
+
+def test_stop_needs_no_name_and_halts_at_once(session: Session) -> None:
+    with session.desk.ask(Asks.PLACE) as question:
+        session.desk.reply(question.number, Choice.GO, "Anna", "the page")
+    assert session.browser().post("/stop").status == 200
+    assert session.halts == ["stopped with the page's STOP button", "halt"]
+
+
+@pytest.mark.parametrize(
+    ("distance", "words"),
+    [("84", "if you meant centimetres, write 0.84"), ("-1", "is no distance"), ("about a metre", "is no distance")],
+)
+def test_a_distance_that_is_none_is_answered_in_words(session: Session, distance: str, words: str) -> None:
+    said = session.browser("Anna").post("/amend", episode=1, seen=1, touched="no", distance=distance)
+    assert (said.status, words in said.json["words"]) == (422, True), said
+    assert episode_details(session.journal.engine, 1).standing is None
+
+
+def test_a_distance_far_from_the_estimate_is_asked_back(session: Session) -> None:
+    anna = session.browser("Anna")
+    said = anna.post("/amend", episode=1, seen=1, touched="no", distance="3")
+    assert (said.status, said.json["unsure"]) == (422, True)
+    assert anna.post("/amend", episode=1, seen=1, touched="no", distance="3", sure=True).status == 200
+
+
+def test_a_judgement_is_taken_back_within_seconds_and_corrected_with_a_reason_after(session: Session) -> None:
+    anna = session.browser("Anna")
+    assert anna.post("/amend", episode=1, seen=1, touched="no", distance="0.5").status == 200
+    (shown,) = anna.ask("GET", "/episodes").json["episodes"]
+    assert (shown["outcome"], shown["author"], shown["seen"]) == ("success", "Anna", 2)
+    assert 0 < shown["undo_s"] <= 10
+    assert anna.post("/undo", episode=1, seen=2).status == 200
+    details = episode_details(session.journal.engine, 1)
+    assert (details.summary.outcome, details.summary.success, details.standing) == ("unjudged", None, None)
+    assert [event.author for event in details.events if event.kind == "taken_back"] == ["Anna"]
+    assert anna.post("/amend", episode=1, seen=2, touched="the bin").status == 200
+    silent = anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5")
+    assert (silent.status, "say why it is corrected" in silent.json["words"]) == (409, True)
+    assert anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5", note="it was a shadow").status == 200
+    assert episode_details(session.journal.engine, 1).summary.outcome == "success"
+
+
+def test_whoever_judges_what_another_judged_meanwhile_is_told(session: Session) -> None:
+    anna, ben = session.browser("Anna"), session.browser("Ben")
+    assert anna.post("/amend", episode=1, seen=1, touched="no", distance="0.5").status == 200
+    said = ben.post("/amend", episode=1, seen=1, touched="the bin")
+    assert (said.status, "Anna said meanwhile: success" in said.json["words"]) == (409, True)
+    assert len(episode_details(session.journal.engine, 1).verdicts) == 2
+
+
+def test_what_is_declared_void_is_run_again_first(session: Session) -> None:
+    anna = session.browser("Anna")
+    with session.desk.ask(Asks.FINISH) as question:
+        assert anna.post("/amend", episode=1, seen=1, void="a visitor").status == 200
+    assert question.reply is not None
+    assert question.reply.said is Choice.AGAIN
+    assert list(session.desk.board.again) == [1]
+
+
+def test_the_session_says_at_its_end_what_it_was(session: Session) -> None:
+    rows = dict(session.browser("Anna").ask("GET", "/summary").json["rows"])
+    assert (rows["episodes"], rows["await a judgement"]) == ("1", "1")
+
+
+def test_whatever_is_thrown_at_it_nothing_starts_and_nothing_breaks(session: Session) -> None:
+    anna, chance = session.browser("Anna"), random.Random(5)
+    paths = ["/answer", "/judge", "/stop", "/pause", "/wish", "/amend", "/undo", "/sign-in", "/state", "/live", "/x"]
+    values = [None, -1, 1, 2**40, 1.5, "go", "x" * 600, [], {}, True, "\u202e", "0.5", {"a": [1]}]
+    names = ["question", "said", "episode", "seen", "touched", "distance", "void", "sure", "name", "what", "pause"]
+    with session.desk.ask(Asks.JUDGE) as question:
+        for _ in range(250):
+            path, method = chance.choice(paths), chance.choice(["POST", "POST", "GET", "PUT", "DELETE"])
+            if chance.random() < 0.3:
+                body = chance.randbytes(chance.randrange(60))
+                status = anna.ask(method, path, body, anna.own()).status
+            else:
+                told = {chance.choice(names): chance.choice(values) for _ in range(3)}
+                if path != "/sign-in" and told.get("void") != "go":
+                    told["episode"] = 999
+                status = anna.post(path, **told).status
+            assert status < 500, (path, method)
+        assert question.reply is None or question.reply.said is Choice.LATER
+    assert not session.desk.driving
+    assert anna.ask("GET", "/state").status == 200

@@ -1,0 +1,167 @@
+"""What is said of episodes that have ended already: taken back within seconds, or corrected with a reason.
+
+Everything is read from the record and written there; nothing that was said before is forgotten.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from vsnbench.database.journal import Journal
+from vsnbench.database.lifecycle import ENDED, EpisodeState
+from vsnbench.database.queries import episode_details, list_episodes, trial_of
+from vsnbench.database.read_shapes import EpisodeDetails, EpisodeFilter, EpisodeSummary
+from vsnbench.errors import UsageError
+from vsnbench.record.confined import read_confined
+from vsnbench.record.images import rgb_path
+from vsnbench.record.results import ResultsDirectory
+from vsnbench.runner.attendance import Occasion
+from vsnbench.runner.case import Case, Word
+from vsnbench.runner.desk import AnsweredMeanwhileError, Asks, Choice, Desk
+
+UNDO_S = 10.0
+"""For so long a judgement can be taken back without a reason."""
+SHOWN = 60
+"""Episodes, the latest ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownEpisode:
+    """An episode that has ended, as a page shows it."""
+
+    summary: EpisodeSummary
+    verdicts: int
+    """How many there are, proposals included: whoever corrects says how many were seen."""
+    author: str
+    """Whose judgement stands; empty where none does."""
+    words: str
+    undo_s: float
+    """For how long its judgement can still be taken back; 0 for no more."""
+    case: Case
+
+
+class Corrections:
+    """The episodes of what is run, and what may still be said of them; from any thread."""
+
+    def __init__(self, desk: Desk, occasion: Occasion) -> None:
+        self._desk = desk
+        self._journal: Journal = occasion.journal
+        self._results: ResultsDirectory = occasion.results
+        self._campaigns = occasion.campaigns
+
+    def episodes(self) -> list[ShownEpisode]:
+        """Return what has ended, the latest first."""
+        engine = self._journal.engine
+        found = [
+            one
+            for campaign in self._campaigns
+            for one in list_episodes(engine, EpisodeFilter(campaign=str(campaign)), SHOWN)
+            if one.state in ENDED
+        ]
+        latest = sorted(found, key=lambda one: one.id, reverse=True)[:SHOWN]
+        return [self._shown(episode_details(engine, one.id)) for one in latest]
+
+    def amend(self, number: int, word: Word, note: str, author: str, seen: int) -> str:
+        """Judge an episode, or judge it anew.
+
+        Args:
+            number: the episode's.
+            word: what is said of it.
+            note: why, where a judgement stands already.
+            author: who says so.
+            seen: how many verdicts were there when it was looked at.
+
+        Raises:
+            MisreadError: the word cannot be taken.
+            UsageError: a correction without a reason, or an episode that is not of what is run.
+            JudgedMeanwhileError: another has judged it since.
+        """
+        details = self._mine(number)
+        judgement = Case.of_recorded(details).judged_by(word, note)
+        if details.standing is not None and not note and not word.void:
+            raise UsageError("say why it is corrected: what stood before stays in the record beside it")
+        self._journal.judge(number, judgement.verdict, author=author, note=judgement.note, seen=seen)
+        if judgement.verdict.success is None:
+            self._wanted_again(number)
+        self._desk.record_changed()
+        return judgement.verdict.text
+
+    def undo(self, number: int, author: str, seen: int) -> str:
+        """Take a judgement back, within seconds of it: the episode awaits one again.
+
+        Raises:
+            UsageError: it is too late, or there is none.
+            JudgedMeanwhileError: another has judged it since.
+        """
+        details = self._mine(number)
+        if _undo_s(details) <= 0:
+            raise UsageError(f"#{number} was judged more than {UNDO_S:.0f} s ago", advice="correct it, with a reason")
+        self._journal.take_back(number, author=author, seen=seen)
+        self._desk.record_changed()
+        return f"#{number} awaits its judgement again"
+
+    def frame(self, number: int, step: int) -> bytes | None:
+        """Return what the robot saw before an action, as JPEG; None where it is not kept."""
+        details = self._mine(number)
+        if not details.summary.images_directory or step < 1:
+            return None
+        return read_confined(self._results.path, rgb_path(Path(details.summary.images_directory), step))
+
+    def summary(self) -> list[tuple[str, str]]:
+        """Return what a session's end says: names and values, for people."""
+        engine = self._journal.engine
+        found = [
+            one
+            for campaign in self._campaigns
+            for one in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
+            if one.state in ENDED
+        ]
+        judged = [one for one in found if one.state == EpisodeState.JUDGED]
+        hours = sum(one.duration_s or 0.0 for one in found) / 3600
+        kilometres = sum(one.path_length_m or 0.0 for one in found) / 1000
+        rows = [
+            ("episodes", str(len(found))),
+            ("judged", str(len(judged))),
+            ("await a judgement", str(sum(one.state == EpisodeState.AWAITING for one in found))),
+            ("void", str(sum(one.state == EpisodeState.VOID for one in found))),
+            ("driven", f"{hours:.2f} h, {kilometres:.3f} km"),
+        ]
+        if self._desk.board.shows_actions and judged:
+            successes = sum(bool(one.success) for one in judged)
+            rows.insert(2, ("success so far", f"{successes} of {len(judged)} ({successes / len(judged):.0%})"))
+        return rows
+
+    def _mine(self, number: int) -> EpisodeDetails:
+        details = episode_details(self._journal.engine, number)
+        if details.summary.campaign_id not in self._campaigns:
+            raise UsageError(f"episode {number} is not of what is run here", advice=f"`vsnbench judge {number}`")
+        return details
+
+    def _shown(self, details: EpisodeDetails) -> ShownEpisode:
+        standing = details.standing
+        proposed = details.verdicts[-1].reason if details.verdicts else ""
+        return ShownEpisode(
+            details.summary,
+            len(details.verdicts),
+            standing.author if standing else "",
+            standing.reason if standing else f"proposed: {proposed}" if proposed else details.error,
+            _undo_s(details),
+            Case.of_recorded(details),
+        )
+
+    def _wanted_again(self, number: int) -> None:
+        """Have the trial of an episode that was declared void run again, before any other."""
+        self._desk.board.again.append(trial_of(self._journal.engine, number))
+        question = self._desk.question
+        if question is not None and question.asks is Asks.FINISH:
+            try:
+                self._desk.reply(question.number, Choice.AGAIN, "", "the page")
+            except AnsweredMeanwhileError:
+                return
+
+
+def _undo_s(details: EpisodeDetails) -> float:
+    standing = details.standing
+    if standing is None or standing.source != "person":
+        return 0.0
+    return max(UNDO_S - (datetime.now(UTC) - standing.created_at).total_seconds(), 0.0)
