@@ -78,7 +78,8 @@ class Corrections:
         """
         details = self._mine(number)
         judgement = Case.of_recorded(details).judged_by(word, note)
-        if details.standing is not None and not note and not word.void:
+        as_seen = len(details.verdicts) == seen  # else another was first, which the journal says
+        if as_seen and details.standing is not None and not note and not word.void:
             raise UsageError("say why it is corrected: what stood before stays in the record beside it")
         self._journal.judge(number, judgement.verdict, author=author, note=judgement.note, seen=seen)
         if judgement.verdict.success is None:
