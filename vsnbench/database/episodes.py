@@ -13,6 +13,7 @@ from vsnbench.database.campaign_plan import Trial as KnownTrial
 from vsnbench.database.campaign_plan import trial_seed
 from vsnbench.database.engine import transaction
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
+from vsnbench.database.judging import TAKEN_BACK, see_that_nobody_judged
 from vsnbench.database.lifecycle import ACTIVE, ENDED, EpisodeState, advance, lease
 from vsnbench.database.read_model import takers
 from vsnbench.database.row_encoding import (
@@ -30,15 +31,13 @@ from vsnbench.database.row_encoding import (
 )
 from vsnbench.database.tables import Campaign, Episode, Event, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
-from vsnbench.errors import EpisodeClosedError, JudgedMeanwhileError
+from vsnbench.errors import EpisodeClosedError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.step_record import StepRecord, StepTimings
 
-TAKEN_BACK = "taken_back"
-"""Kind of the events that say that a judgement was a slip, and who says so."""
 UNBEGUN = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 
 
@@ -167,7 +166,7 @@ class EpisodeWriter:
         """
         with transaction(self.engine) as connection:
             advance(connection, episode_id, EpisodeState.AWAITING, came_from=(EpisodeState.JUDGED, EpisodeState.VOID))
-            _see_that_nobody_judged(connection, episode_id, seen)
+            see_that_nobody_judged(connection, episode_id, seen)
             said = {"kind": TAKEN_BACK, "author": text(author), "text": "the judgement was a slip"}
             connection.execute(insert(Event), {**said, "episode_id": episode_id, "created_at": datetime.now(UTC)})
 
@@ -280,23 +279,9 @@ def judge(
     state = EpisodeState.VOID if verdict.success is None else EpisodeState.JUDGED
     advance(connection, episode_id, state, came_from=ENDED)
     if seen is not None:
-        _see_that_nobody_judged(connection, episode_id, seen)
+        see_that_nobody_judged(connection, episode_id, seen)
     row = verdict_row(episode_id, verdict, author=author, source=source, note=note)
     connection.execute(insert(VerdictTable), row)
-
-
-def _see_that_nobody_judged(connection: Connection, episode_id: int, seen: int) -> None:
-    """See, once the episode's row is ours, that its verdicts are those that were looked at.
-
-    Raises:
-        JudgedMeanwhileError: they are not.
-    """
-    query = select(VerdictTable.author, VerdictTable.reason).where(VerdictTable.episode_id == episode_id)
-    found = connection.execute(query.order_by(VerdictTable.id)).all()
-    if len(found) != seen:
-        last = found[-1] if found else None
-        said = f"{last.author} said meanwhile: {last.reason}" if last else "it has no verdict"
-        raise JudgedMeanwhileError(f"#{episode_id}: {said}", advice="look again, then say what you think")
 
 
 def step_row(episode_id: int, step: StepRecord) -> Row:
