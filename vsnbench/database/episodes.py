@@ -13,8 +13,8 @@ from vsnbench.database.campaign_plan import Trial as KnownTrial
 from vsnbench.database.campaign_plan import trial_seed
 from vsnbench.database.engine import transaction
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
-from vsnbench.database.judging import TAKEN_BACK, see_that_nobody_judged
-from vsnbench.database.lifecycle import ACTIVE, ENDED, EpisodeState, advance, lease
+from vsnbench.database.judging import TAKEN_BACK, judge, see_that_nobody_judged
+from vsnbench.database.lifecycle import ACTIVE, EpisodeState, advance, lease
 from vsnbench.database.read_model import takers
 from vsnbench.database.row_encoding import (
     Row,
@@ -263,25 +263,6 @@ def end_episode(connection: Connection, process_id: int, episode_id: int, end: E
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
         connection.execute(insert(VerdictTable), row)
-
-
-def judge(
-    connection: Connection,
-    episode_id: int,
-    verdict: Verdict,
-    *,
-    author: str,
-    source: str,
-    note: str = "",
-    seen: int | None = None,
-) -> None:
-    """Append a judgement within a transaction; see `Journal.judge`."""
-    state = EpisodeState.VOID if verdict.success is None else EpisodeState.JUDGED
-    advance(connection, episode_id, state, came_from=ENDED)
-    if seen is not None:
-        see_that_nobody_judged(connection, episode_id, seen)
-    row = verdict_row(episode_id, verdict, author=author, source=source, note=note)
-    connection.execute(insert(VerdictTable), row)
 
 
 def step_row(episode_id: int, step: StepRecord) -> Row:

@@ -128,20 +128,6 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
         return hide_details(details) if blind_episodes(connection, [episode_id]) else details
 
 
-def trial_of(engine: Engine, episode_id: int) -> int:
-    """Return the number of the trial that an episode is an attempt at.
-
-    Raises:
-        UsageError: there is no such episode.
-        RecordError: the database cannot be read.
-    """
-    with _reader(engine) as connection:
-        found = connection.scalar(select(Episode.trial_id).where(Episode.id == episode_id))
-    if found is None:
-        raise UsageError(f"there is no episode {episode_id}", advice="`vsnbench episodes list` shows them")
-    return int(found)
-
-
 def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
     """Return the episodes that await a person's word, in the order of their numbers.
 

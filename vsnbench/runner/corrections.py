@@ -8,8 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from vsnbench.database.journal import Journal
+from vsnbench.database.judging import trial_of
 from vsnbench.database.lifecycle import ENDED, EpisodeState
-from vsnbench.database.queries import episode_details, list_episodes, trial_of
+from vsnbench.database.queries import episode_details, list_episodes
 from vsnbench.database.read_shapes import EpisodeDetails, EpisodeFilter, EpisodeSummary
 from vsnbench.errors import UsageError
 from vsnbench.record.confined import read_confined
