@@ -129,6 +129,8 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
         assert ask(browser, wide) == []
         broken = "[...document.querySelectorAll('#goals-1 tbody th')].filter(c => c.offsetWidth < 40).length"
         assert ask(browser, broken) == 0  # no name is set one letter a line
+        torn = "[...document.querySelectorAll('.number')].filter(c => c.querySelector('wbr')).length"
+        assert ask(browser, torn) == 0  # a break is offered within names alone: 81/90 stays whole
 
 
 @pytest.fixture(scope="module")

@@ -266,7 +266,7 @@ def _breakable(text: object) -> "Markup":
     """Return text that may be broken where its words join (`simulated_recall=0.4`), and not in the middle of one."""
     from markupsafe import Markup, escape
 
-    return Markup(re.sub(r"([_=/])(?=\w)", r"\1<wbr>", str(escape(harmless(str(text))))))  # noqa: S704 - escaped before
+    return Markup(re.sub(r"([_=])(?=\w)", r"\1<wbr>", str(escape(harmless(str(text))))))  # noqa: S704 - escaped before
 
 
 def _episodes(record: Record) -> Iterator[_Episode]:
