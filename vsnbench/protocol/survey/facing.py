@@ -110,20 +110,23 @@ def _before(
 
 
 def _radians(site: Site) -> Iterator[SiteFinding]:
-    given = [start.heading_deg for start in site.starts] + [thing.heading_deg for thing in site.objects]
-    small = [abs(heading) for heading in given if abs(heading) <= math.tau]
-    slanted = [heading for heading in small if heading % 1 > 1e-6]
-    turned = sum(abs(heading) > math.tau for heading in given)
-    if len(slanted) > len(given) / 3 and turned <= len(slanted) / 4:
-        few = f"only {turned} of {len(given)} things" if turned else "nothing"
-        example = max(slanted)
-        yield SiteFinding(
-            Severity.WARNING,
-            "headings-in-radians",
-            f"site {site.name}",
-            f"turns {few} by more than {max(small):.2f}°",
-            f"headings are degrees, these look like radians: {example:g} is {math.degrees(example):.0f}",
-        )
+    """Yield a warning where the headings of the starts, of the things, or of both look like radians."""
+    starts, things = ([each.heading_deg for each in listed] for listed in (site.starts, site.objects))
+    for what, given in (("things and starts", starts + things), ("starts", starts), ("things", things)):
+        small = [abs(heading) for heading in given if abs(heading) <= math.tau]
+        slanted = [heading for heading in small if heading % 1 > 1e-6]
+        turned = sum(abs(heading) > math.tau for heading in given)
+        if len(slanted) > max(len(given) / 3, 2) and turned <= len(slanted) / 4:
+            few = f"only {turned} of {len(given)} {what}" if turned else f"none of its {what}"
+            example = max(slanted)
+            yield SiteFinding(
+                Severity.WARNING,
+                "headings-in-radians",
+                f"site {site.name}",
+                f"turns {few} by more than {max(small):.2f}°",
+                f"headings are degrees, these look like radians: {example:g} is {math.degrees(example):.0f}",
+            )
+            return
 
 
 def _mirrored(site: Site) -> Iterator[SiteFinding]:
