@@ -12,8 +12,13 @@ import pytest
 
 from tests.cli.console import Answer, vsnbench, vsnbench_process
 from vsnbench.cli.study_file import open_study
+from vsnbench.database.journal import Journal
 from vsnbench.database.migrate import open_record
+from vsnbench.database.provenance import gather_provenance
+from vsnbench.database.study_entries import SESSION
 from vsnbench.database.study_queries import trials_of
+from vsnbench.errors import RobotError
+from vsnbench.runner.study_arms import StudyPlace
 
 QUICK = '"""Policies that end at once."""\nimport logging\nfrom vsnbench.models.contract import ModelCard\n'
 QUICK += "from vsnbench.protocol.actions import Action\nfrom vsnbench.protocol.decision import Decision, Diagnostics\n"
@@ -181,6 +186,27 @@ def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_re
     assert "a typing error" in lab("report").out
     file.write_text(locked.replace("seed: 5", "seed: 6"))
     assert "seed: no amendment can change what the schedule was drawn from" in lab("amend", "--reason", "x").err
+
+
+def test_a_robot_that_another_session_of_the_study_drives_is_refused_with_its_operator(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.new()
+    assert lab("lock").code == 0
+
+    def taken(self: StudyPlace) -> None:
+        raise RobotError("/vsnbench is already running on this robot", advice="end it first")
+
+    monkeypatch.setattr(StudyPlace, "robot", taken)
+    assert "already running on this robot" in lab("run").err, "nobody else runs the study: what the robot says stands"
+    study = open_study(Path("study.yaml"), None, None)
+    with Journal.open(study.results.database_url, gather_provenance("Ada")) as journal:
+        journal.note_in_study(study.recorded.id, SESSION, "Ada")
+        refused = lab("run")
+    assert refused.code == 2
+    assert f"this study is being run by Ada (process {os.getpid()} on" in refused.err
+    assert "one robot runs one trial at a time" in refused.err
+    assert len(refused.err.strip().splitlines()) == 1
 
 
 def test_what_cannot_be_locked_is_one_line_and_nothing_is_written(lab: Lab) -> None:

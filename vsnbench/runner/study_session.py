@@ -20,7 +20,7 @@ from vsnbench.database.study_entries import (
     RecordedStudy,
     StudyTrialStanding,
 )
-from vsnbench.errors import StudyError, VsnbenchError
+from vsnbench.errors import RobotError, StudyError, VsnbenchError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.judge import EndReason, judge
 from vsnbench.record.entries import EpisodeViewer
@@ -95,15 +95,21 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
     blind = recorded.is_blind
     with ExitStack() as stack:
         unheard = stack.enter_context(ModelsUnheard(telling_words(place, recorded))) if blind else None
-        robot = stack.enter_context(place.robot())
+        provenance = gather_provenance()
+        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
+        other = journal.who_else_runs(recorded.id)
+        refusal = StudyError(f"this study is being run by {other}: one robot runs one trial at a time")
+        try:
+            robot = stack.enter_context(place.robot())
+        except RobotError as error:
+            # A robot that another run drives refuses by itself, and cannot say whose run that is.
+            raise (refusal if other else error) from error
         by_hand = needs_a_person(robot)
         if by_hand:
             attendance.require(robot.identity.profile)
+            if other:
+                raise refusal
         request.results.prepare()
-        provenance = gather_provenance()
-        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
-        if by_hand and (other := journal.who_else_runs(recorded.id)):
-            raise StudyError(f"this study is being run by {other}: one robot runs one trial at a time")
         journal.note_in_study(recorded.id, SESSION, provenance.operator)
         stack.callback(journal.note_in_study, recorded.id, SESSION_END)
         seen = BlindViewer(viewer) if viewer is not None and blind else viewer
