@@ -26,10 +26,10 @@ from rerun.chunk import RrdReader
 from vsnbench.viewer.viewers import _program
 
 VSNBENCH = (sys.executable, "-m", "vsnbench.cli.main")
-SHORT = 6
-"""Shorter words are looked for in text alone: between compressed pixels three letters stand by chance."""
-NOT_A_MODEL = re.compile(rb"move[_ ]forward", re.IGNORECASE)
-"""The action has the name of a model; it is in every recording whoever drives."""
+SHORT = 8
+"""Shorter words are looked for in text alone: between compressed pixels and words they stand by chance, or in parts."""
+NOT_A_MODEL = re.compile(rb"move[_ ]forward|forward_m(?![a-z])", re.IGNORECASE)
+"""An action and a parameter of the protocol have the name of a model; they are there whoever drives."""
 
 
 class Terminal:
