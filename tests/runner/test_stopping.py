@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -33,6 +34,21 @@ def test_a_request_from_another_thread_interrupts_what_may_be_interrupted() -> N
             wait_inside(stop, began)
     assert raised.value.request is PAGE
     assert raised.value.request.words == "stopped with the page"
+
+
+def test_a_wake_that_comes_between_looking_and_waiting_is_sent_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Stopping() as stop:
+        wake, lost = stop._wake, []
+        monkeypatch.setattr(stop, "_wake", lambda: wake() if lost else lost.append(1))
+        began = threading.Event()
+        asking = threading.Thread(target=lambda: (began.wait(30), stop.ask(PAGE)))
+        asking.start()
+        before_s = time.monotonic()
+        with pytest.raises(Stopped):
+            wait_inside(stop, began)
+        asking.join()
+        assert lost
+        assert time.monotonic() - before_s < 25, "the wait of thirty seconds was not sat out"
 
 
 def test_a_request_waits_for_a_safe_point() -> None:

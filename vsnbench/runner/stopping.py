@@ -22,6 +22,7 @@ from typing import Self
 HALT_TIMEOUT_S = 2.0
 """How long a process that is ended for certain waits for its robot."""
 REMINDER_S = 3.0
+_REMIND_S = 0.1
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _WAKE = signal.SIGUSR1
 
@@ -83,11 +84,15 @@ class Stopping:
         self.last_acts: list[Callable[[], object]] = []
         """Done in order, each within `HALT_TIMEOUT_S`, before the process is ended for certain: the robot first."""
         self._pending: StopRequest | None = None
+        self._acted_on: StopRequest | None = None
+        """The request that has last been raised where it could interrupt."""
         self._interruptible = False
         self._previous: dict[int, signal._HANDLER] = {}
         self._main = threading.main_thread().ident
         self._inside = False
         self._ended = threading.Event()
+        self._waking = threading.Lock()
+        """Held while the main thread is woken: nobody sends a signal when its handler is gone, which ends a process."""
 
     def __enter__(self) -> Self:
         for number in _SIGNALS:
@@ -100,12 +105,14 @@ class Stopping:
         self._wakeup_before = signal.set_wakeup_fd(tells.fileno(), warn_on_full_buffer=False)
         threading.Thread(target=self._watch, name="stopping", daemon=True).start()
         self._inside = True
+        threading.Thread(target=self._remind, name="stopping, reminder", daemon=True).start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._inside = False
+        with self._waking:
+            self._inside = False
         self._ended.set()
         signal.set_wakeup_fd(self._wakeup_before)
         for number, handler in self._previous.items():
@@ -121,13 +128,17 @@ class Stopping:
         """Ask for a stop, from any thread. The end of the session is not taken back by the end of an episode."""
         if not self.session_ends:
             self._pending = request
-        if self._inside and self._main is not None:
-            signal.pthread_kill(self._main, _WAKE)
+        self._wake()
+
+    def _wake(self) -> None:
+        with self._waking:
+            if self._inside and self._main is not None:
+                signal.pthread_kill(self._main, _WAKE)
 
     def episode_is_over(self) -> None:
         """Forget a request for the end of the episode: it has ended."""
         if not self.session_ends:
-            self._pending = None
+            self._pending = self._acted_on = None
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
@@ -159,7 +170,18 @@ class Stopping:
 
     def _act(self) -> None:
         if self._interruptible and self._pending is not None:
+            self._acted_on = self._pending
             raise Stopped(self._pending)
+
+    def _remind(self) -> None:
+        """Wake the main thread until it has heard.
+
+        A signal that comes after Python has looked for signals and before the system call that waits is found at its
+        return only: a wait of thirty seconds would be sat out.
+        """
+        while not self._ended.wait(_REMIND_S):
+            if self._interruptible and self._pending is not self._acted_on:
+                self._wake()
 
     def _watch(self) -> None:
         """Count the signals as they come."""
