@@ -119,7 +119,8 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
         cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 2 && \
             !(e.classList.contains('more') && e.nextElementSibling.checkVisibility()))"
         browser.wait_for_selector("#figure-success-map, .scroll.more")
-        assert ask(browser, f"{cut}.filter(e => e.checkVisibility()).length") == 0
+        # Measured once the pictures are laid out, and again when they change the widths.
+        browser.wait_for_function(f"{cut}.filter(e => e.checkVisibility()).length === 0")
         assert ask(browser, "document.querySelectorAll('.scroll.more').length > 0")
         assert ask(browser, "[...document.querySelectorAll('#figures img')].every(i => i.loading !== 'lazy')")
         # Every table can be scrolled with the keyboard and has a name for a screen reader.
