@@ -10,6 +10,7 @@ from playwright.sync_api import Page
 from tests.cli.chromium import chromium_page
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
+from tests.ros1.network import wait_until
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import build
@@ -120,7 +121,7 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
             !(e.classList.contains('more') && e.nextElementSibling.checkVisibility()))"
         browser.wait_for_selector("#figure-success-map, .scroll.more")
         # Measured once the pictures are laid out, and again when they change the widths.
-        browser.wait_for_function(f"{cut}.filter(e => e.checkVisibility()).length === 0")
+        wait_until(lambda: ask(browser, f"{cut}.filter(e => e.checkVisibility()).length") == 0, "what is cut says so")
         assert ask(browser, "document.querySelectorAll('.scroll.more').length > 0")
         assert ask(browser, "[...document.querySelectorAll('#figures img')].every(i => i.loading !== 'lazy')")
         # Every table can be scrolled with the keyboard and has a name for a screen reader.
