@@ -7,11 +7,13 @@ the Bootstrap" (2015), for the expanded percentiles.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval
+from vsnbench.statistics.student import student_quantile
 
 Floats = npt.NDArray[np.float64]
 FEWEST_CLUSTERS = 8
@@ -75,10 +77,8 @@ def clustered_bootstrap(
 
 
 def _expanded_tail(clusters: int, confidence: float) -> float:
-    from scipy.special import ndtr, stdtrit
-
-    quantile = float(stdtrit(clusters - 1, 0.5 + confidence / 2))
-    return float(ndtr(-quantile * math.sqrt(clusters / (clusters - 1))))
+    quantile = student_quantile(clusters - 1, 0.5 + confidence / 2)
+    return NormalDist().cdf(-quantile * math.sqrt(clusters / (clusters - 1)))
 
 
 @lru_cache(maxsize=1)

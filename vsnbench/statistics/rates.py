@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.statistics.student import student_quantile
+
 CONFIDENCE = 0.95
 POWER = 0.80
 
@@ -80,9 +82,7 @@ def wilson_at(rate: float, trials: float, confidence: float = CONFIDENCE, freedo
 
     quantile = NormalDist().inv_cdf(0.5 + confidence / 2)  # importing scipy.stats would take long
     if math.isfinite(freedom):
-        from scipy.special import stdtrit
-
-        quantile = float(stdtrit(freedom, 0.5 + confidence / 2))
+        quantile = student_quantile(freedom, 0.5 + confidence / 2)
     square = quantile * quantile / trials
     centre = (rate + square / 2) / (1 + square)
     reach = math.sqrt(rate * (1 - rate) * square + square * square / 4) / (1 + square)
