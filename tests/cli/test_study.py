@@ -104,6 +104,7 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
         ("judge", "--pending"),
     ):
         seen.append(lab.other(*words))
+    assert {answer.code for answer in seen[2:]} == {0}
     for answer in seen:
         assert not TELLING.search(f"{answer.out}{answer.err}".encode()), answer
     files = [path for path in (*Path("results").rglob("*"), *Path("page").rglob("*")) if path.is_file()]

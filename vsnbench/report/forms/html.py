@@ -131,8 +131,8 @@ GLOSSARY = (
 
 def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawing]) -> str:
     """Return the page as text."""
-    template = _environment().get_template("page.html.j2")
-    script, style = _part("page.js"), _part("page.css")
+    template = page_environment().get_template("page.html.j2")
+    script, style = page_part("page.js"), page_part("page.css")
     results = report.results
     episodes = list(_episodes(report.record))
     whole = len(report.record.episodes)
@@ -145,7 +145,7 @@ def html_page(report: Report, sheets: Sequence[Sheet], drawings: Sequence[Drawin
     from markupsafe import Markup
 
     return template.render(
-        table=_environment().get_template("table.html.j2").module.table,  # type: ignore[attr-defined]
+        table=page_environment().get_template("table.html.j2").module.table,  # type: ignore[attr-defined]
         version=__version__,
         title="vsnbench report",
         lead=f"{results.episodes} of {sum(one.total.planned for one in results.conditions)} planned trials done; "
@@ -193,7 +193,8 @@ def _folds(conditions: Sequence[ConditionSummary], sheets: Sequence[Sheet]) -> l
 
 
 @cache
-def _environment() -> "Environment":
+def page_environment() -> "Environment":
+    """Return what makes every page: its templates, and the filters that they use."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -204,7 +205,8 @@ def _environment() -> "Environment":
     return environment
 
 
-def _part(name: str) -> str:
+def page_part(name: str) -> str:
+    """Return a file of the pages, as it is."""
     return resources.files("vsnbench.report.forms").joinpath("page", name).read_text(encoding="utf-8")
 
 

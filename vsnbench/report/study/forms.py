@@ -2,12 +2,11 @@
 
 import json
 from dataclasses import asdict
-from importlib import resources
 from typing import Any
 
 from vsnbench import __version__
-from vsnbench.harmless_text import harmless
 from vsnbench.report.forms import latex, markdown
+from vsnbench.report.forms.html import page_environment, page_part
 from vsnbench.report.forms.whole_json import known
 from vsnbench.report.study.findings import StudyFindings
 from vsnbench.report.study.sheets import study_sheets
@@ -28,20 +27,15 @@ def to_latex(found: StudyFindings) -> str:
 
 def to_html(found: StudyFindings) -> str:
     """Return the report as one page: no network, no script."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(
-        loader=PackageLoader("vsnbench.report.forms", "page"), autoescape=True, undefined=StrictUndefined
-    )
-    environment.filters["harmless"] = lambda value: harmless(str(value))
-    style = resources.files("vsnbench.report.forms").joinpath("page", "page.css").read_text(encoding="utf-8")
+    environment = page_environment()
     sheets = study_sheets(found)
     return environment.get_template(
         "study.html.j2"
     ).render(
         table=environment.get_template("table.html.j2").module.table,  # type: ignore[attr-defined]
-        style=Markup(style),  # noqa: S704 - our own file, not text from the record
+        style=Markup(page_part("page.css")),  # noqa: S704 - our own file, not text from the record
         version=__version__,
         found=found,
         primary=sheets[0],
