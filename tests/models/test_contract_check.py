@@ -84,6 +84,15 @@ def test_a_fault_is_found_and_said(policy, what, seen) -> None:
     assert seen in failed(policy())[what]
 
 
+def test_an_error_that_is_its_own_cause_is_told_like_any_other() -> None:
+    class Ring(Sound):
+        def act(self, observation):
+            error = ValueError("round and round")
+            raise error from error
+
+    assert "round and round" in failed(Ring())["sensors on the card are read"]
+
+
 def test_a_sensor_that_is_never_read_is_pointed_out() -> None:
     class Idle(Sound):
         def act(self, observation):

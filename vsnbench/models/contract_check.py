@@ -183,10 +183,15 @@ def _reads_its_sensors(policy: Policy, goal: str) -> str:
 
 
 def _caused_by_sensor(error: BaseException) -> bool:
+    """Whether an error came of a sensor that was not shown; a third party's chain of causes may be a ring."""
     cause: BaseException | None = error
-    while cause is not None and not isinstance(cause, SensorNotDeclaredError):
+    met: set[int] = set()
+    while cause is not None and id(cause) not in met:
+        if isinstance(cause, SensorNotDeclaredError):
+            return True
+        met.add(id(cause))
         cause = cause.__cause__ or cause.__context__
-    return cause is not None
+    return False
 
 
 def _blind(policy: Policy, goal: str) -> str:

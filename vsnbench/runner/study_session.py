@@ -102,8 +102,10 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
         try:
             robot = stack.enter_context(place.robot())
         except RobotError as error:
+            if not other:
+                raise
             # A robot that another run drives refuses by itself, and cannot say whose run that is.
-            raise (refusal if other else error) from error
+            raise refusal from error
         by_hand = needs_a_person(robot)
         if by_hand:
             attendance.require(robot.identity.profile)
