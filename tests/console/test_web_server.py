@@ -62,6 +62,12 @@ def test_without_the_token_or_with_another_nothing_is_said(server: WebServer) ->
     assert b"whole address" in said.body
 
 
+def test_an_address_of_very_many_words_is_one_without_a_token(server: WebServer) -> None:
+    said = Browser(server.addresses[0]).ask("GET", "/?" + "&".join(f"a{number}=1" for number in range(50)))
+    assert said.status == 403
+    assert "set-cookie" not in said.headers
+
+
 def test_the_pages_own_request_is_let_through(browser: Browser) -> None:
     assert browser.post("/echo", hello="there").json == {"hello": "there"}
 
