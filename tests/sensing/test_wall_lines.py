@@ -52,3 +52,37 @@ def test_proposals_lie_in_the_sites_frame() -> None:
 
 def test_an_empty_map_proposes_nothing() -> None:
     assert propose_walls(drawn()) == []
+
+
+def test_walls_in_one_line_are_one_with_the_doorway_between_them() -> None:
+    (line,) = propose_walls(drawn(wall(1, 2, 4, 2), wall(4.8, 2, 6, 2)))
+    assert sorted([line.start[0], line.end[0]]) == pytest.approx([1.0, 6.0], abs=0.08)
+    ((one, other),) = line.doorways
+    assert sorted([one[0], other[0]]) == pytest.approx([4.0, 4.8], abs=0.06)
+    assert one[1] == pytest.approx(2.0, abs=0.03)
+
+
+def test_a_stub_beyond_a_doorway_belongs_to_the_wall_and_is_none_alone() -> None:
+    (line,) = propose_walls(drawn(wall(1, 1, 4, 3), wall(4.7, 3.4667, 4.95, 3.6333)))
+    assert len(line.doorways) == 1
+    assert line.length_m == pytest.approx(math.hypot(3.95, 2.6333), abs=0.15)
+    assert propose_walls(drawn(wall(4.7, 3, 5, 3))) == []
+
+
+def test_two_doorways_lie_on_one_wall() -> None:
+    (line,) = propose_walls(drawn(wall(1, 2, 3, 2), wall(3.9, 2, 5, 2), wall(5.7, 2, 7, 2)))
+    assert len(line.doorways) == 2
+
+
+@pytest.mark.parametrize(
+    "shapes",
+    [
+        [wall(1, 2, 3, 2), wall(4.6, 2, 7, 2)],
+        [wall(1, 2, 3, 2), wall(3.3, 2, 7, 2)],
+        [wall(1, 2, 3, 2), wall(3.8, 2.3, 7, 2.3)],
+        [wall(1, 2, 3, 2), wall(3.8, 2, 7, 2), shapely.box(3.2, 1.7, 3.6, 2.6)],
+    ],
+    ids=["too wide", "too narrow", "not in one line", "something stands in it"],
+)
+def test_other_gaps_are_no_doorways(shapes: list[shapely.Polygon]) -> None:
+    assert [line.doorways for line in propose_walls(drawn(*shapes))] == [(), ()]

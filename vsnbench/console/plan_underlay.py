@@ -86,7 +86,12 @@ class Underlay:
             "height_m": self.height_m,
             "to_scale": self.to_scale,
             "lines": [
-                {"start": list(line.start), "end": list(line.end), "thickness_m": round(line.thickness_m, 2)}
+                {
+                    "start": list(line.start),
+                    "end": list(line.end),
+                    "thickness_m": round(line.thickness_m, 2),
+                    "doorways": [{"start": list(start), "end": list(end)} for start, end in line.doorways],
+                }
                 for line in self.lines
             ],
         }

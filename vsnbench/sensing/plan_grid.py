@@ -33,6 +33,16 @@ class PlanGrid:
         turned = points * self.resolution_m @ np.array([[cos, sin], [-sin, cos]])
         return np.asarray(turned + np.array(self.origin.position), np.float64)
 
+    def cells_at(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+        """Return what the grid says at (n, 2) points of the site's frame; outside it nothing is known."""
+        cos, sin = math.cos(self.origin.heading_rad), math.sin(self.origin.heading_rad)
+        own = (points - np.array(self.origin.position)) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution_m
+        columns, rows = np.floor(own).astype(np.int64).T
+        height, width = self.cells.shape
+        inside = (rows >= 0) & (columns >= 0) & (rows < height) & (columns < width)
+        said = self.cells[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+        return np.where(inside, said, UNKNOWN).astype(np.uint8)
+
     def picture(self) -> npt.NDArray[np.uint8]:
         """Return (rows, columns) grey values as ROS's map_server shows them, the highest row first."""
         grey = np.array([205, 254, 0], np.uint8)

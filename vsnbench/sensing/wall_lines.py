@@ -1,7 +1,8 @@
 """Proposes walls in an occupancy grid: straight runs of occupied cells, each a centre line with its thickness.
 
 Directions are found first, since rooms have few; then the occupied cells are read along each, strip by strip, and runs
-that lie in one line become one wall. Furniture gives short or thick runs and is left out.
+that lie in one line become one wall. Furniture gives short or thick runs and is left out. Walls in one line that a
+doorway parts become one, with the doorway on it.
 """
 
 import math
@@ -11,11 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.sensing.plan_grid import OCCUPIED, PlanGrid
+from vsnbench.sensing.plan_grid import FREE, OCCUPIED, PlanGrid
 
 SHORTEST_M = 0.6
 """Shorter runs are furniture as often as wall."""
 THICKEST_M = 0.4
+NARROWEST_DOOR_M, WIDEST_DOOR_M = 0.6, 1.2
+"""A gap between walls in one line is a doorway within these."""
+_STUB_M = 0.2
+"""So short may a wall be beyond a doorway."""
+_OPEN, _FREE_OF_THINGS = 0.5, 0.9
+"""A doorway is known to be free for so much of its width, and nothing stands in it for so much."""
+_IN_LINE_M, _IN_LINE_RAD = 0.08, math.radians(4)
 _BRIDGED_M = 0.25
 """Gaps in a run up to this are dropouts of the map."""
 _DIRECTIONS = 5
@@ -39,6 +47,8 @@ class WallLine:
     start: tuple[float, float]
     end: tuple[float, float]
     thickness_m: float
+    doorways: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = ()
+    """The ends of each clear opening, on the centre line."""
 
     @property
     def length_m(self) -> float:
@@ -53,14 +63,68 @@ def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLi
         return []
     points = np.column_stack((columns + 0.5, rows + 0.5))
     left = np.ones(len(points), np.bool_)
-    found: list[WallLine] = []
-    for angle_rad in _directions(grid):
-        for first, last, thickness, used in _runs(points, left, angle_rad, grid.resolution_m, shortest_m):
-            ends = grid.in_site(np.array([first, last]))
-            (x0, y0), (x1, y1) = ends.tolist()
-            found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
-            left[used] = False
-    return sorted(found, key=lambda line: -line.length_m)
+    directions = _directions(grid)
+
+    def lines(at_least_m: float) -> list[WallLine]:
+        found = []
+        for angle_rad in directions:
+            for first, last, thickness, used in _runs(points, left, angle_rad, grid.resolution_m, at_least_m):
+                (x0, y0), (x1, y1) = grid.in_site(np.array([first, last])).tolist()
+                found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
+                left[used] = False
+        return found
+
+    walls = lines(shortest_m)
+    return sorted(_joined(walls, lines(_STUB_M), grid), key=lambda line: -line.length_m)
+
+
+def _joined(walls: list[WallLine], stubs: list[WallLine], grid: PlanGrid) -> list[WallLine]:
+    """Make one wall of those in one line that a doorway parts; a stub counts only as the wall beyond one."""
+    left, whole = sorted(walls, key=lambda line: -line.length_m), []
+    beyond = list(stubs)
+    while left:
+        wall = left.pop(0)
+        for others in (left, beyond):
+            found = next(((each, one) for each in others if (one := _over_doorway(wall, each, grid))), None)
+            if found:
+                others.remove(found[0])
+                left.insert(0, found[1])
+                break
+        else:
+            whole.append(wall)
+    return whole
+
+
+def _over_doorway(wall: WallLine, other: WallLine, grid: PlanGrid) -> WallLine | None:
+    """Return the wall that two are with a doorway between them; None where there is none."""
+    way = (np.array(wall.end) - wall.start) / wall.length_m
+    normal = np.array([-way[1], way[0]])
+    ends = [np.array(other.start) - wall.start, np.array(other.end) - wall.start]
+    near, far = sorted(ends, key=lambda end: abs(float(end @ way) - wall.length_m / 2))
+    ahead = float(near @ way) > wall.length_m / 2
+    gap_m = float(near @ way) - wall.length_m if ahead else -float(near @ way)
+    slack_m = grid.resolution_m
+    if not NARROWEST_DOOR_M - slack_m <= gap_m <= WIDEST_DOOR_M + slack_m or abs(float(near @ normal)) > _IN_LINE_M:
+        return None
+    turn = abs(math.atan2(float((far - near) @ normal), abs(float((far - near) @ way))))
+    if turn > _IN_LINE_RAD and abs(float(far @ normal)) > _IN_LINE_M:
+        return None
+    jambs = np.array([wall.end if ahead else wall.start, near + wall.start])
+    said = grid.cells_at(jambs[0] + np.linspace(0.15, 0.85, 15)[:, None] * (jambs[1] - jambs[0]))
+    if np.mean(said == FREE) < _OPEN or np.mean(said == OCCUPIED) > 1 - _FREE_OF_THINGS:
+        return None
+    start, end = (np.array(wall.start if ahead else wall.end), far + wall.start)
+    along = (end - start) / np.hypot(*(end - start))
+
+    def on_it(point: npt.ArrayLike) -> tuple[float, float]:
+        x, y = (start + along * float((np.asarray(point) - start) @ along)).tolist()
+        return (x, y)
+
+    openings = [*wall.doorways, *other.doorways, (jambs[0], jambs[1])]
+    weight = np.array([wall.length_m, other.length_m])
+    thickness_m = float(np.average([wall.thickness_m, other.thickness_m], weights=weight))
+    doorways = tuple((on_it(one), on_it(two)) for one, two in openings)
+    return WallLine(on_it(start), on_it(end), thickness_m, doorways)
 
 
 def _directions(grid: PlanGrid) -> list[float]:

@@ -94,7 +94,10 @@ export class Plan {
     }
     site.rooms.forEach((room) => this.#text(group, middle(room.polygon), room.name, 13));
     site.starts.forEach((start, index) => this.#start(group, start, index, mark));
-    this.lines.forEach((line, index) => drawn("line", { ...ends(line), class: "p-line", "data-of": `lines ${index}` }, group));
+    this.lines.forEach((line, index) => {
+      drawn("line", { ...ends(line), class: "p-line", "data-of": `lines ${index}` }, group);
+      for (const doorway of line.doorways) drawn("line", { ...ends(doorway), class: "p-door", "data-of": `lines ${index}` }, group);
+    });
     this.#handles(group);
     if (this.draft) {
       drawn("polyline", { points: this.draft.map(flip).join(" "), class: "p-draft" }, group);

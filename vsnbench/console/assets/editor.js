@@ -1,6 +1,6 @@
 // The site editor's page: opens the site, puts plan, tools and panel together, checks and saves.
 
-import { Model, SIZES, distance, outline, rounded } from "./editor-model.js";
+import { Model, SIZES, distance, nearestOn, outline, rounded } from "./editor-model.js";
 import { Panel } from "./editor-panel.js";
 import { Plan } from "./editor-plan.js";
 import { TOOLS, Tools } from "./editor-tools.js";
@@ -121,6 +121,10 @@ function takeLines(lines) {
       for (const axis of [0, 1]) if (straight(axis)) end[axis] = start[axis] = rounded((start[axis] + end[axis]) / 2, 0.01);
       const thick = rounded(Math.min(Math.max(line.thickness_m, 0.05), 0.5), 0.01);
       site.walls.push({ start, end, ...(Math.abs(thick - 0.1) < 0.035 ? {} : { thickness_m: thick }) });
+      for (const doorway of line.doorways) {
+        const [from, to] = [doorway.start, doorway.end].map((point) => nearestOn(start, end, point).map((each) => rounded(each)));
+        site.doors.push({ name: model.freshName("doors", "door"), start: from, end: to });
+      }
     }
   });
 }
@@ -154,7 +158,8 @@ function setScale() {
     const times = known / distance(one, other);
     const { underlay } = plan;
     for (const field of ["x_m", "y_m", "width_m", "height_m"]) underlay[field] *= times;
-    plan.lines = plan.lines.map((line) => ({ start: line.start.map((each) => each * times), end: line.end.map((each) => each * times), thickness_m: line.thickness_m * times }));
+    const scaled = (each) => ({ start: each.start.map((at) => at * times), end: each.end.map((at) => at * times) });
+    plan.lines = plan.lines.map((line) => ({ ...scaled(line), thickness_m: line.thickness_m * times, doorways: line.doorways.map(scaled) }));
     plan.fit();
     say(`Scaled: ${known} m between the two points.`);
   };
