@@ -59,6 +59,23 @@ def speak(generation: RosGeneration) -> bool:
     return True
 
 
+def missing_packages(generation: RosGeneration, needed: Sequence[str]) -> list[str]:
+    """Return the Python packages that cannot be imported, after `speak`.
+
+    Raises:
+        RobotError: the process speaks the other generation already.
+    """
+    speak(generation)
+    return [name for name in needed if not _is_there(name)]
+
+
+def _is_there(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
 class _MessagesOf:
     """Finds the packages of messages of one generation."""
 

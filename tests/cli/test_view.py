@@ -17,6 +17,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.cli.chromium import chromium_page
+from tests.processes import has_ended, wait_until
 from tests.viewer.synthetic_episode import record
 from vsnbench.record.results import ResultsDirectory
 
@@ -103,8 +104,7 @@ def test_no_viewer_is_left_when_the_command_is_killed(results: Path) -> None:
     assert [viewer.name() for viewer in viewers] == ["rerun"]
     server.kill()
     server.wait()
-    _, alive = psutil.wait_procs(viewers, timeout=10)
-    assert alive == []
+    wait_until(lambda: all(map(has_ended, viewers)), "the viewer ends with the command")
 
 
 def variety(picture: npt.NDArray[np.uint8]) -> int:

@@ -1,59 +1,23 @@
 """A robot of parts that can fail one by one, and its client, each a process of its own on a real ROS master."""
 
-import json
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.robots.client import Client
 from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 
 
-class ClientError(Exception):
-    """What the robot raised in the client's process."""
-
-
-class Client:
+def client_of(network: RosNetwork, patience_s: float = 6.0) -> Client:
     """A RosRobot in a process of its own."""
-
-    def __init__(self, network: RosNetwork, profile: Path = PROFILE, patience_s: float = 6.0) -> None:
-        self.errors = (network.directory / "client.log").open("ab")
-        self.popen = subprocess.Popen(
-            [*PYTHON_OF_ROS1, str(HERE / "nodes" / "client.py"), str(profile), str(patience_s)],
-            env=network.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self.errors,
-            text=True,
-        )
-        assert json.loads(self.popen.stdout.readline()) == "ready"
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        self.popen.stdin.write(json.dumps([name, *arguments]) + "\n")
-        self.popen.stdin.flush()
-        answer = json.loads(self.popen.stdout.readline())
-        if "error" in answer:
-            raise ClientError(f"{answer['error']}: {answer['message']}")
-        return answer["answer"]
-
-    def later(self, name: str, *arguments: Any) -> "Future[Any]":
-        pool = ThreadPoolExecutor(1)
-        future = pool.submit(self, name, *arguments)
-        pool.shutdown(wait=False)
-        return future
-
-    def close(self) -> None:
-        self.popen.kill()
-        self.popen.wait()
-        for pipe in (self.popen.stdin, self.popen.stdout, self.errors):
-            pipe.close()
+    return Client(network, PYTHON_OF_ROS1, PROFILE, patience_s)
 
 
 @dataclass
@@ -72,7 +36,7 @@ class Rig:
 
     def restart_client(self, patience_s: float = 6.0) -> None:
         self.client.close()
-        self.client = Client(self.network, patience_s=patience_s)
+        self.client = client_of(self.network, patience_s)
 
     def fault(self, part: str, word: str) -> float:
         return self.probe.tell(f"/{part}/fault", word)
@@ -105,14 +69,6 @@ def start_server(network: RosNetwork) -> Process:
     return server
 
 
-def can(action: Callable[[], object]) -> bool:
-    try:
-        action()
-    except ClientError:
-        return False
-    return True
-
-
 @contextmanager
 def live_rig(directory: Path) -> Iterator[Rig]:
     """A robot whose base never stops by itself: whatever stands still was told to."""
@@ -120,7 +76,7 @@ def live_rig(directory: Path) -> Iterator[Rig]:
         base = network.start(HERE / "nodes" / "kinematic_base.py", "_heading_deg:=-72", "_command_timeout_s:=1000")
         camera = network.start(HERE / "nodes" / "camera.py")
         server = start_server(network)
-        client, probe = Client(network), Probe(network)
+        client, probe = client_of(network), Probe(network)
         rig = Rig(network, probe, base, camera, server, client)
         try:
             yield rig

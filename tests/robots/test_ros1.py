@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.robots.ros1_rig import PROFILE, Client, ClientError, Rig, can, live_rig
+from tests.robots.client import ClientError, can
+from tests.robots.ros1_rig import PROFILE, Rig, client_of, live_rig
 from tests.ros1.network import HERE, PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.ros
@@ -185,7 +186,7 @@ def test_a_client_that_is_killed_leaves_a_base_that_stands(rig) -> None:
     killed_s = time.monotonic()
     assert rig.stands_still_within(2.0, killed_s)
     rig.client.close()
-    rig.client = Client(rig.network)
+    rig.client = client_of(rig.network)
 
 
 def test_a_second_client_is_refused_and_told_who_is_there(rig) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.robots.ros1_rig import PROFILE, ClientError, Rig, can, live_rig
+from tests.robots.client import ClientError, can
+from tests.robots.ros1_rig import PROFILE, Rig, live_rig
 from tests.ros1.network import HERE, PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.ros

@@ -3,35 +3,21 @@
 import json
 import os
 import shutil
-import signal
 import socket
-import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
-
+from tests.processes import PATIENCE_S, Conversation, Process, ProcessGroup, wait_until
 from vsnbench.ros1.master import Master, MasterError
 
 ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
 HERE = Path(__file__).parent
-PATIENCE_S = 30.0
 PYTHON_OF_ROS1 = (sys.executable, str(HERE / "speak_ros1.py"))
 """What runs a Python file of ROS 1, also where ROS 2 has packages of the same names."""
-
-
-def wait_until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
-    """Poll until `condition()` is true; fail the test when it does not become so."""
-    give_up_s = time.monotonic() + patience_s
-    while not condition():
-        if time.monotonic() > give_up_s:
-            pytest.fail(f"not within {patience_s:g} s: {what}")
-        time.sleep(0.02)
 
 
 def free_port() -> int:
@@ -41,40 +27,10 @@ def free_port() -> int:
 
 
 @dataclass
-class Process:
-    """A process of a test, its output in a file."""
-
-    popen: subprocess.Popen[bytes]
-    log: Path
-
-    @property
-    def output(self) -> str:
-        return self.log.read_text(errors="replace")
-
-    def signal(self, number: signal.Signals) -> None:
-        self.popen.send_signal(number)
-
-    def wait(self, patience_s: float = PATIENCE_S) -> int:
-        return self.popen.wait(patience_s)
-
-    def end(self) -> None:
-        if self.popen.poll() is None:
-            self.popen.send_signal(signal.SIGCONT)
-            self.popen.terminate()
-            try:
-                self.popen.wait(5)
-            except subprocess.TimeoutExpired:
-                self.popen.kill()
-                self.popen.wait(5)
-
-
-@dataclass
-class RosNetwork:
+class RosNetwork(ProcessGroup):
     """One ROS network on the loopback interface: a master on a port of its own, and the nodes started on it."""
 
-    directory: Path
     port: int = field(default_factory=free_port)
-    processes: list[Process] = field(default_factory=list)
     roscore: Process | None = None
 
     @property
@@ -99,21 +55,10 @@ class RosNetwork:
 
     def start(self, *command: str | Path, python: bool = True, **environment: str) -> Process:
         """Start a Python file, module (`-m`, name) or program on this network."""
-        log = self.directory / f"{len(self.processes):02}.log"
         words = list(map(str, command))
         if python:
             words = [sys.executable, *words] if words[0] == "-m" else [*PYTHON_OF_ROS1, *words]
-        with log.open("wb") as sink:
-            popen = subprocess.Popen(
-                words,
-                env=self.environment | environment,
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=subprocess.STDOUT,
-            )
-        process = Process(popen, log)
-        self.processes.append(process)
-        return process
+        return self.launch(words, environment)
 
     def start_master(self) -> Process:
         self.roscore = self.start(ROSMASTER, "--core", "-p", str(self.port))
@@ -134,31 +79,17 @@ class RosNetwork:
     def wait_for_publisher(self, topic: str, patience_s: float = PATIENCE_S) -> None:
         wait_until(lambda: topic in self.master.state().publishers, f"topic {topic} is published", patience_s)
 
-    def close(self) -> None:
-        for process in reversed(self.processes):
-            process.end()
-
 
 class Probe:
     """A ROS node of the test's own, in a process, spoken to in lines of JSON."""
 
     def __init__(self, network: RosNetwork) -> None:
-        self._popen = subprocess.Popen(
-            [*PYTHON_OF_ROS1, str(HERE / "nodes" / "probe.py")],
-            env=network.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        self._node = Conversation([*PYTHON_OF_ROS1, str(HERE / "nodes" / "probe.py")], network.environment)
         self.ask("ready")
 
     def ask(self, word: str, *arguments: Any) -> Any:
         """Ask the node and return its answer."""
-        assert self._popen.stdin is not None
-        assert self._popen.stdout is not None
-        self._popen.stdin.write(json.dumps([word, *arguments]) + "\n")
-        self._popen.stdin.flush()
-        return json.loads(self._popen.stdout.readline())
+        return json.loads(self._node.tell(json.dumps([word, *arguments])))
 
     def tell(self, topic: str, word: str) -> float:
         """Publish a std_msgs/String to whoever listens there, and return when (monotonic clock)."""
@@ -185,11 +116,7 @@ class Probe:
         return None if when is None else float(when)
 
     def close(self) -> None:
-        self._popen.kill()
-        self._popen.wait()
-        for pipe in (self._popen.stdin, self._popen.stdout):
-            if pipe is not None:
-                pipe.close()
+        self._node.close()
 
 
 @contextmanager
@@ -201,5 +128,3 @@ def live_network(directory: Path) -> Iterator[RosNetwork]:
         yield ros
     finally:
         ros.close()
-        for process in ros.processes:
-            sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")

@@ -1,30 +1,25 @@
 """A ROS 2 graph of a test's own on the loopback interface: its processes, and a robot that can fail part by part."""
 
-import json
 import os
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.ros1.network import Process, wait_until
+from tests.processes import Process, ProcessGroup, wait_until
+from tests.robots.client import Client
 
 HERE = Path(__file__).parent
 PROFILE = HERE / "profile_of_test_base.yaml"
-CLIENT = HERE.parent / "ros1" / "nodes" / "client.py"
 
 ACROSS_MACHINES = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
 """What is between a workstation and a robot; on one machine Fast DDS would share memory."""
-
-
-class ClientError(Exception):
-    """What the robot raised in the client's process."""
 
 
 def is_bound(to_bind: socket.socket, host: str, port: int) -> bool:
@@ -55,12 +50,10 @@ class Domain:
 
 
 @dataclass
-class Graph2:
+class Graph2(ProcessGroup):
     """One graph: a domain, and the processes that were started in it."""
 
-    directory: Path
     domain: Domain = field(default_factory=Domain)
-    processes: list[Process] = field(default_factory=list)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -77,29 +70,13 @@ class Graph2:
 
     def start(self, *words: str | Path, **environment: str) -> Process:
         """Start a Python file or module in this graph; it can be told things on its stdin."""
-        log = self.directory / f"{len(self.processes):02}.log"
-        with log.open("wb") as sink:
-            popen = subprocess.Popen(
-                [sys.executable, *map(str, words)],
-                env=self.environment | environment,
-                stdin=subprocess.PIPE,
-                stdout=sink,
-                stderr=subprocess.STDOUT,
-            )
-        process = Process(popen, log)
-        self.processes.append(process)
-        return process
+        return self.launch([sys.executable, *map(str, words)], environment, subprocess.PIPE)
 
     def vsnbench(self, *words: str | Path, **environment: str) -> Process:
         return self.start("-m", "vsnbench.cli.main", *words, **environment)
 
     def close(self) -> None:
-        for process in reversed(self.processes):
-            process.end()
-            if process.popen.stdin is not None:
-                process.popen.stdin.close()
-        for process in self.processes:
-            sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")
+        super().close()
         self.domain.close()
 
 
@@ -122,40 +99,9 @@ def stands_since(robot: Process) -> float | None:
     return float(said[-1][1]) if said and said[-1][0] == "stands" else None
 
 
-class Client2:
-    """A RosRobot in a process of its own, spoken to in lines of JSON."""
-
-    def __init__(self, graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> None:
-        self._errors = (graph.directory / "client.log").open("ab")
-        self.popen = subprocess.Popen(
-            [sys.executable, str(CLIENT), str(profile), str(patience_s)],
-            env=graph.environment | ACROSS_MACHINES,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-        )
-        assert self.popen.stdout.readline().strip() == '"ready"', (graph.directory / "client.log").read_text()
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        self.popen.stdin.write(json.dumps([name, *arguments]) + "\n")
-        self.popen.stdin.flush()
-        answer = json.loads(self.popen.stdout.readline())
-        if "error" in answer:
-            raise ClientError(f"{answer['error']}: {answer['message']}")
-        return answer["answer"]
-
-    def later(self, name: str, *arguments: Any) -> "Future[Any]":
-        pool = ThreadPoolExecutor(1)
-        future = pool.submit(self, name, *arguments)
-        pool.shutdown(wait=False)
-        return future
-
-    def close(self) -> None:
-        self.popen.kill()
-        self.popen.wait()
-        for pipe in (self.popen.stdin, self.popen.stdout, self._errors):
-            pipe.close()
+def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> Client:
+    """A RosRobot in a process of its own, as on another machine."""
+    return Client(graph, (sys.executable,), profile, patience_s, **ACROSS_MACHINES)
 
 
 @dataclass
@@ -164,7 +110,7 @@ class Rig2:
 
     graph: Graph2
     robot: Process
-    client: Client2
+    client: Client
     node: Process | None = None
 
     def moving(self, action: str) -> "Future[Any]":
@@ -206,17 +152,8 @@ def live_rig(directory: Path, *, beside_base: bool) -> Iterator[Rig2]:
     with live_graph(directory) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if beside_base else []))
         node = start_discrete_move(graph) if beside_base else None
-        client = Client2(graph)
+        client = client_of(graph)
         try:
             yield Rig2(graph, robot, client, node)
         finally:
             client.close()
-
-
-def collect(action: Callable[[], Any]) -> str:
-    """Return what a client's call raised; empty for nothing."""
-    try:
-        action()
-    except ClientError as error:
-        return str(error)
-    return ""

@@ -11,8 +11,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.robots.client import complaint
 from tests.ros1.network import PATIENCE_S
-from tests.ros2.graph import Rig2, collect, live_rig, stands_since, start_discrete_move, told
+from tests.ros2.graph import Rig2, live_rig, stands_since, start_discrete_move, told
 
 pytestmark = pytest.mark.ros2
 AT_REST_S = 2.0
@@ -75,7 +76,7 @@ def test_a_camera_that_fails_is_named_while_the_robot_stands(rig, fault, said) -
     told(rig.robot, fault)
     # Images count that were taken after the last motion, so there has to be one.
     assert rig.client("execute", "TURN_LEFT")["failure"] == ""
-    refused = collect(lambda: rig.client("observe"))
+    refused = complaint(lambda: rig.client("observe"))
     assert said in refused
     assert refused.startswith("SensorLostError")
     rig.put_right()

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.ros1.network import wait_until
-from tests.ros2.graph import HERE, Client2, live_graph
+from tests.ros2.graph import HERE, client_of, live_graph
 
 pytestmark = pytest.mark.ros2
 
@@ -22,7 +22,7 @@ def test_a_robot_of_another_vendors_dds_sees_and_drives(tmp_path) -> None:
     with live_graph(tmp_path) as graph:
         robot = graph.start(HERE / "nodes" / "cyclonedds_robot.py", CYCLONEDDS_URI=LOCALHOST)
         wait_until(lambda: "up" in robot.output or robot.popen.poll() is not None, "the robot is up")
-        client = Client2(graph)
+        client = client_of(graph)
         try:
             assert client("begin")["simulated"] is False
             assert client("observe")["rgb"] == [48, 64, 3]

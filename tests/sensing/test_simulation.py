@@ -3,7 +3,8 @@
 import pytest
 
 from vsnbench.errors import RobotError
-from vsnbench.sensing.simulation import SimulationAccount, read_account
+from vsnbench.protocol.robot_identity import SimulationAccount
+from vsnbench.sensing.simulation import read_account
 from vsnbench.simulator.noise import NoiseSettings
 
 ACCOUNT = SimulationAccount(

@@ -13,6 +13,7 @@ from vsnbench.errors import UsageError
 if TYPE_CHECKING:
     from vsnbench.console.operator_page import OperatorPage
     from vsnbench.record.results import Kept
+    from vsnbench.simulator.robot_player import SimulationOptions
 
 RECORD_PANEL = "Record"
 """Heading under which `--help` lists them."""
@@ -67,6 +68,18 @@ ConsoleCertificate = Annotated[
 ConsoleKey = Annotated[
     Path | None,
     typer.Option("--console-key", help="PEM file of its private key", rich_help_panel=PAGE_PANEL),
+]
+
+PlayedSite = Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")]
+RateFactor = Annotated[float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")]
+Noise = Annotated[bool, typer.Option("--noise", help="Odometry that drifts, depth with noise and holes.")]
+CommandLag = Annotated[float, typer.Option("--command-lag", min=0, max=1, help="Seconds from a command to its effect.")]
+OdometryRate = Annotated[
+    float | None, typer.Option("--odometry-rate", min=1, max=50, help="Hz, instead of the profile's.")
+]
+PretendReal = Annotated[
+    bool,
+    typer.Option("--pretend-real", help="Play a robot that a person must place: near its marks, not at them."),
 ]
 
 
@@ -136,3 +149,14 @@ def workers_asked(given: str) -> int | None:
     if not given.isdecimal() or not 1 <= int(given) <= _MOST_WORKERS:
         raise UsageError(f"--workers {given}: give a number from 1 to {_MOST_WORKERS}, or auto")
     return int(given)
+
+
+def simulation_options(
+    rate_factor: float, noise: bool, command_lag_s: float, odometry_rate_hz: float | None, pretend_real: bool
+) -> "SimulationOptions":
+    """Return how the robot is played, of what was typed."""
+    from vsnbench.simulator.noise import NoiseSettings
+    from vsnbench.simulator.robot_player import SimulationOptions
+
+    kind_of_noise = NoiseSettings() if noise else None
+    return SimulationOptions(rate_factor, kind_of_noise, command_lag_s, odometry_rate_hz, pretend_real)

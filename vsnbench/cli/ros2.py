@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli import options
+
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 RobotOption = Annotated[
@@ -14,22 +16,13 @@ RobotOption = Annotated[
 
 @app.command("simulate")
 def simulate(
-    site: Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")] = "apartment",
+    site: options.PlayedSite = "apartment",
     robot: RobotOption = "turtlebot4",
-    rate_factor: Annotated[
-        float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")
-    ] = 1.0,
-    noise: Annotated[bool, typer.Option("--noise", help="Odometry that drifts, depth with noise and holes.")] = False,
-    command_lag: Annotated[
-        float, typer.Option("--command-lag", min=0, max=1, help="Seconds from a command to its effect.")
-    ] = 0.0,
-    odometry_rate: Annotated[
-        float | None, typer.Option("--odometry-rate", min=1, max=50, help="Hz, instead of the profile's.")
-    ] = None,
-    pretend_real: Annotated[
-        bool,
-        typer.Option("--pretend-real", help="Play a robot that a person must place: near its marks, not at them."),
-    ] = False,
+    rate_factor: options.RateFactor = 1.0,
+    noise: options.Noise = False,
+    command_lag: options.CommandLag = 0.0,
+    odometry_rate: options.OdometryRate = None,
+    pretend_real: options.PretendReal = False,
 ) -> None:
     """Be the robot: base and camera on the topics of its profile, around the embedded world, in real time.
 
@@ -53,16 +46,12 @@ def simulate(
     require_ros2()
     from vsnbench.ros2.node import run_node
     from vsnbench.ros2.simulated_robot_node import NODE, SimulatedRobotNode
-    from vsnbench.simulator.noise import NoiseSettings
-    from vsnbench.simulator.robot_player import SimulationOptions
 
-    options = SimulationOptions(
-        rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate, pretend_real
-    )
+    playing = options.simulation_options(rate_factor, noise, command_lag, odometry_rate, pretend_real)
     run_node(
         NODE,
         names.root,
-        lambda node: SimulatedRobotNode(node, place, profile, options),
+        lambda node: SimulatedRobotNode(node, place, profile, playing),
         f"playing {profile.title} in {place.name}",
     )
 

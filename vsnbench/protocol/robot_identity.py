@@ -2,7 +2,11 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.protocol.robot_profile import RobotProfile
 
@@ -42,3 +46,28 @@ class RobotIdentity:
         """Hash of profile, kind, code, and whether it is simulated; the site is a part of the campaign's own key."""
         said = [self.profile.sha256, self.kind, self.simulated, self.code_sha256]
         return hashlib.sha256(json.dumps(said, separators=(",", ":")).encode()).hexdigest()
+
+
+class SimulationAccount(BaseModel):
+    """What a simulator says of itself; what results depend on becomes a part of the robot's conditions."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    simulator: str = Field(max_length=200, description="edition of the simulator and its libraries")
+    site: str = Field(max_length=200, description="name of the site that it plays")
+    site_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of that site")
+    profile_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of the profile that it plays")
+    odometry_rate_hz: float = Field(gt=0, le=1000)
+    command_lag_s: float = Field(ge=0, le=10)
+    rate_factor: float = Field(gt=0, le=100, description="simulated seconds per second")
+    noise: dict[str, Any] | None = Field(default=None, description="settings of its noise; none for exact sensors")
+    pretends_to_be_real: bool = Field(default=False, description="a rehearsal: a person is asked to place the robot")
+
+    @property
+    def conditions(self) -> Mapping[str, Any]:
+        """What results depend on beside site and profile."""
+        own = self.model_dump(
+            mode="json",
+            include={"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise", "pretends_to_be_real"},
+        )
+        return {name: value for name, value in own.items() if value is not None and value is not False}

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from vsnbench.errors import RobotError
+from vsnbench.protocol.robot_identity import SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.ros_link import RobotLink
 from vsnbench.robots.ros_start import Patience
-from vsnbench.sensing.simulation import ACCOUNT, SimulationAccount
+from vsnbench.sensing.simulation import ACCOUNT
 
 
 def await_account(link: RobotLink, profile: RobotProfile, patience: Patience) -> SimulationAccount:

@@ -20,7 +20,7 @@ from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionRe
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity
+from vsnbench.protocol.robot_identity import RobotIdentity, SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.ros_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
@@ -39,7 +39,6 @@ from vsnbench.sensing.camera_images import MotionEnd
 from vsnbench.sensing.discrete_mover import MOVEMENTS, Hazard, Outcome
 from vsnbench.sensing.movement_check import AskedMovement, MovementAlarmError, distance_along
 from vsnbench.sensing.robot_reports import RobotSnapshot
-from vsnbench.sensing.simulation import SimulationAccount
 
 logger = logging.getLogger(__name__)
 

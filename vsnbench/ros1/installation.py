@@ -1,9 +1,8 @@
 """Whether ROS 1 can be imported here, and the one line that says how to install it."""
 
-import importlib.util
-
+from vsnbench import ros_generation
 from vsnbench.errors import RobotError
-from vsnbench.ros_generation import RosGeneration, speak
+from vsnbench.ros_generation import RosGeneration
 
 NEEDED = (
     "rospy",
@@ -25,8 +24,7 @@ def missing_packages() -> list[str]:
     Raises:
         RobotError: it speaks ROS 2 already.
     """
-    speak(RosGeneration.ROS1)
-    return [name for name in NEEDED if not _is_there(name)]
+    return ros_generation.missing_packages(RosGeneration.ROS1, NEEDED)
 
 
 def require_ros1() -> None:
@@ -41,10 +39,3 @@ def require_ros1() -> None:
             f"ROS 1 is not installed for this Python (no module {missing[0]})",
             advice="run scripts/install_ros.sh, or see docs/robot.md",
         )
-
-
-def _is_there(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False

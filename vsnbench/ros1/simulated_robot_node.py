@@ -30,9 +30,7 @@ from vsnbench.sensing.simulation import (
     GROUND_TRUTH,
     INSTANCES,
     PLACE,
-    SimulationAccount,
 )
-from vsnbench.simulator.physics import simulator_version
 from vsnbench.simulator.robot_player import Picture, RobotPlayer, SimulationOptions
 from vsnbench.simulator.simulated_base import Contact
 
@@ -52,7 +50,7 @@ class SimulatedRobotNode:
         self._player = RobotPlayer(
             site, profile, options, self, self._names.camera_rate_hz, self._names.command_timeout_s
         )
-        self._advertise(site)
+        self._advertise()
         self._player.start()
 
     def close(self) -> None:
@@ -64,7 +62,7 @@ class SimulatedRobotNode:
             except (MasterError, LookupError) as error:
                 logger.warning("/use_sim_time stays set: %s", error)
 
-    def _advertise(self, site: Site) -> None:
+    def _advertise(self) -> None:
         names = self._names
 
         def publisher(topic: str, kind: Any, *, latch: bool = False, queue: int = 10) -> Any:
@@ -86,28 +84,14 @@ class SimulatedRobotNode:
         self._instances = publisher(INSTANCES, Image, queue=1)
         self._clock = publisher("/clock", Clock) if self._options.rate_factor != 1 else None
         account = publisher(ACCOUNT, String, latch=True)
-        account.publish(String(self._account(site).model_dump_json()))
+        account.publish(String(self._player.account.model_dump_json()))
         categories = publisher(CATEGORIES, String, latch=True)
-        categories.publish(String(json.dumps({n: thing.category for n, thing in enumerate(site.objects, start=1)})))
+        categories.publish(String(json.dumps(self._player.categories)))
         self._contact.publish(String(""))
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=50, tcp_nodelay=True)
         if names.reset_odometry:
             rospy.Subscriber(names.reset_odometry, Empty, self._on_reset_odometry, queue_size=1)
         rospy.Service(PLACE, PlaceRobot, self._on_place)
-
-    def _account(self, site: Site) -> SimulationAccount:
-        noise = self._options.noise
-        return SimulationAccount(
-            simulator=simulator_version(),
-            site=site.name,
-            site_sha256=site.sha256,
-            profile_sha256=self._profile.sha256,
-            odometry_rate_hz=self._player.odometry_rate_hz,
-            command_lag_s=self._options.command_lag_s,
-            rate_factor=self._options.rate_factor,
-            noise=None if noise is None else noise.model_dump(mode="json"),
-            pretends_to_be_real=self._options.pretend_real,
-        )
 
     def _on_command(self, twist: Any) -> None:
         self._player.hear(Command(twist.linear.x, twist.angular.z))
@@ -116,21 +100,17 @@ class SimulatedRobotNode:
         self._player.reset_odometry()
 
     def _on_place(self, request: Any) -> Any:
-        """Do what a person does: lift the robot, put it down there."""
-        if not all(map(math.isfinite, (request.x, request.y, request.heading))):
-            return PlaceRobotResponse(False, "a place needs finite numbers")
-        self._tell_wheels(dropped=True)
-        touched = self._player.put_down(Pose(request.x, request.y, request.heading), abs(request.seed))
-        self._tell_wheels(dropped=False)
-        return PlaceRobotResponse(not touched, f"it touches {touched} there" if touched else "")
+        problem = self._player.put_down(request.x, request.y, request.heading, request.seed)
+        return PlaceRobotResponse(not problem, problem)
 
-    def _tell_wheels(self, *, dropped: bool) -> None:
+    def tell_lifted(self, lifted: bool) -> None:
+        """Drop the wheels while a person has the robot in hand."""
         if self._wheel_drop is None:
             return
         if self._wheel_drop.data_class is Bool:
-            self._wheel_drop.publish(Bool(dropped))
+            self._wheel_drop.publish(Bool(lifted))
             return
-        state = WheelDropEvent.DROPPED if dropped else WheelDropEvent.RAISED
+        state = WheelDropEvent.DROPPED if lifted else WheelDropEvent.RAISED
         for wheel in (WheelDropEvent.LEFT, WheelDropEvent.RIGHT):
             self._wheel_drop.publish(WheelDropEvent(wheel, state))
 

@@ -4,8 +4,6 @@ Imported only where ROS is installed.
 """
 
 import struct
-import threading
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,10 +12,10 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image
 
 from vsnbench.ros1.node import start_node
-from vsnbench.sensing.heard import Heard
+from vsnbench.sensing.heard import Heard, Hearing
 from vsnbench.sensing.odometry import heading_of_quaternion
 
-_KEEP = 12
+_CONNECTING_S = 0.5
 _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
     "sensor_msgs/CameraInfo": CameraInfo,
@@ -35,30 +33,20 @@ class TopicListener:
 
     def __init__(self, name: str, topics: Sequence[str]) -> None:
         start_node(name)
-        self._lock = threading.Lock()
-        self._heard = {topic: Heard() for topic in topics}
+        self._hearing = Hearing(topics)
         for topic in topics:
             rospy.Subscriber(topic, rospy.AnyMsg, self._keeper(topic), queue_size=50, buff_size=1 << 24)
 
     def listen(self, seconds: float) -> dict[str, Heard]:
-        """Wait, and return what has come on each topic since the listener was made."""
-        # The first half second is for connecting; rates are those of the rest.
-        time.sleep(0.5)
-        with self._lock:
-            for topic in self._heard:
-                self._heard[topic] = Heard()
-        time.sleep(seconds)
-        with self._lock:
-            return dict(self._heard)
+        """Wait, and return what has come on each topic once its publishers were connected."""
+        return self._hearing.listen(_CONNECTING_S, seconds)
 
     def heading_rad(self, topic: str) -> float | None:
         """Return the heading of the newest odometry, after waiting for it to settle; None when nothing comes."""
-        time.sleep(0.3)
-        with self._lock:
-            data = self._heard[topic].messages[-1:] if topic in self._heard else []
-        if not data:
+        data = self._hearing.settled(topic)
+        if data is None:
             return None
-        turn = Odometry().deserialize(data[0]).pose.pose.orientation
+        turn = Odometry().deserialize(data).pose.pose.orientation
         return heading_of_quaternion(turn.x, turn.y, turn.z, turn.w)
 
     def close(self) -> None:
@@ -67,15 +55,9 @@ class TopicListener:
 
     def _keeper(self, topic: str) -> "rospy.AnyMsg":
         def keep(message: "rospy.AnyMsg") -> None:
-            data = message._buff  # noqa: SLF001
-            arrival_s = rospy.get_time()
+            arrival_s, data = rospy.get_time(), message._buff  # noqa: SLF001
             secs, nsecs = struct.unpack_from("<II", data, 4) if len(data) >= 12 else (0, 0)
-            with self._lock:
-                heard = self._heard[topic]
-                heard.arrivals.append(arrival_s)
-                heard.stamps.append(secs + nsecs * 1e-9)
-                heard.messages.append(data)
-                heard.senders.add(str(message._connection_header.get("callerid", "?")))  # noqa: SLF001
-                del heard.messages[:-_KEEP]
+            sender = str(message._connection_header.get("callerid", "?"))  # noqa: SLF001
+            self._hearing.keep(topic, data, sender, arrival_s=arrival_s, stamp_s=secs + nsecs * 1e-9)
 
         return keep

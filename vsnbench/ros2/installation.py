@@ -4,12 +4,12 @@ Where a distribution's rclpy comes first on the path (a sourced /opt/ros/...), t
 """
 
 import importlib
-import importlib.util
 import os
 from typing import Any
 
+from vsnbench import ros_generation
 from vsnbench.errors import RobotError
-from vsnbench.ros_generation import RosGeneration, speak
+from vsnbench.ros_generation import RosGeneration
 
 NEEDED = ("rclpy", "rosgraph_msgs", "std_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs")
 """The Python packages of ROS 2 that our nodes and the client import."""
@@ -22,8 +22,7 @@ def missing_packages() -> list[str]:
     Raises:
         RobotError: it speaks ROS 1 already.
     """
-    speak(RosGeneration.ROS2)
-    return [name for name in NEEDED if not _is_there(name)]
+    return ros_generation.missing_packages(RosGeneration.ROS2, NEEDED)
 
 
 def require_ros2() -> None:
@@ -67,10 +66,3 @@ def irobot_type(kind: str, name: str) -> Any:
         return getattr(importlib.import_module(f"irobot_create_msgs.{kind}"), name)
     except (ImportError, AttributeError):
         return None
-
-
-def _is_there(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False

@@ -35,9 +35,7 @@ from vsnbench.sensing.simulation import (
     GROUND_TRUTH,
     INSTANCES,
     PLACE,
-    SimulationAccount,
 )
-from vsnbench.simulator.physics import simulator_version
 from vsnbench.simulator.robot_player import Picture, RobotPlayer, SimulationOptions
 from vsnbench.simulator.simulated_base import Contact
 
@@ -57,14 +55,14 @@ class SimulatedRobotNode:
         self._player = RobotPlayer(
             site, profile, options, self, self._names.camera_rate_hz, self._names.command_timeout_s
         )
-        self._advertise(site)
+        self._advertise()
         self._player.start()
 
     def close(self) -> None:
         """Stop playing."""
         self._player.close()
 
-    def _advertise(self, site: Site) -> None:
+    def _advertise(self) -> None:
         names, node = self._names, self._node.rclpy
 
         def publisher(kind: Any, topic: str, qos: Any = SENSOR_DATA) -> Any:
@@ -83,46 +81,26 @@ class SimulatedRobotNode:
         self._contact = publisher(String, own(CONTACT), LATCHED)
         self._clock = publisher(Clock, "/clock") if self._options.rate_factor != 1 else None
         self._account = publisher(String, own(ACCOUNT), LATCHED)
-        self._account.publish(String(data=self._account_of(site).model_dump_json()))
+        self._account.publish(String(data=self._player.account.model_dump_json()))
         self._categories = publisher(String, own(CATEGORIES), LATCHED)
-        named = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
-        self._categories.publish(String(data=json.dumps(named)))
+        self._categories.publish(String(data=json.dumps(self._player.categories)))
         self._contact.publish(String(data=""))
         node.create_subscription(
             COMMAND_CLASSES[names.command_type or TWIST], names.command, self._on_command, SENSOR_DATA
         )
         self._placing = Answerer(self._node, own(PLACE), self._put_down)
 
-    def _account_of(self, site: Site) -> SimulationAccount:
-        noise = self._options.noise
-        return SimulationAccount(
-            simulator=simulator_version(),
-            site=site.name,
-            site_sha256=site.sha256,
-            profile_sha256=self._profile.sha256,
-            odometry_rate_hz=self._player.odometry_rate_hz,
-            command_lag_s=self._options.command_lag_s,
-            rate_factor=self._options.rate_factor,
-            noise=None if noise is None else noise.model_dump(mode="json"),
-            pretends_to_be_real=self._options.pretend_real,
-        )
-
     def _on_command(self, message: Any) -> None:
         twist = twist_of(message)
-        if math.isfinite(twist.linear.x) and math.isfinite(twist.angular.z):
-            self._player.hear(Command(twist.linear.x, twist.angular.z))
+        self._player.hear(Command(twist.linear.x, twist.angular.z))
 
     def _put_down(self, question: Mapping[str, Any], _gone: Callable[[], bool]) -> Mapping[str, Any]:
-        """Do what a person does: lift the robot, put it down there."""
         try:
             x_m, y_m, heading_rad = (float(question[name]) for name in ("x_m", "y_m", "heading_rad"))
-            seed = abs(int(question.get("seed", 0)))
+            seed = int(question.get("seed", 0))
         except (KeyError, TypeError, ValueError):
             return {"problem": "a place is x_m, y_m and heading_rad"}
-        if not all(map(math.isfinite, (x_m, y_m, heading_rad))):
-            return {"problem": "a place needs finite numbers"}
-        touched = self._player.put_down(Pose(x_m, y_m, heading_rad), seed)
-        return {"problem": f"it touches {touched} there" if touched else ""}
+        return {"problem": self._player.put_down(x_m, y_m, heading_rad, seed)}
 
     def tell_time(self, stamp_s: float) -> None:
         """Be the graph's clock, where it is simulated; say how the battery stands."""
@@ -143,6 +121,9 @@ class SimulatedRobotNode:
         """Publish where the robot truly stands, to whoever listens."""
         if self._truth.get_subscription_count():
             self._truth.publish(odometry_message(pose, stamp_s, "site"))
+
+    def tell_lifted(self, lifted: bool) -> None:
+        """Say nothing: no base of ROS 2 that we know has a topic for its wheels alone."""
 
     def tell_contact(self, _before: Contact | None, now: Contact | None) -> None:
         """Report a contact when it begins and when it ends."""

@@ -3,7 +3,6 @@
 Imported only where ROS 2 is installed.
 """
 
-import threading
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -13,9 +12,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import BatteryState, CameraInfo, Image
 
 from vsnbench.ros2.graph import Graph
-from vsnbench.ros2.messages import planar, stamp_of_serialized
+from vsnbench.ros2.messages import stamp_of_serialized
 from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
-from vsnbench.sensing.heard import Heard
+from vsnbench.sensing.heard import Heard, Hearing
 
 CLASSES: Mapping[str, Any] = {
     "nav_msgs/msg/Odometry": Odometry,
@@ -23,7 +22,6 @@ CLASSES: Mapping[str, Any] = {
     "sensor_msgs/msg/CameraInfo": CameraInfo,
     "sensor_msgs/msg/BatteryState": BatteryState,
 }
-_KEEP = 12
 _CONNECTING_S = 1.5
 """With the time of listening, what the graph may take to be discovered (`readiness`)."""
 
@@ -34,27 +32,13 @@ class TopicListener:
     def __init__(self, name: str, namespace: str, topics: Mapping[str, str]) -> None:
         self.node = Ros2Node(name, namespace)
         self.graph = Graph(self.node)
-        self._lock = threading.Lock()
-        self._heard = {topic: Heard() for topic in topics}
+        self._hearing = Hearing(topics)
         for topic, kind in topics.items():
             self.node.rclpy.create_subscription(CLASSES[kind], topic, self._keeper(topic), SENSOR_DATA, raw=True)
 
     def listen(self, seconds: float) -> dict[str, Heard]:
         """Wait, and return what has come on each topic since the graph was discovered."""
-        time.sleep(_CONNECTING_S)
-        with self._lock:
-            for topic in self._heard:
-                self._heard[topic] = Heard()
-        time.sleep(seconds)
-        with self._lock:
-            return dict(self._heard)
-
-    def heading_rad(self, topic: str) -> float | None:
-        """Return the heading of the newest odometry, after waiting for it to settle; None when nothing comes."""
-        time.sleep(0.3)
-        with self._lock:
-            data = self._heard[topic].messages[-1:]
-        return planar(deserialize_message(data[0], Odometry))[2] if data else None
+        return self._hearing.listen(_CONNECTING_S, seconds)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -62,14 +46,8 @@ class TopicListener:
 
     def _keeper(self, topic: str) -> Any:
         def keep(data: bytes, info: Any) -> None:
-            sender = self.graph.sender(topic, info)
-            with self._lock:
-                heard = self._heard[topic]
-                heard.arrivals.append(time.time())
-                heard.stamps.append(stamp_of_serialized(data))
-                heard.messages.append(data)
-                heard.senders |= {sender} - {""}
-                del heard.messages[:-_KEEP]
+            arrival_s, sender = time.time(), self.graph.sender(topic, info)
+            self._hearing.keep(topic, data, sender, arrival_s=arrival_s, stamp_s=stamp_of_serialized(data))
 
         return keep
 

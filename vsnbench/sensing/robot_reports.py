@@ -16,11 +16,12 @@ from typing import Any, TypeVar
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.harmless_text import error_line
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.sensing.camera_images import Stamped
 from vsnbench.sensing.discrete_mover import Hazard, Outcome
 from vsnbench.sensing.odometry import OdometryFault, OdometryReading, OdometryTracker
-from vsnbench.sensing.simulation import SimulationAccount, read_account
+from vsnbench.sensing.simulation import read_account
 
 logger = logging.getLogger(__name__)
 

@@ -1,11 +1,9 @@
-"""What only a simulated robot has: topics and services in place of a person and a tape, and its account of itself."""
+"""What only a simulated robot has: topics and services in place of a person and a tape, and how its account is read."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from vsnbench.errors import RobotError
+from vsnbench.protocol.robot_identity import SimulationAccount
 
 PLACE = "/simulation/place_robot"
 """Put the robot down at a starting position."""
@@ -19,31 +17,6 @@ CATEGORIES = "/simulation/instances/categories"
 """A latched string: a JSON object, index -> category."""
 ACCOUNT = "/simulation/account"
 """A latched string: a SimulationAccount as JSON."""
-
-
-class SimulationAccount(BaseModel):
-    """What a simulator says of itself; what results depend on becomes a part of the robot's conditions."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    simulator: str = Field(max_length=200, description="edition of the simulator and its libraries")
-    site: str = Field(max_length=200, description="name of the site that it plays")
-    site_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of that site")
-    profile_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of the profile that it plays")
-    odometry_rate_hz: float = Field(gt=0, le=1000)
-    command_lag_s: float = Field(ge=0, le=10)
-    rate_factor: float = Field(gt=0, le=100, description="simulated seconds per second")
-    noise: dict[str, Any] | None = Field(default=None, description="settings of its noise; none for exact sensors")
-    pretends_to_be_real: bool = Field(default=False, description="a rehearsal: a person is asked to place the robot")
-
-    @property
-    def conditions(self) -> Mapping[str, Any]:
-        """What results depend on beside site and profile."""
-        own = self.model_dump(
-            mode="json",
-            include={"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise", "pretends_to_be_real"},
-        )
-        return {name: value for name, value in own.items() if value is not None and value is not False}
 
 
 def read_account(text: str) -> SimulationAccount:

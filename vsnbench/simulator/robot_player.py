@@ -3,6 +3,7 @@
 It knows no middleware. The node of a ROS 1 or ROS 2 robot is a RobotOutlet and nothing more.
 """
 
+import math
 import threading
 import time
 from dataclasses import dataclass
@@ -13,10 +14,11 @@ import numpy.typing as npt
 
 from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.robot_identity import SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.simulator.noise import NoiseSettings, noisy_depth
-from vsnbench.simulator.physics import CONTROL_PERIOD_S
+from vsnbench.simulator.physics import CONTROL_PERIOD_S, simulator_version
 from vsnbench.simulator.pretended_person import PretendedPerson
 from vsnbench.simulator.renderer import Renderer
 from vsnbench.simulator.scene import build_scene
@@ -68,6 +70,10 @@ class RobotOutlet(Protocol):
         """Where the robot truly stands now."""
         ...
 
+    def tell_lifted(self, lifted: bool) -> None:
+        """A person lifts the robot, or has put it down."""
+        ...
+
     def tell_contact(self, _before: Contact | None, now: Contact | None) -> None:
         """A contact began, changed or ended."""
         ...
@@ -97,7 +103,20 @@ class RobotPlayer:
         self._profile = profile
         self._options = options
         self._outlet = outlet
-        self.odometry_rate_hz = options.odometry_rate_hz or profile.base.odometry_rate_hz
+        self._odometry_rate_hz = options.odometry_rate_hz or profile.base.odometry_rate_hz
+        self.account = SimulationAccount(
+            simulator=simulator_version(),
+            site=site.name,
+            site_sha256=site.sha256,
+            profile_sha256=profile.sha256,
+            odometry_rate_hz=self._odometry_rate_hz,
+            command_lag_s=options.command_lag_s,
+            rate_factor=options.rate_factor,
+            noise=None if options.noise is None else options.noise.model_dump(mode="json"),
+            pretends_to_be_real=options.pretend_real,
+        )
+        self.categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
+        """By the numbers of `Picture.instances`."""
         self._camera_rate_hz = camera_rate_hz
         self._base = SimulatedBase(site, scene, profile, options.noise, options.command_lag_s, command_timeout_s)
         self._renderer = Renderer(scene)
@@ -128,7 +147,9 @@ class RobotPlayer:
             thread.join(2.0)
 
     def hear(self, command: Command) -> None:
-        """Take a velocity command."""
+        """Take a velocity command; one that is no number is not heard."""
+        if not (math.isfinite(command.linear_m_s) and math.isfinite(command.angular_rad_s)):
+            return
         with self._lock:
             self._base.hear(command)
 
@@ -137,8 +158,24 @@ class RobotPlayer:
         with self._lock:
             self._base.reset_odometry()
 
-    def put_down(self, pose: Pose, seed: int) -> str:
-        """Do what a person does: put the robot down there; returns what it touches, empty for nothing."""
+    def put_down(self, x_m: float, y_m: float, heading_rad: float, seed: int) -> str:
+        """Do what a person does: lift the robot, put it down there.
+
+        Args:
+            x_m: where, in the site's frame.
+            y_m: likewise.
+            heading_rad: likewise.
+            seed: of the noise from there on, and of a pretended person's errors.
+
+        Returns:
+            Why it cannot stand there; empty when it does.
+        """
+        try:
+            pose = Pose(x_m, y_m, heading_rad)
+        except ValueError:
+            return "a place needs finite numbers"
+        seed = abs(seed)
+        self._outlet.tell_lifted(True)
         with self._lock:
             if self._person is not None:
                 pose = self._person.put_down(
@@ -146,7 +183,8 @@ class RobotPlayer:
                 )
             touched = self._base.put_down(pose, seed)
             self._rng = np.random.default_rng(seed)
-        return touched
+        self._outlet.tell_lifted(False)
+        return f"it touches {touched} there" if touched else ""
 
     def _run_base(self) -> None:
         """Let time pass at the wanted rate; fall behind rather than rush where the machine is too slow."""
@@ -160,7 +198,7 @@ class RobotPlayer:
             stamp_s = self._epoch_s + now_s
             self._outlet.tell_time(stamp_s)
             if now_s >= odometry_due_s - 1e-6:
-                odometry_due_s = max(odometry_due_s + 1 / self.odometry_rate_hz, now_s - CONTROL_PERIOD_S)
+                odometry_due_s = max(odometry_due_s + 1 / self._odometry_rate_hz, now_s - CONTROL_PERIOD_S)
                 self._outlet.tell_odometry(odometry, stamp_s)
             self._outlet.tell_truth(truth, stamp_s)
             if contact != self._felt:

@@ -16,6 +16,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.processes import has_ended, wait_until
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.runner.pool import cluster
 from vsnbench.runner.pool.cluster import ClusterAddress
@@ -113,7 +114,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[s
         ours = [one for one in psutil.process_iter() if _knows(one, environment["RAY_AUTH_TOKEN"])]
         for process in ours:
             process.kill()
-        psutil.wait_procs(ours, timeout=20)
+        wait_until(lambda: all(map(has_ended, ours)), "the cluster's processes end")
         shutil.rmtree(short, ignore_errors=True)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.processes import has_ended, wait_until
 from vsnbench.whole_files import PART
 
 STORY = """
@@ -70,8 +71,7 @@ def workers_at_a_trial(process: "subprocess.Popen[str]", results: Path, count: i
 
 
 def assert_gone(workers: Sequence[psutil.Process]) -> None:
-    _, alive = psutil.wait_procs(workers, timeout=20)
-    assert [worker for worker in alive if worker.status() != psutil.STATUS_ZOMBIE] == []
+    wait_until(lambda: all(map(has_ended, workers)), f"these end: {workers}")
 
 
 def half_written(results: Path) -> list[Path]:

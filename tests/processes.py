@@ -1,0 +1,118 @@
+"""Processes of a test, each with its output in a file, ended and waited for; and polling in place of sleeping."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+PATIENCE_S = 30.0
+
+
+def wait_until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
+    """Poll until `condition()` is true; fail the test when it does not become so."""
+    give_up_s = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > give_up_s:
+            pytest.fail(f"not within {patience_s:g} s: {what}")
+        time.sleep(0.02)
+
+
+def has_ended(process: psutil.Process) -> bool:
+    """Return whether a process runs no more, be it reaped by whoever started it or not yet."""
+    try:
+        return not process.is_running() or process.status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.NoSuchProcess:
+        return True
+
+
+@dataclass
+class Process:
+    """A process of a test, its output in a file."""
+
+    popen: subprocess.Popen[bytes]
+    log: Path
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text(errors="replace")
+
+    def signal(self, number: signal.Signals) -> None:
+        self.popen.send_signal(number)
+
+    def wait(self, patience_s: float = PATIENCE_S) -> int:
+        return self.popen.wait(patience_s)
+
+    def end(self) -> None:
+        if self.popen.poll() is None:
+            self.popen.send_signal(signal.SIGCONT)
+            self.popen.terminate()
+            try:
+                self.popen.wait(5)
+            except subprocess.TimeoutExpired:
+                self.popen.kill()
+                self.popen.wait(5)
+        if self.popen.stdin is not None:
+            self.popen.stdin.close()
+
+
+@dataclass
+class ProcessGroup:
+    """Processes that share an environment; ended together, and what they said is shown."""
+
+    directory: Path
+    processes: list[Process] = field(default_factory=list, kw_only=True)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        raise NotImplementedError
+
+    def launch(self, words: list[str], environment: dict[str, str], stdin: int = subprocess.DEVNULL) -> Process:
+        """Start a program, with more environment than all have."""
+        log = self.directory / f"{len(self.processes):02}.log"
+        with log.open("wb") as sink:
+            popen = subprocess.Popen(
+                words, env=self.environment | environment, stdin=stdin, stdout=sink, stderr=subprocess.STDOUT
+            )
+        process = Process(popen, log)
+        self.processes.append(process)
+        return process
+
+    def close(self) -> None:
+        for process in reversed(self.processes):
+            process.end()
+        for process in self.processes:
+            sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")
+
+
+class Conversation:
+    """A Python file of a test's in a process of its own, spoken to in lines of JSON."""
+
+    def __init__(self, words: list[str], environment: dict[str, str], errors: Any = None) -> None:
+        self.popen = subprocess.Popen(
+            words, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
+        )
+
+    def line(self) -> str:
+        assert self.popen.stdout is not None
+        return self.popen.stdout.readline()
+
+    def tell(self, line: str) -> str:
+        """Send a line and return the one that answers it."""
+        assert self.popen.stdin is not None
+        self.popen.stdin.write(f"{line}\n")
+        self.popen.stdin.flush()
+        return self.line()
+
+    def close(self) -> None:
+        self.popen.kill()
+        self.popen.wait()
+        for pipe in (self.popen.stdin, self.popen.stdout):
+            if pipe is not None:
+                pipe.close()

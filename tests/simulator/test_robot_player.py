@@ -1,0 +1,71 @@
+"""A played robot, whatever its middleware: where it may be put, what it hears, and what it says of itself."""
+
+import math
+
+import pytest
+
+from tests.simulator.places import square_room, turtlebot2
+from vsnbench.motion.controller import Command
+from vsnbench.protocol.site import SiteObject
+from vsnbench.simulator.noise import NoiseSettings
+from vsnbench.simulator.robot_player import RobotPlayer, SimulationOptions
+
+ROOM = square_room(
+    6.0, SiteObject(id="bed-1", category="bed", position=(1.0, 1.0), size_m=(1.0, 1.0, 0.5)), start=(4.0, 4.0)
+)
+
+
+class Outlet:
+    """Notes whether the robot is in somebody's hands; nobody plays it here, so nothing else is said."""
+
+    def __init__(self) -> None:
+        self.lifted: list[bool] = []
+
+    def tell_lifted(self, lifted: bool) -> None:
+        self.lifted.append(lifted)
+
+
+@pytest.fixture
+def outlet() -> Outlet:
+    return Outlet()
+
+
+@pytest.fixture
+def player(outlet: Outlet) -> RobotPlayer:
+    options = SimulationOptions(noise=NoiseSettings(), command_lag_s=0.1)
+    return RobotPlayer(ROOM, turtlebot2(), options, outlet, 30.0, 0.6)
+
+
+def test_it_is_lifted_and_put_down_where_it_is_asked_to(player: RobotPlayer, outlet: Outlet) -> None:
+    assert player.put_down(3.0, 4.0, 1.0, -7) == ""
+    assert (player._base.pose.position, player._base.pose.heading_rad) == ((3.0, 4.0), 1.0)
+    assert outlet.lifted == [True, False]
+
+
+def test_what_it_touches_there_is_said(player: RobotPlayer) -> None:
+    assert player.put_down(1.0, 1.0, 0.0, 0) == "it touches bed-1 there"
+
+
+@pytest.mark.parametrize("spoilt", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])
+def test_a_place_that_is_none_is_refused_and_nobody_lifts_it(player: RobotPlayer, outlet: Outlet, spoilt) -> None:
+    before = player._base.pose
+    assert player.put_down(*spoilt, 0) == "a place needs finite numbers"
+    assert (player._base.pose, outlet.lifted) == (before, [])
+
+
+@pytest.mark.parametrize("spoilt", [Command(math.nan, 0.0), Command(0.0, math.inf)])
+def test_a_velocity_that_is_no_number_is_not_heard(player: RobotPlayer, spoilt: Command) -> None:
+    player.hear(spoilt)
+    for _ in range(20):
+        player._base.advance()
+    assert player._base.command == Command()
+    assert player._base.pose.position == pytest.approx((4.0, 4.0), abs=1e-6)
+
+
+def test_its_account_is_of_what_it_plays(player: RobotPlayer) -> None:
+    account = player.account
+    assert (account.site, account.site_sha256) == (ROOM.name, ROOM.sha256)
+    assert account.profile_sha256 == turtlebot2().sha256
+    assert account.odometry_rate_hz == turtlebot2().base.odometry_rate_hz
+    assert {"command_lag_s", "noise"} <= set(account.conditions)
+    assert player.categories == {1: "bed"}
