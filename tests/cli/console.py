@@ -22,14 +22,17 @@ class Answer:
 
 
 def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
-    """Run a command in this process."""
+    """Run a command in this process, whose environment stays as it was: a lab's file writes its defaults there."""
     monkeypatch.setattr(sys, "argv", ["vsnbench", *words])
     capsys.readouterr()
-    code = 0
+    environment, code = dict(os.environ), 0
     try:
         main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        os.environ.clear()
+        os.environ.update(environment)
     captured = capsys.readouterr()
     return Answer(code, captured.out, captured.err)
 

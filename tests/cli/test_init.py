@@ -6,12 +6,16 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.cli.console import Answer
+
 VARIABLES = ("VSNBENCH_SITE", "VSNBENCH_ROBOT", "VSNBENCH_RESULTS", "VSNBENCH_OPERATOR", "VSNBENCH_WEIGHTS")
 PATIENCE_S = 120.0
+Type = Callable[..., Answer]
 
 
 def environment(**more: str) -> dict[str, str]:
@@ -20,55 +24,65 @@ def environment(**more: str) -> dict[str, str]:
     return {**inherited, "PYTHONPATH": os.pathsep.join([here, inherited.get("PYTHONPATH", "")]), **more}
 
 
-def vsnbench(cwd: Path, *words: str, **more: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "vsnbench.cli.main", *words]
-    return subprocess.run(
-        command, cwd=cwd, env=environment(**more), capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
+@pytest.fixture
+def type_in(typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
+    """Types words after `vsnbench` in a directory, with these variables and no other of ours."""
+
+    def type_there(cwd: Path, *words: str, **more: str) -> Answer:
+        with monkeypatch.context() as there:
+            for name in VARIABLES:
+                there.delenv(name, raising=False)
+            for name, value in more.items():
+                there.setenv(name, value)
+            there.setenv("COLUMNS", "200")
+            there.chdir(cwd)
+            return typed(*words)
+
+    return type_there
 
 
 @pytest.mark.slow
-def test_a_lab_begins_with_three_commands(tmp_path: Path) -> None:
-    begun = vsnbench(tmp_path, "init", "lab")
-    assert begun.returncode == 0, begun.stderr
+def test_a_lab_begins_with_three_commands(type_in: Type, tmp_path: Path) -> None:
+    begun = type_in(tmp_path, "init", "lab")
+    assert begun.code == 0, begun.err
     lab = tmp_path / "lab"
-    assert "next: cd lab && vsnbench sites check lab.yaml" in begun.stderr
-    assert vsnbench(lab, "sites", "check", "lab.yaml").returncode == 0
+    assert "next: cd lab && vsnbench sites check lab.yaml" in begun.err
+    assert type_in(lab, "sites", "check", "lab.yaml").code == 0
     words = ("run", "--model", "oracle", "--goal", "chair", "--starts", "1", "--record", "numbers")
-    run = vsnbench(lab, *words)
-    assert run.returncode == 0, run.stderr
-    assert f"site lab.yaml, robot simulated (from {lab / 'vsnbench.toml'})" in run.stderr
-    report = json.loads(vsnbench(lab, "report", "--format", "json").stdout)
+    run = type_in(lab, *words)
+    assert run.code == 0, run.err
+    assert f"site lab.yaml, robot simulated (from {lab / 'vsnbench.toml'})" in run.err
+    report = json.loads(type_in(lab, "report", "--format", "json").out)
     assert [(model["name"], model["site"]) for model in report["models"]] == [("oracle", "lab")]
-    again = vsnbench(lab, "init")
-    assert again.stdout.count("was already there") == 3
+    again = type_in(lab, "init")
+    assert again.out.count("was already there") == 3
 
 
-def test_config_show_says_where_each_default_comes_from(tmp_path: Path) -> None:
+def test_config_show_says_where_each_default_comes_from(type_in: Type, tmp_path: Path) -> None:
     (tmp_path / "vsnbench.toml").write_text('robot = "lola2"\nsite = "apartment"\n')
-    shown = vsnbench(tmp_path, "config", "show", "--json", VSNBENCH_ROBOT="turtlebot2")
-    found = {each["name"]: (each["value"], each["source"]) for each in json.loads(shown.stdout)}
+    shown = type_in(tmp_path, "config", "show", "--json", VSNBENCH_ROBOT="turtlebot2")
+    found = {each["name"]: (each["value"], each["source"]) for each in json.loads(shown.out)}
     assert found["robot"] == ("turtlebot2", "VSNBENCH_ROBOT")
     assert found["site"] == ("apartment", str(tmp_path / "vsnbench.toml"))
     assert found["results"] == ("", "")
 
 
 @pytest.mark.slow
-def test_a_flag_comes_before_environment_and_file(tmp_path: Path) -> None:
+def test_a_flag_comes_before_environment_and_file(type_in: Type, tmp_path: Path) -> None:
     (tmp_path / "vsnbench.toml").write_text('site = "nowhere.yaml"\n')
     words = ("run", "--model", "oracle", "--goal", "chair", "--starts", "99")
-    assert "nowhere.yaml" in vsnbench(tmp_path, *words).stderr
-    assert "elsewhere.yaml" in vsnbench(tmp_path, *words, VSNBENCH_SITE="elsewhere.yaml").stderr
-    flagged = vsnbench(tmp_path, *words, "--site", "apartment", VSNBENCH_SITE="elsewhere.yaml").stderr
+    assert "nowhere.yaml" in type_in(tmp_path, *words).err
+    assert "elsewhere.yaml" in type_in(tmp_path, *words, VSNBENCH_SITE="elsewhere.yaml").err
+    flagged = type_in(tmp_path, *words, "--site", "apartment", VSNBENCH_SITE="elsewhere.yaml").err
     assert "elsewhere" not in flagged
     assert "99" in flagged
 
 
 @pytest.mark.slow
-def test_a_package_begun_with_models_new_passes_its_own_tests(tmp_path: Path) -> None:
-    begun = vsnbench(tmp_path, "models", "new", "my-model")
-    assert begun.returncode == 0, begun.stderr
-    assert "models check my_model.policy:MyModel" in begun.stderr
+def test_a_package_begun_with_models_new_passes_its_own_tests(type_in: Type, tmp_path: Path) -> None:
+    begun = type_in(tmp_path, "models", "new", "my-model")
+    assert begun.code == 0, begun.err
+    assert "models check my_model.policy:MyModel" in begun.err
     made = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
         cwd=tmp_path / "my-model",
@@ -80,20 +94,20 @@ def test_a_package_begun_with_models_new_passes_its_own_tests(tmp_path: Path) ->
     )
     assert made.returncode == 0, made.stdout
     assert "2 passed" in made.stdout
-    assert "not empty" in vsnbench(tmp_path, "models", "new", "my-model").stderr
+    assert "not empty" in type_in(tmp_path, "models", "new", "my-model").err
 
 
 @pytest.mark.parametrize("name", ["3x", "class"])
-def test_a_name_that_makes_no_package_is_refused(tmp_path: Path, name: str) -> None:
-    refused = vsnbench(tmp_path, "models", "new", f"./{name}")
-    assert refused.returncode == 2
-    assert "makes no name of a Python package" in refused.stderr
+def test_a_name_that_makes_no_package_is_refused(type_in: Type, tmp_path: Path, name: str) -> None:
+    refused = type_in(tmp_path, "models", "new", f"./{name}")
+    assert refused.code == 2
+    assert "makes no name of a Python package" in refused.err
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
-def test_a_run_that_watches_runs_again_when_the_model_changes(tmp_path: Path) -> None:
-    vsnbench(tmp_path, "models", "new", "spinning")
+def test_a_run_that_watches_runs_again_when_the_model_changes(type_in: Type, tmp_path: Path) -> None:
+    type_in(tmp_path, "models", "new", "spinning")
     here = tmp_path / "spinning"
     policy = here / "spinning" / "policy.py"
     words = ("--model", "spinning.policy:Spinning", "--goal", "chair", "--starts", "1", "--max-steps", "2", "--watch")
@@ -127,8 +141,8 @@ def until(log: Path, text: str) -> None:
         (("--model", "oracle"), "--watch runs one class of your own"),
     ],
 )
-def test_what_cannot_be_watched_is_refused(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+def test_what_cannot_be_watched_is_refused(type_in: Type, tmp_path: Path, words: tuple[str, ...], said: str) -> None:
     model = () if "--model" in words else ("--model", "a.b:C")
-    refused = vsnbench(tmp_path, "run", *model, "--goal", "chair", "--watch", *words)
-    assert refused.returncode == 2
-    assert said in refused.stderr
+    refused = type_in(tmp_path, "run", *model, "--goal", "chair", "--watch", *words)
+    assert refused.code == 2
+    assert said in refused.err

@@ -59,16 +59,14 @@ def command(
 
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.robots.check_result import CheckResult, Health
+    from vsnbench.robots.interface_kinds import kind_of
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.robots.ros1_checkup import check_ros_robot
-    from vsnbench.robots.ros2_checkup import check_ros2_robot
 
     simulated = robot.partition(":")[0] == "simulated"
     profile = None if simulated else load_profile(robot)
     checks: list[CheckResult] = list(_check_machine(ResultsDirectory.locate(results, db)))
     if profile is not None:
-        speaks_ros2 = profile.interface is not None and profile.interface.kind == "ros2"
-        checks += (check_ros2_robot if speaks_ros2 else check_ros_robot)(profile, move=move)
+        checks += kind_of(profile).check_up(profile, move)
     failed = sum(check.health is Health.FAILED for check in checks)
     if as_json:
         typer.echo(json.dumps([asdict(check) for check in checks], indent=2))

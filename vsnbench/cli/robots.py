@@ -27,12 +27,12 @@ def list_robots(as_json: JsonOption = False) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from vsnbench.robots.interface_kinds import INTERFACE_KINDS
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
 
     profiles = {name: load_profile(name) for name in embedded_profiles()}
     titles = {name: profile.title for name, profile in profiles.items()}
-    over = {"ros1": "over ROS 1", "ros2": "over ROS 2"}
 
     def what(name: str) -> str:
         kind, _, profile = name.partition(":")
@@ -41,7 +41,7 @@ def list_robots(as_json: JsonOption = False) -> None:
         if name not in profiles:
             return "a plug-in"
         interface = profiles[name].interface
-        return f"{titles[name]} {over[interface.kind] if interface else ''}".strip()
+        return f"{titles[name]} {INTERFACE_KINDS[interface.kind].words if interface else ''}".strip()
 
     rows = [(name, what(name)) for name in known_robots()]
     if as_json:

@@ -8,7 +8,7 @@ from typing import Any
 
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
-from vsnbench.robots.ros_link import interface_of
+from vsnbench.robots.interface_kinds import interface_of
 from vsnbench.sensing.camera_images import (
     DepthImage,
     ImageError,

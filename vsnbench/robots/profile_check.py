@@ -1,7 +1,7 @@
 """What is allowed in a robot profile and still looks wrong: parts that do not fit together."""
 
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.ros1.interface import Ros1Interface
+from vsnbench.robots.interface_kinds import interface_of, kind_of
 
 
 def doubts_about(profile: RobotProfile) -> list[str]:
@@ -24,21 +24,23 @@ def doubts_about(profile: RobotProfile) -> list[str]:
         doubts.append(
             f"the camera sits at {camera.mount_height_m:g} m, above the robot's height of {base.height_m:g} m"
         )
-    if isinstance(profile.interface, Ros1Interface):
-        doubts += _doubts_about_ros1(profile.interface, has_bumper=base.has_bumper)
+    if profile.interface is not None:
+        doubts += _doubts_about_interface(profile)
     return doubts
 
 
-def _doubts_about_ros1(names: Ros1Interface, *, has_bumper: bool) -> list[str]:
+def _doubts_about_interface(profile: RobotProfile) -> list[str]:
+    kind, names = kind_of(profile), interface_of(profile)
     doubts = []
-    if has_bumper != bool(names.bumper):
+    if profile.base.has_bumper != any(getattr(names, field) for field in kind.bumpers):
         doubts.append(
-            "base.has_bumper and interface.bumper do not agree: without the topic, collisions are a person's word"
+            f"base.has_bumper and interface.{' or '.join(kind.bumpers)} do not agree: without the topic, collisions "
+            "are a person's word"
         )
     if not names.depth:
         doubts.append(
             "no interface.depth: no depth guard before forward moves, and models that need depth refuse the robot"
         )
-    topics = [names.command, names.odometry, names.color, names.depth, names.bumper, names.cliff, names.wheel_drop]
+    topics = [getattr(names, field) for field in kind.topics]
     doubts += [f"two parts share the topic {t}" for t in sorted({t for t in topics if t and topics.count(t) > 1})]
     return doubts

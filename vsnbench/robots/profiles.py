@@ -1,21 +1,18 @@
 """Finds robot profiles: the embedded ones by name, a lab's own by the path of its YAML file."""
 
 from pathlib import Path
-from typing import Annotated
-
-from pydantic import Field
 
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.settings_file import parse_settings, read_settings
-from vsnbench.ros1.interface import Ros1Interface
-from vsnbench.ros2.interface import Ros2Interface, in_namespace
+from vsnbench.robots.interface_kinds import KnownInterface
+from vsnbench.ros2.interface import in_namespace
 
 
 class _ProfileFile(RobotProfile):
     """A profile whose interface is checked, too."""
 
-    interface: Annotated[Ros1Interface | Ros2Interface, Field(discriminator="kind")] | None = None
+    interface: KnownInterface | None = None
 
 
 _DIRECTORY = Path(__file__).with_name("profiles")

@@ -17,7 +17,7 @@ from vsnbench.protocol.actions import Action
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.robots.image_checkup import image_results
-from vsnbench.robots.ros_link import interface_of
+from vsnbench.robots.interface_kinds import interface_of
 from vsnbench.ros1.graph_check import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
 from vsnbench.ros1.interface import ros1_interface

@@ -13,8 +13,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.robots.image_checkup import image_results
+from vsnbench.robots.interface_kinds import connect
 from vsnbench.robots.ros1_checkup import clock_results, judge_turn, rate_result
-from vsnbench.robots.ros_link import connect
 from vsnbench.robots.ros_start import Patience, wait_until_ready
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages

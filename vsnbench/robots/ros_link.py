@@ -1,16 +1,10 @@
-"""What a robot asks of its network, whichever ROS that is, and which of the two a profile speaks."""
+"""What a robot asks of its network, whichever ROS that is."""
 
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from vsnbench.errors import RobotError
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.ros1.installation import require_ros1
-from vsnbench.ros1.interface import Ros1Interface, ros1_interface
-from vsnbench.ros2.installation import require_ros2
-from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.sensing.robot_reports import RobotSnapshot
 
 Found = TypeVar("Found")
@@ -145,35 +139,3 @@ class RobotLink(Protocol):
     def close(self) -> None:
         """Leave the network."""
         ...
-
-
-def interface_of(profile: RobotProfile) -> Any:
-    """Return a profile's interface with names as the network has them; see RobotTopics.
-
-    Raises:
-        RobotError: it has none.
-    """
-    return ros2_interface(profile) if isinstance(profile.interface, Ros2Interface) else ros1_interface(profile)
-
-
-def connect(profile: RobotProfile, parameters: ProtocolParameters) -> RobotLink:
-    """Join the network that a robot's profile speaks of.
-
-    Raises:
-        RobotError: the profile has no such interface, its ROS is not installed, or the network refuses us.
-    """
-    if isinstance(profile.interface, Ros1Interface):
-        require_ros1()
-        from vsnbench.ros1.robot_link import RobotLink as Ros1Link
-
-        return Ros1Link(profile)
-    if isinstance(profile.interface, Ros2Interface):
-        require_ros2()
-        from vsnbench.ros2.robot_link import RobotLink as Ros2Link
-
-        return Ros2Link(profile, parameters)
-    kind = profile.interface.kind if profile.interface else "no"
-    raise RobotError(
-        f"robot profile {profile.name} has {kind} interface",
-        advice="a real robot needs one of `kind: ros1` or `kind: ros2` (vsnbench robots show turtlebot4)",
-    )

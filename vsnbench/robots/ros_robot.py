@@ -23,9 +23,9 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity, SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
+from vsnbench.robots.interface_kinds import connect
 from vsnbench.robots.ros_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
 from vsnbench.robots.ros_conditions import await_account, conditions_of, require_same_conditions
-from vsnbench.robots.ros_link import connect
 from vsnbench.robots.ros_start import (
     Patience,
     await_fresh_odometry,
