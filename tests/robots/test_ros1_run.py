@@ -102,7 +102,10 @@ def test_a_camera_that_dies_ends_the_episode_as_void_and_the_session_says_what_t
         stack.probe.tell("/camera/fault", "good")
 
 
-ACTIONS = "select action from step order by episode_id, number"
+ATTEMPTS = 4
+"""On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
+JUDGED = "join episode on episode.id = episode_id where state = 'judged'"
+ACTIONS = f"select action from step {JUDGED} order by episode_id, number"
 
 
 @pytest.mark.parametrize("robot", ["turtlebot2", "lola2"])
@@ -143,17 +146,19 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         assert difference["pose"] == pytest.approx([0, 0, 0], abs=1e-6)
         in_process = run(f"simulated:{robot}")
         assert in_process.wait(120) == 0, in_process.output
-        over_ros = run(robot)
-        assert over_ros.wait(240) == 0, over_ros.output
+        for _ in range(ATTEMPTS):
+            over_ros = run(robot)
+            if over_ros.wait(240) == 0 or "the same command goes on" not in over_ros.output:
+                break
+        assert over_ros.popen.returncode == 0, over_ros.output
         assert rows(robot, ACTIONS) == rows(f"simulated:{robot}", ACTIONS)
         ((kind, simulated, conditions),) = rows(
             robot, "select kind, simulated, conditions from campaign join robot on robot.id = robot_id"
         )
         assert (kind, simulated) == ("ros1", 1)
         assert {"simulator", "command_lag_s", "rate_factor", "depth_frames"} <= set(json.loads(conditions))
-        judged = rows(robot, "select success, end_reason, distance_source from verdict")
+        judged = rows(robot, f"select success, verdict.end_reason, distance_source from verdict {JUDGED}")
         assert judged == [(1, "stop", "simulated")]
-        for ours, theirs in zip(
-            *(rows(who, "select distance_m from verdict") for who in (robot, f"simulated:{robot}")), strict=False
-        ):
-            assert ours[0] == pytest.approx(theirs[0], abs=0.05)
+        distances = f"select distance_m from verdict {JUDGED}"
+        ((ours,), (theirs,)) = (rows(who, distances)[0] for who in (robot, f"simulated:{robot}"))
+        assert ours == pytest.approx(theirs, abs=0.05)
