@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,12 +14,13 @@ from vsnbench.console.operator_page import OperatorPage
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
 from vsnbench.database_url import sqlite_url
+from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Occasion
-from vsnbench.runner.attendant import Upcoming
+from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.desk import Asks, Choice, Desk
-from vsnbench.runner.episode import EpisodePlan
+from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan
 from vsnbench.runner.stopping import Stopping
 
 
@@ -134,6 +136,44 @@ def test_whoever_judges_what_another_judged_meanwhile_is_told(session: Session) 
     said = ben.post("/amend", episode=1, seen=1, touched="the bin")
     assert (said.status, "Anna said meanwhile: success" in said.json["words"]) == (409, True)
     assert len(episode_details(session.journal.engine, 1).verdicts) == 2
+
+
+def ended_of(session: Session) -> EndedEpisode:
+    """Episode 1 as it has just ended, with the proposal of the record."""
+    upcoming = session.desk.board.upcoming
+    assert upcoming is not None
+    proposed = Verdict(EndReason.STEP_LIMIT, False, "failed")
+    return EndedEpisode(1, upcoming.plan, EpisodeOutcome(proposed, 4, None, 1.0, proposed=True))
+
+
+def test_what_the_page_confirms_is_in_the_record(session: Session) -> None:
+    anna, said = session.browser("Anna"), {"episode": 1, "touched": "no", "note": "seen"}
+    session.desk.board.episode_ended(ended_of(session))
+    with session.desk.ask(Asks.JUDGE) as question, ThreadPoolExecutor() as pool:
+        answer = pool.submit(anna.post, "/judge", question=question.number, **said)
+        while question.reply is None:
+            assert not answer.done(), answer.result()
+        assert not answer.done()
+        judgement = question.reply.said
+        assert isinstance(judgement, Judgement)
+        session.journal.judge(1, judgement.verdict, author="Anna", note=judgement.note, seen=1)
+        assert answer.result().status == 200
+
+
+def test_an_answer_about_another_episode_than_the_one_that_is_asked_about_is_refused(session: Session) -> None:
+    anna = session.browser("Anna")
+    session.desk.board.episode_ended(ended_of(session))
+    with session.desk.ask(Asks.JUDGE) as question:
+        said = anna.post("/judge", question=question.number, episode=2, touched="no")
+        assert (said.status, "#2 is not asked about" in said.json["words"]) == (409, True)
+        listed = anna.post("/amend", episode=1, seen=1, touched="no")
+        assert (listed.status, "#1 is asked about now" in listed.json["words"]) == (409, True)
+    assert question.reply is None
+
+
+def test_what_awaits_a_judgement_never_falls_out_of_the_list(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vsnbench.runner.corrections.SHOWN", 0)
+    assert [one["episode"] for one in session.browser().ask("GET", "/episodes").json["episodes"]] == [1]
 
 
 def test_what_is_declared_void_is_run_again_first(session: Session) -> None:

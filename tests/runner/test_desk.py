@@ -28,7 +28,7 @@ def test_of_many_at_once_one_is_first() -> None:
 
     def say(name: str) -> None:
         with suppress(AnsweredMeanwhileError):
-            desk.reply(1, Choice.GO, name, "the page")
+            desk.reply(question.number, Choice.GO, name, "the page")
             first.append(name)
 
     with desk.ask(Asks.PLACE) as question:
@@ -50,6 +50,11 @@ def test_an_answer_to_an_older_question_is_none_to_this_one() -> None:
         desk.reply(old.number, Choice.GO, "Ben", "the page")
     with pytest.raises(AnsweredMeanwhileError, match="not asked any more"):
         desk.reply(99, Choice.GO, "Ben", "the page")
+
+
+def test_a_phone_that_outlives_a_killed_run_answers_no_question_of_the_next() -> None:
+    with Desk().ask(Asks.PLACE) as shown, Desk().ask(Asks.PLACE) as asked:
+        assert shown.number != asked.number
 
 
 def test_go_is_no_verdict_and_a_verdict_is_no_go() -> None:

@@ -40,6 +40,9 @@ def new(
     stopping: Annotated[Stopping, typer.Option("--stopping", help="When it ends.")] = Stopping.PLAN,
     open_: Annotated[bool, typer.Option("--open", help="People see which model drives.")] = False,
     operator: Annotated[list[str] | None, typer.Option("--operator", help="Who runs it.")] = None,
+    pretend_real: Annotated[
+        bool, typer.Option("--pretend-real", help="A rehearsal: a simulated robot that you place and judge.")
+    ] = False,
 ) -> None:
     """Write a commented study file, from options or a few questions.
 
@@ -86,6 +89,7 @@ def new(
         blind=not open_,
         stopping=stopping.value,
         operators=operator or (),
+        pretend_real=pretend_real,
     )
     parse_study(text, str(file))
     write_whole(file, text.encode())

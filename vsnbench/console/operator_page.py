@@ -186,14 +186,15 @@ class _Pages:
     async def _judge(self, request: Request) -> Response:
         said = await said_in(request)
         author = _signed_in(request)
-        ended = self._desk.board.ended
-        if ended is None:
-            raise HTTPException(409, "no episode has ended yet")
+        ended, episode = self._desk.board.ended, whole_number_in(said, "episode")
+        if ended is None or ended.number != episode:
+            raise HTTPException(409, f"#{episode} is not asked about: look at what is asked now")
         try:
             judgement = Case.of_ended(ended).judged_by(word_in(said), text_in(said, "note"))
         except MisreadError as error:
             return JSONResponse({"words": str(error), "unsure": isinstance(error, UnsureError)}, 422)
         self._reply(said, judgement, author)
+        await run_in_threadpool(self._corrections.await_judgement, ended.number, author)
         return JSONResponse({"words": judgement.verdict.text})
 
     def _reply(self, said: dict[str, Any], answer: Choice | Judgement, author: str) -> None:

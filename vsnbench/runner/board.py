@@ -72,6 +72,12 @@ class Board:
         self.way = way_between(space, self.left_at, plan.start.pose) if self.left_at else []
         self.upcoming, self.began_at, self.steps = upcoming, None, []
 
+    def declared_void(self) -> None:
+        """Show that the trial that has ended has no result after all, and is to be run again."""
+        self.done -= 1
+        if self.upcoming is not None:
+            self.again.append(self.upcoming.trial)
+
     def placing_begins(self, *, can_measure: bool) -> None:
         """Show that the robot is being put at its mark."""
         self.can_measure, self.look = can_measure, None

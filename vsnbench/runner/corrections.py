@@ -3,6 +3,7 @@
 Everything is read from the record and written there; nothing that was said before is forgotten.
 """
 
+import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,7 +13,7 @@ from vsnbench.database.judging import trial_of
 from vsnbench.database.lifecycle import ENDED, EpisodeState
 from vsnbench.database.queries import episode_details, list_episodes
 from vsnbench.database.read_shapes import EpisodeDetails, EpisodeFilter, EpisodeSummary
-from vsnbench.errors import UsageError
+from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.record.confined import read_confined
 from vsnbench.record.images import rgb_path
 from vsnbench.record.results import ResultsDirectory
@@ -20,10 +21,12 @@ from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.case import Case, Word
 from vsnbench.runner.desk import AnsweredMeanwhileError, Asks, Choice, Desk
 
+KEPT_WITHIN_S = 6.0
+_LOOKS_EVERY_S = 0.02
 UNDO_S = 10.0
 """For so long a judgement can be taken back without a reason."""
 SHOWN = 60
-"""Episodes, the latest ones."""
+"""Episodes, the latest ones; whatever awaits a judgement beside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +59,11 @@ class Corrections:
         found = [
             one
             for campaign in self._campaigns
-            for one in list_episodes(engine, EpisodeFilter(campaign=str(campaign)), SHOWN)
+            for one in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
             if one.state in ENDED
         ]
-        latest = sorted(found, key=lambda one: one.id, reverse=True)[:SHOWN]
+        found.sort(key=lambda one: one.id, reverse=True)
+        latest = [*found[:SHOWN], *(one for one in found[SHOWN:] if one.state == EpisodeState.AWAITING)]
         return [self._shown(episode_details(engine, one.id)) for one in latest]
 
     def amend(self, number: int, word: Word, note: str, author: str, seen: int) -> str:
@@ -78,12 +82,15 @@ class Corrections:
             JudgedMeanwhileError: another has judged it since.
         """
         details = self._mine(number)
+        if self._is_asked_about(number):
+            raise UsageError(f"#{number} is asked about now", advice="answer there")
         judgement = Case.of_recorded(details).judged_by(word, note)
         as_seen = len(details.verdicts) == seen  # else another was first, which the journal says
         if as_seen and details.standing is not None and not note and not word.void:
             raise UsageError("say why it is corrected: what stood before stays in the record beside it")
         self._journal.judge(number, judgement.verdict, author=author, note=judgement.note, seen=seen)
         if judgement.verdict.success is None:
+            self._desk.board.done -= details.summary.state != EpisodeState.VOID
             self._wanted_again(number)
         self._desk.record_changed()
         return judgement.verdict.text
@@ -101,6 +108,21 @@ class Corrections:
         self._journal.take_back(number, author=author, seen=seen)
         self._desk.record_changed()
         return f"#{number} awaits its judgement again"
+
+    def await_judgement(self, number: int, author: str) -> None:
+        """Wait until the record has what was just said of an episode: what a page confirms outlives a kill.
+
+        Raises:
+            UsageError: it does not have it in time.
+            JudgedMeanwhileError: another was first, beside the desk.
+        """
+        give_up_s = time.monotonic() + KEPT_WITHIN_S
+        while (standing := self._mine(number).standing) is None:
+            if time.monotonic() > give_up_s:
+                raise UsageError(f"the record does not have it yet: look whether #{number} is judged below")
+            time.sleep(_LOOKS_EVERY_S)
+        if standing.author != author:
+            raise JudgedMeanwhileError(f"#{number}: {standing.author} said meanwhile: {standing.reason}")
 
     def frame(self, number: int, step: int) -> bytes | None:
         """Return what the robot saw before an action, as JPEG; None where it is not kept."""
@@ -150,6 +172,10 @@ class Corrections:
             _undo_s(details),
             Case.of_recorded(details),
         )
+
+    def _is_asked_about(self, number: int) -> bool:
+        question, ended = self._desk.question, self._desk.board.ended
+        return question is not None and question.asks is Asks.JUDGE and ended is not None and ended.number == number
 
     def _wanted_again(self, number: int) -> None:
         """Have the trial of an episode that was declared void run again, before any other."""

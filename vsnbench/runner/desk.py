@@ -6,6 +6,7 @@ their own. The first reply to a question counts, and whoever comes later is told
 
 import contextlib
 import os
+import secrets
 import select
 import sys
 import threading
@@ -106,7 +107,8 @@ class Desk:
         os.set_blocking(self._wake, False)
         self._question: Question | None = None
         self._answered: dict[int, Reply] = {}
-        self._last = 0
+        self._last = secrets.randbelow(2**30)
+        # Not from 1: a phone that outlives a killed run must not answer another question than it shows.
         self._paused_by = ""
         self._halt: Callable[[], None] = lambda: None
         self._ask_to_stop: Callable[[StopRequest], None] = lambda _request: None

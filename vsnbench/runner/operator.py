@@ -183,6 +183,8 @@ class Operator(Nobody):
                     f"\n[yellow]#{ended.number} awaits judgement[/yellow]: vsnbench judge {ended.number}"
                 )
         if judgement is not None:
+            if judgement.verdict.success is None:
+                self._desk.board.declared_void()
             self._display.judged(judgement.verdict.success)
             who = "you" if reply.face == TERMINAL else f"{escape(reply.author)} at {reply.face}"
             self._console.print(f"[dim]#{ended.number} judged by {who}:[/dim] {escape(judgement.verdict.text)}")

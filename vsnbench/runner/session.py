@@ -12,7 +12,7 @@ from vsnbench.database.episode_entries import INTERVENTION
 from vsnbench.database.episodes import Claim
 from vsnbench.database.journal import Journal
 from vsnbench.database.lifecycle import LEASE
-from vsnbench.errors import EpisodeClosedError, RecordError
+from vsnbench.errors import EpisodeClosedError, JudgedMeanwhileError, RecordError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 VOID_IN_A_ROW = 3
 """After so many void episodes one after another something is broken that another attempt will not mend."""
+THE_PROPOSAL_ALONE = 1
+"""So many verdicts has an episode whose judge is asked; with more, another has judged it meanwhile."""
 LEFT_STANDING = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
 """After these a real robot stands where it failed, and a person must get it out of there."""
 
@@ -261,7 +263,13 @@ class Judged:
         if judgement is None:
             return
         author = judgement.author or self._operator
-        self._journal.judge(ended.number, judgement.verdict, author=author, note=judgement.note)
+        try:
+            self._journal.judge(
+                ended.number, judgement.verdict, author=author, note=judgement.note, seen=THE_PROPOSAL_ALONE
+            )
+        except JudgedMeanwhileError as meanwhile:
+            logger.warning("%s", meanwhile)
+            return
         if judgement.called_collision:
             self._intervened(ended, f"collision called: {judgement.verdict.text}", judgement.author)
 

@@ -78,7 +78,9 @@ class StudyPlace:
         """
         study = self.study
         settle_threads(study.robot)
-        with open_robot(study.robot, self.site, study.protocol, noise=study.noise) as robot:
+        with open_robot(
+            study.robot, self.site, study.protocol, noise=study.noise, pretend_real=study.pretend_real
+        ) as robot:
             if study.site not in embedded_sites():
                 heed_survey(study.site, self.site, robot.identity.profile.base.radius_m, study.protocol)
             yield robot
@@ -97,6 +99,7 @@ class StudyPlace:
             goals=self.study.goals_of(arm),
             robot=self.study.robot,
             noise=self.study.noise,
+            pretend_real=self.study.pretend_real,
             parameters=self.study.protocol,
             model_options=self.options(arm),
             act_timeout_s=None if chosen.elsewhere else chosen.act_timeout,

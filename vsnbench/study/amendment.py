@@ -4,8 +4,8 @@ from vsnbench.errors import StudyError
 from vsnbench.study.file import StudyFile
 
 FROZEN = (
-    *("arms", "goals", "site", "robot", "noise", "starting_positions", "repetitions", "protocol", "order", "seed"),
-    "blind",
+    *("arms", "goals", "site", "robot", "noise", "pretend_real"),
+    *("starting_positions", "repetitions", "protocol", "order", "seed", "blind"),
 )
 """Fields that stay as they were locked: with others it is another experiment."""
 JUDGING = ("primary", "stopping", "about", "alpha", "margin")

@@ -75,6 +75,9 @@ class StudyFile(BaseModel):
     site: str = Field(default="apartment", description="an embedded site, or the path of a site file")
     robot: str = Field(default="simulated", description="what --robot takes")
     noise: bool = Field(default=False, description="noisy depth and odometry, in simulation")
+    pretend_real: bool = Field(
+        default=False, description="a rehearsal: a simulated robot that a person must place and judge"
+    )
     arms: dict[str, Arm] = Field(description="name -> model; two to twelve")
     goals: tuple[str, ...] = Field(min_length=1, description="the shared goals: those that are compared")
     starting_positions: str | None = Field(default=None, description="like 1-15,20; all of the site's when absent")

@@ -17,6 +17,7 @@ question: {question}
 site: {site}            # an embedded site, or the path of a site file
 robot: {robot}
 # noise: true           # noisy depth and odometry, in simulation
+{rehearsal}pretend_real: true    # a rehearsal: a simulated robot that a person must place and judge
 
 arms:                   # two to twelve: a name of yours, and what --model takes
 {arms}
@@ -60,6 +61,7 @@ def study_text(
     blind: bool = True,
     stopping: str = "plan",
     operators: Sequence[str] = (),
+    pretend_real: bool = False,
 ) -> str:
     """Return the text of a new study file.
 
@@ -77,6 +79,7 @@ def study_text(
         blind: whether people see codes.
         stopping: `plan` or `decided`.
         operators: who runs it.
+        pretend_real: whether a simulated robot is to be placed and judged by a person.
     """
     return TEMPLATE.format(
         file=file,
@@ -89,6 +92,7 @@ def study_text(
         starts=_quoted(starts),
         repetitions=repetitions,
         seed=seed,
+        rehearsal="" if pretend_real else "# ",
         blind=str(blind).lower(),
         stopping=stopping,
         about="about: " if stopping == "decided" else "# about: ",

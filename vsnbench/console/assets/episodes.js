@@ -7,10 +7,13 @@ let open = 0;
 let last = "";
 let busy = false;
 let again = false;
+let asked = 0;
+let awaited = 0;
 
 const questionOf = (state) => JSON.stringify([state?.question, state?.driving, state?.record]);
 
 export function showEpisodes(holder, state, before) {
+  asked = state.case?.episode ?? 0;
   if (!state.you || (questionOf(state) === questionOf(before) && last)) return;
   refresh(holder);
 }
@@ -23,7 +26,8 @@ async function refresh(holder) {
   busy = true;
   try {
     const { episodes } = await get("/episodes");
-    const text = JSON.stringify(episodes);
+    const text = JSON.stringify([episodes, asked]);
+    remind(holder.closest("details"), episodes.filter((one) => one.outcome === "unjudged" && one.episode !== asked).length);
     if (text !== last && !open) {
       last = text;
       holder.replaceChildren(...(episodes.length ? episodes.map((one) => line(one, holder)) : [element("p", { class: "dim" }, "none yet")]));
@@ -37,6 +41,13 @@ async function refresh(holder) {
       refresh(holder);
     }
   }
+}
+
+// What awaits a person's word is not left for whoever happens to look.
+function remind(card, count) {
+  card.querySelector("summary").textContent = count ? `Episodes so far: ${count} to be judged` : "Episodes so far";
+  if (count > awaited) card.open = true;
+  awaited = count;
 }
 
 function line(one, holder) {
@@ -53,7 +64,8 @@ function line(one, holder) {
     buttons.append(undo);
     setTimeout(() => { undo.remove(); }, one.undo_s * 1000);
   }
-  if (one.can_be_judged) {
+  if (one.episode === asked) buttons.append(element("p", { class: "dim small" }, "asked about above"));
+  else if (one.can_be_judged) {
     buttons.append(element("button", { type: "button", class: "button", "data-amend": true, onclick: () => form(card, one, holder) }, one.outcome === "unjudged" ? "Judge" : "Correct"));
   }
   card.append(buttons);
@@ -64,7 +76,7 @@ function form(card, one, holder) {
   open = one.episode;
   const close = () => { open = 0; last = ""; refresh(holder); };
   const made = judgingForm(one.case, {
-    kept: `amend-${one.episode}-${one.seen}`,
+    kept: one.outcome === "unjudged" ? `said-of-${one.episode}` : `amend-${one.episode}-${one.seen}`,
     reason: one.outcome !== "unjudged",
     send: async (word) => { await post("/amend", { episode: one.episode, seen: one.seen, ...word }); close(); },
     later: null,

@@ -89,15 +89,15 @@ function renderJudging(visible) {
   const key = `judge-${state.case.episode}-${state.question.number}`;
   if (judged === key) return;
   judged = key;
-  const theCase = state.case;
+  const [theCase, question] = [state.case, state.question.number];
   at("judging").replaceChildren(
     element("p", { class: "dim small" }, `#${theCase.episode} · ended with ${theCase.ended_with.replace("_", " ")} after ${theCase.actions} actions`),
     element("h2", {}, "What happened?"),
     strip(theCase.episode, theCase.actions),
     element("p", { class: "verdict" }, `Proposed: ${theCase.proposal}`),
     judgingForm(theCase, {
-      kept: key,
-      send: (word) => post("/judge", { question: state.question?.number ?? 0, episode: theCase.episode, ...word }),
+      kept: `said-of-${theCase.episode}`,
+      send: (word) => post("/judge", { question, episode: theCase.episode, ...word }),
       later: () => answer("later"),
     }),
   );

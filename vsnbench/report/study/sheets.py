@@ -80,6 +80,7 @@ def _p(value: float | None) -> str:
 def _plan(found: StudyFindings) -> Sheet:
     recorded, plan = found.recorded, found.plan
     arms = list(found.shown.items())
+    beside = [*(["with noise"] if plan.noise else []), *(["a rehearsal"] if plan.pretend_real else [])]
     facts = [
         ("locked", f"{recorded.locked_at:%Y-%m-%d %H:%M} UTC"),
         ("sha256 of the plan", recorded.locked_sha256),
@@ -89,7 +90,7 @@ def _plan(found: StudyFindings) -> Sheet:
         ("shared goals", ", ".join(plan.goals)),
         ("starting positions", plan.starting_positions or "all of the site's"),
         ("repetitions", str(plan.repetitions)),
-        ("site, robot", f"{plan.site}, {plan.robot}{', with noise' if plan.noise else ''}"),
+        ("site, robot", ", ".join([plan.site, plan.robot, *beside])),
         ("stopping", plan.stopping),
         ("blind", "yes" if recorded.is_blind else "no longer" if recorded.blind else "no"),
     ]

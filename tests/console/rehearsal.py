@@ -1,0 +1,181 @@
+"""A blind study rehearsed at a desk: its directory, its run with the page, kills of it, and what its record says."""
+
+import os
+import random
+import re
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Self
+
+ROOT = Path(__file__).parents[2]
+TELLING = re.compile(rb"heron|magpie|aviary", re.IGNORECASE)
+"""What nobody at the page may come across while the study is blind."""
+AVIARY = '''"""Two policies that take their time, and say who they are wherever they can."""
+import logging, time
+from vsnbench.models.contract import ModelCard
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.decision import Decision, Diagnostics
+
+class Heron:
+    card = ModelCard("heron", weights_label="heron weights", weights_sha256="heron0" * 10)
+    turns = 4
+    def reset(self, goal, seed):
+        self.left = self.turns
+        print(self.card.name, "starts")
+        logging.getLogger("aviary").warning("%s looks around", self.card.name)
+    def act(self, observation):
+        time.sleep(0.1)
+        self.left -= 1
+        said = Diagnostics(note="i am " + self.card.name, scalars={self.card.name: 1.0})
+        return Decision(Action.TURN_LEFT if self.left >= 0 else Action.STOP, self.card.name, said)
+
+class Magpie(Heron):
+    card = ModelCard("magpie", weights_label="magpie weights", weights_sha256="magpie" * 10)
+    turns = 7
+'''
+_STUDY = """\
+title: Which of two finds its goal?
+question: Which of the two succeeds more often on our robot, in our flat?
+robot: simulated:turtlebot2@160x120
+pretend_real: true
+arms:
+  heron: {{model: "aviary:Heron"{own}}}
+  magpie: {{model: "aviary:Magpie"}}
+goals: [{goals}]
+starting_positions: "1-{starts}"
+protocol: {{max_actions: 20}}
+seed: {seed}
+"""
+_GOALS = ("chair", "bed", "sofa")
+PATIENCE_S = 180.0
+
+
+def wait_until(condition: Any, what: str, patience_s: float = PATIENCE_S) -> None:
+    """Poll until it is so.
+
+    Raises:
+        AssertionError: it does not become so.
+    """
+    give_up_s = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < give_up_s, f"not within {patience_s:g} s: {what}"
+        time.sleep(0.02)
+
+
+def study_text(trials: int, seed: int) -> str:
+    """Return a study of two arms with so many trials: shared goals, and one goal of an arm's own where that fits.
+
+    Raises:
+        SystemExit: no such study has that many.
+    """
+    for starts in range(min(15, trials), 0, -1):
+        goals, own = divmod(trials // starts, 2)
+        if trials % starts == 0 and 1 <= goals <= len(_GOALS):
+            text = ", goals: [toilet]" if own else ""
+            return _STUDY.format(own=text, goals=", ".join(_GOALS[:goals]), starts=starts, seed=seed)
+    raise SystemExit(f"{trials} trials: say 2 to 7, or a multiple of a number of starting positions up to 15, like 75")
+
+
+class Rehearsal:
+    """The directory of a study, and its run; the run is ended with the block."""
+
+    def __init__(self, directory: Path, trials: int, seed: int) -> None:
+        self.directory = directory
+        self.trials = trials
+        self.port = quiet_port(random.Random(f"{seed} {os.getpid()}"))
+        self.kills = 0
+        self.address = ""
+        self._process: subprocess.Popen[bytes] | None = None
+        self._environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join([str(ROOT), str(directory)]),
+            "COLUMNS": "100",
+            "VSNBENCH_OPERATOR": "lab",
+        }
+        (directory / "aviary.py").write_text(AVIARY)
+        (directory / "study.yaml").write_text(study_text(trials, seed))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def study(self, *words: str) -> str:
+        """Call `vsnbench study`, and return what it prints."""
+        done = subprocess.run([*_vsnbench("study", *words)], **self._how(), capture_output=True, check=False)
+        assert done.returncode == 0, done.stderr.decode()
+        return (done.stdout + done.stderr).decode()
+
+    def start(self) -> None:
+        """Start the run, or go on with it."""
+        with self.log.open("ab") as log:
+            words = _vsnbench("study", "run", "--console-port", str(self.port))
+            self._process = subprocess.Popen(words, **self._how(), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def wait_served(self) -> str:
+        """Wait until the page is served, and return its address with the token."""
+
+        def listens() -> bool:
+            assert self.code is None, self.log.read_text()
+            with socket.socket() as probe:
+                return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+        wait_until(listens, "the page is served")
+        wait_until(lambda: re.search(rb"http://\S+", self.log.read_bytes()), "the run says where its page is")
+        found = set(re.findall(rb"http://\S+", self.log.read_bytes()))
+        assert len(found) == 1, f"another address or token after a kill: {found}"
+        self.address = found.pop().decode()
+        return self.address
+
+    def kill(self) -> None:
+        """Kill the run with SIGKILL."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGKILL)
+        self._process.wait()
+        self.kills += 1
+
+    @property
+    def code(self) -> int | None:
+        """How the run ended by itself; None while it runs."""
+        return None if self._process is None else self._process.poll()
+
+    @property
+    def pid(self) -> int:
+        """The run's process."""
+        assert self._process is not None
+        return self._process.pid
+
+    @property
+    def log(self) -> Path:
+        """What the run has written at its terminal, all of it since the beginning."""
+        return self.directory / "run.log"
+
+    def rows(self, query: str) -> list[tuple[Any, ...]]:
+        """Ask the record."""
+        with closing(sqlite3.connect(self.directory / "results" / "vsnbench.db", timeout=60)) as database:
+            return database.execute(query).fetchall()
+
+    def _how(self) -> dict[str, Any]:
+        return {"cwd": self.directory, "env": self._environment}
+
+
+def _vsnbench(*words: str) -> Sequence[str]:
+    return [sys.executable, "-m", "vsnbench.cli.main", *words]
+
+
+def quiet_port(chance: random.Random) -> int:
+    """Return a free port that no client is given by chance, so that it is still free after a kill."""
+    while True:
+        port = chance.randrange(20_000, 30_000)
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) != 0:
+                return port
