@@ -1,25 +1,9 @@
 """What the graph says of a robot's topics is put into one line with what to do, before the robot moves."""
 
-from types import SimpleNamespace
-
 import pytest
 
-from vsnbench.ros2.graph_check import Endpoint, command_fault, hash_fault, incompatibility, listeners, type_fault
-
-TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-
-
-def qos(reliability="BEST_EFFORT", durability="VOLATILE", deadline_s=0.0, lease_s=0.0):
-    return SimpleNamespace(
-        reliability=SimpleNamespace(name=reliability),
-        durability=SimpleNamespace(name=durability),
-        deadline=SimpleNamespace(nanoseconds=int(deadline_s * 1e9)),
-        liveliness_lease_duration=SimpleNamespace(nanoseconds=int(lease_s * 1e9)),
-    )
-
-
-def base(node="/base", kind=TWIST, type_hash="", **quality) -> Endpoint:
-    return Endpoint(node, kind, type_hash, qos(**quality))
+from tests.ros2.wire import STAMPED, TWIST, base, qos
+from vsnbench.ros2.graph_check import command_fault, hash_fault, incompatibility, listeners, type_fault
 
 
 def test_our_own_nodes_are_no_base_but_the_simulated_one_is() -> None:

@@ -2,35 +2,13 @@
 
 import json
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import pytest
 
-from tests.ros1.network import wait_until
+from tests.processes import wait_until
+from tests.ros2.wire import Wire
 from vsnbench.errors import NoAnswerError
 from vsnbench.ros2.questions import Answerer, Asker
-
-
-@dataclass
-class Wire:
-    """What a node is to the two: topics of texts; `lost` counts the texts that go nowhere at first."""
-
-    takers: dict[str, list[Callable[[str], None]]] = field(default_factory=dict)
-    sent: list[tuple[str, str]] = field(default_factory=list)
-    lost: int = 0
-
-    def text_publisher(self, topic: str) -> Callable[[str], None]:
-        def publish(text: str) -> None:
-            self.sent.append((topic, text))
-            if len(self.sent) > self.lost:
-                for take in self.takers.get(topic, []):
-                    take(text)
-
-        return publish
-
-    def listen_to_texts(self, topic: str, take: Callable[[str], None]) -> None:
-        self.takers.setdefault(topic, []).append(take)
 
 
 def test_what_is_lost_is_asked_again_and_done_once() -> None:

@@ -1,14 +1,20 @@
-"""`vsnbench ros2 simulate` and `vsnbench run`, in real time: the same actions as in simulation."""
+"""`vsnbench ros2 simulate` and `vsnbench run`, in real time: the same actions as in simulation, and a run killed."""
 
 import sqlite3
+import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.ros2.graph import live_graph
+from tests.processes import Process, wait_until
+from tests.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
 
 pytestmark = pytest.mark.ros2
 
+AT_REST_S = 5.0
+"""A base that nobody stops goes on until it meets a wall; how soon one stands that is stopped is in docs/robot.md."""
 ATTEMPTS = 4
 """On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
 JUDGED = """
@@ -22,24 +28,49 @@ def rows(results: Path, query: str) -> list[tuple]:
         return connection.execute(query).fetchall()
 
 
-def test_the_rehearsal_takes_the_same_actions_as_the_simulation(tmp_path) -> None:
-    with live_graph(tmp_path) as graph:
+@pytest.fixture(scope="module")
+def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph2]:
+    """A graph in which the embedded apartment plays a TurtleBot 4 in the namespace robot1."""
+    with live_graph(tmp_path_factory.mktemp("ros2")) as one:
+        robot = one.vsnbench("ros2", "simulate", "--robot", "turtlebot4@robot1")
+        wait_until(lambda: "playing" in robot.output, "the robot plays", 150)  # after the first compilation
+        yield one
 
-        def run(robot: str) -> None:
-            words = ["run", "--robot", robot, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
-            for _ in range(ATTEMPTS):
-                done = graph.vsnbench(*words, "--results", tmp_path / robot)
-                if done.wait(200) == 0 or "the same command goes on" not in done.output:
-                    break
-            assert done.popen.returncode == 0, done.output
 
-        graph.vsnbench("ros2", "simulate", "--robot", "turtlebot4@robot1")
-        run("turtlebot4@robot1")
-        run("simulated:turtlebot4")
-        over_ros = tmp_path / "turtlebot4@robot1"
-        assert rows(over_ros, "select kind, simulated from robot") == [("ros2", 1)]
-        assert rows(over_ros, JUDGED) == [(1, "stop", "simulated")]
-        assert actions(over_ros) == actions(tmp_path / "simulated:turtlebot4")
+def begin(graph: Graph2, robot: str, results: Path) -> Process:
+    words = ["run", "--robot", robot, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
+    return graph.vsnbench(*words, "--results", results)
+
+
+def run(graph: Graph2, robot: str, results: Path) -> None:
+    for _ in range(ATTEMPTS):
+        done = begin(graph, robot, results)
+        if done.wait(200) == 0 or "the same command goes on" not in done.output:
+            break
+    assert done.popen.returncode == 0, done.output
+
+
+def test_the_rehearsal_takes_the_same_actions_as_the_simulation(graph, tmp_path) -> None:
+    over_ros, simulated = tmp_path / "ros", tmp_path / "simulated"
+    run(graph, "turtlebot4@robot1", over_ros)
+    run(graph, "simulated:turtlebot4", simulated)
+    assert rows(over_ros, "select kind, simulated from robot") == [("ros2", 1)]
+    assert rows(over_ros, JUDGED) == [(1, "stop", "simulated")]
+    assert actions(over_ros) == actions(simulated)
+
+
+def test_a_run_that_is_killed_leaves_a_robot_that_stands(graph, tmp_path) -> None:
+    watch = graph.start(HERE / "nodes" / "odometry_watch.py", "/robot1/odom")
+    killed = begin(graph, "turtlebot4@robot1", tmp_path)
+    wait_until(lambda: moves(watch) or killed.popen.poll() is not None, "the robot moves", 140)
+    assert moves(watch), killed.output
+    killed.popen.kill()
+    kill_s = time.monotonic()
+    wait_until(lambda: stands_since(watch) is not None, "the robot stands")
+    stood_s = stands_since(watch) - kill_s
+    sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
+    assert stood_s < AT_REST_S
+    assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
 
 
 def actions(results: Path) -> list[tuple]:

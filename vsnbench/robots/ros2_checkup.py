@@ -17,8 +17,10 @@ from vsnbench.robots.interface_kinds import connect
 from vsnbench.robots.ros1_checkup import clock_results, judge_turn, rate_result
 from vsnbench.robots.ros_start import Patience, wait_until_ready
 from vsnbench.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros2.graph_check import command_fault, hash_fault, incompatibility, listeners, type_fault
 from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
-from vsnbench.ros2.interface import Ros2Interface, ros2_interface
+from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros2.questions import Asker
 
 if TYPE_CHECKING:
     from vsnbench.ros2.topic_listener import TopicListener
@@ -90,13 +92,9 @@ def _graph_result(others: list[str]) -> CheckResult:
 
 
 def _command_results(names: Ros2Interface, listener: TopicListener) -> Iterator[CheckResult]:
-    from vsnbench.ros2.graph_check import command_fault, incompatibility, listeners
-    from vsnbench.ros2.messages import COMMAND_CLASSES
-    from vsnbench.ros2.node import RELIABLE
-
     subscribers = listener.graph.subscribers(names.command)
-    fault = command_fault(names.command, names.command_type, subscribers, list(COMMAND_CLASSES))
-    fault = fault or incompatibility(RELIABLE, listeners(subscribers))
+    fault = command_fault(names.command, names.command_type, subscribers, VELOCITIES)
+    fault = fault or incompatibility(listener.node.velocity_quality, listeners(subscribers))
     if fault is not None:
         yield CheckResult(names.command, Health.FAILED, fault.statement, fault.advice)
         return
@@ -116,8 +114,6 @@ def _topic_results(
     wanted: dict[str, str],
     heard: dict[str, Heard],
 ) -> Iterator[CheckResult]:
-    from vsnbench.ros2.graph_check import hash_fault, type_fault
-
     rates = {names.odometry: profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
     if names.depth:
         rates[names.depth] = names.camera_rate_hz
@@ -155,8 +151,6 @@ def _base_results(
     names: Ros2Interface, listener: TopicListener, heard: dict[str, Heard], dock: Dock
 ) -> Iterator[CheckResult]:
     """Say what the base can say of contacts, its battery and its dock."""
-    from vsnbench.ros2.topic_listener import message_of
-
     if names.hazards and irobot_type("msg", "HazardDetectionVector") is None:
         yield CheckResult(
             names.hazards,
@@ -168,6 +162,8 @@ def _base_results(
         advice = "uncomment hazard_detection in the robot's republisher.yaml"
         yield CheckResult(names.hazards, Health.WARNING, "nobody publishes it: a collision is a person's word", advice)
     if names.battery and heard[names.battery].messages:
+        from vsnbench.ros2.topic_listener import message_of
+
         state = message_of("sensor_msgs/BatteryState", heard[names.battery].messages[-1])
         share = f"{state.percentage:.0%}" if state.percentage == state.percentage else f"{state.voltage:.1f} V"
         if dock.is_charging and dock.is_docked is None:
@@ -184,8 +180,6 @@ def _base_results(
 
 
 def _mover_result(profile: RobotProfile, names: Ros2Interface, listener: TopicListener) -> CheckResult:
-    from vsnbench.ros2.questions import Asker
-
     name = names.discrete_move
     if not listener.graph.subscribers(f"{name}/question"):
         seen = "none beside the base: vsnbench run steers it over the network"

@@ -10,6 +10,8 @@ from vsnbench.protocol.robot_profile import Interface, RobotProfile
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?$")]
 """A topic's name, in the robot's namespace where it does not begin with a slash; empty for what it does not have."""
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+VELOCITIES = (TWIST, TWIST_STAMPED)
+"""Types in which a base may take velocities."""
 
 
 class Ros2Interface(Interface):

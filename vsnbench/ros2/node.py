@@ -11,18 +11,23 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import rclpy
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from vsnbench.end_signals import EndAsked
 from vsnbench.errors import RobotError
+from vsnbench.motion.controller import Command
 from vsnbench.ros2.installation import discovery
+from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
 
 SENSOR_DATA = QoSProfile(
     depth=10,
@@ -41,7 +46,22 @@ LATCHED = QoSProfile(
 )
 """What comes again to whoever listens later."""
 
-_SPIN_S = 0.1
+
+class _NodeWithoutEvents(Node):  # type: ignore[misc]
+    """A node whose publishers and subscribers leave it to `graph_check` to say what does not fit.
+
+    rclpy would watch each of them for two events more, which makes every message of every topic cost twice as much.
+    """
+
+    def create_publisher(self, *words: Any, **more: Any) -> Any:
+        return super().create_publisher(
+            *words, **{"event_callbacks": PublisherEventCallbacks(use_default_callbacks=False), **more}
+        )
+
+    def create_subscription(self, *words: Any, **more: Any) -> Any:
+        return super().create_subscription(
+            *words, **{"event_callbacks": SubscriptionEventCallbacks(use_default_callbacks=False), **more}
+        )
 
 
 class Ros2Node:
@@ -56,6 +76,9 @@ class Ros2Node:
             stays.
     """
 
+    velocity_quality: ClassVar[Any] = RELIABLE
+    """The quality of service that velocities are sent with."""
+
     def __init__(self, name: str, namespace: str = "", *, by_network_alone: bool = False) -> None:
         if by_network_alone:
             os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
@@ -65,7 +88,7 @@ class Ros2Node:
         self._context = rclpy.Context()
         try:
             rclpy.init(args=quiet, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-            self.rclpy = rclpy.create_node(
+            self.rclpy = _NodeWithoutEvents(
                 name,
                 context=self._context,
                 namespace=namespace or None,
@@ -78,6 +101,7 @@ class Ros2Node:
         self.full_name = self.rclpy.get_fully_qualified_name()
         self.began_s = time.monotonic()
         self._ended = threading.Event()
+        self._wake = self.rclpy.create_guard_condition(lambda: None)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.rclpy)
         self._thread = threading.Thread(target=self._spin, name=f"ros2 {name}", daemon=True)
@@ -88,6 +112,7 @@ class Ros2Node:
         if self._ended.is_set():
             return
         self._ended.set()
+        self._wake.trigger()
         self._thread.join(5.0)
         with contextlib.suppress(Exception):
             self._executor.remove_node(self.rclpy)
@@ -117,6 +142,19 @@ class Ros2Node:
         while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
             time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
 
+    def velocity_publisher(self, topic: str, kind: str) -> "VelocityPublisher":
+        """Return what publishes velocities as messages of a type's name."""
+        return VelocityPublisher(self, topic, kind)
+
+    def listen_to_velocities(self, topic: str, kind: str, take: Callable[[Callable[[], Any], Any], None]) -> None:
+        """Hand every velocity of a topic to `take`: what reads it as a Twist, and what is known of its sender."""
+        message_class = COMMAND_CLASSES[kind]
+
+        def hand_over(data: bytes, info: Any) -> None:
+            take(lambda: twist_of(deserialize_message(data, message_class)), info)
+
+        self.rclpy.create_subscription(message_class, topic, hand_over, SENSOR_DATA, raw=True)
+
     def text_publisher(self, topic: str) -> Callable[[str], None]:
         """Return what publishes a text as std_msgs/String, reliably."""
         publisher = self.rclpy.create_publisher(String, topic, RELIABLE)
@@ -133,9 +171,31 @@ class Ros2Node:
     def _spin(self) -> None:
         while not self._ended.is_set():
             try:
-                self._executor.spin_once(timeout_sec=_SPIN_S)
+                self._executor.spin_once()  # with a timeout, each message would cost a timer
             except ExternalShutdownException:
                 return
+
+
+class VelocityPublisher:
+    """Publishes velocities on one topic, as messages of a type's name."""
+
+    def __init__(self, node: Ros2Node, topic: str, kind: str) -> None:
+        self._node = node
+        self._kind = kind
+        self._publisher = node.rclpy.create_publisher(COMMAND_CLASSES[kind], topic, node.velocity_quality)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody is connected who listens."""
+        return bool(self._publisher.get_subscription_count())
+
+    def publish(self, command: Command) -> None:
+        """Send a velocity."""
+        self._publisher.publish(velocity_message(command, self._kind, self._node.stamp()))
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._node.rclpy.destroy_publisher(self._publisher)
 
 
 class Closable(Protocol):

@@ -1,8 +1,7 @@
 """A base and a camera over ROS 2 that do what lines on stdin tell them to; says on stdout when it moves or stands.
 
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`.
-Either: `good`. Arguments: `--stamped` listens to TwistStamped, `--lasting` asks for velocities that last, `--deaf`
-listens to none, `--docked` stands on its dock; `--namespace NAME`, and `--name NAME` for a second one in it.
+Either: `good`. Argument: `--stamped` listens to TwistStamped.
 """
 
 import argparse
@@ -25,17 +24,12 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Bool
 
 from vsnbench.ros2.messages import image_message, odometry_message, twist_of
-from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
+from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
 
 options = argparse.ArgumentParser()
 options.add_argument("--stamped", action="store_true")
-options.add_argument("--lasting", action="store_true")
-options.add_argument("--deaf", action="store_true")
-options.add_argument("--docked", action="store_true")
-options.add_argument("--name", default="test_robot")
-options.add_argument("--namespace", default="")
 chosen = options.parse_args()
-node = Ros2Node(chosen.name, chosen.namespace)
+node = Ros2Node("test_robot")
 make = node.rclpy
 odometry = make.create_publisher(Odometry, "odom", SENSOR_DATA)
 bumper = make.create_publisher(Bool, "bumper", SENSOR_DATA)
@@ -45,11 +39,8 @@ color = make.create_publisher(Image, "camera/color/image_raw", SENSOR_DATA)
 depth = make.create_publisher(Image, "camera/depth/image_raw", SENSOR_DATA)
 heard: queue.SimpleQueue = queue.SimpleQueue()
 told: queue.SimpleQueue = queue.SimpleQueue()
-if not chosen.deaf:
-    kind = TwistStamped if chosen.stamped else Twist
-    make.create_subscription(
-        kind, "cmd_vel", lambda m: heard.put(twist_of(m)), LATCHED if chosen.lasting else SENSOR_DATA
-    )
+kind = TwistStamped if chosen.stamped else Twist
+make.create_subscription(kind, "cmd_vel", lambda message: heard.put(twist_of(message)), SENSOR_DATA)
 threading.Thread(target=lambda: [told.put(line.split()) for line in sys.stdin], daemon=True).start()
 
 sys.stdout.write("up\n")
@@ -95,7 +86,7 @@ while True:
         if fault == "nan":
             message.pose.pose.position.x = math.nan
         odometry.publish(message)
-        dock.publish(DockStatus(data=chosen.docked))
+        dock.publish(DockStatus(data=False))
     if now >= camera_due and fault != "blind":
         camera_due = max(camera_due + 1 / 30, now)
         taken_s = stamp_s - 3600 if fault == "past" else stamp_s
