@@ -104,7 +104,6 @@ def run_apart(way: str, setting: Setting, actions: int, number: int) -> dict[str
             "ROS_LOG_DIR": directory,
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_DOMAIN_ID": str(20 + number % 80),
-            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",  # as between machines
         }
         done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:

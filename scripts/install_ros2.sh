@@ -10,5 +10,6 @@ printf '%s\n%s\n' "$PWD" "$(site .venv/bin/python)" > "$(site .venv-ros2/bin/pyt
 mapfile -t wheels < <(.venv/bin/python -c '
 import pathlib, tomllib
 print(*tomllib.loads(pathlib.Path("pyproject.toml").read_text())["project"]["optional-dependencies"]["ros2"], sep="\n")')
-.venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet "${wheels[@]}"
+.venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet "${wheels[@]}" \
+  "ros-test-msgs==2.3.0" # an action of any type, which no other wheel has
 .venv-ros2/bin/python -c 'import rclpy, nav_msgs.msg, vsnbench, pytest'

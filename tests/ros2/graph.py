@@ -18,9 +18,6 @@ from tests.robots.client import Client
 HERE = Path(__file__).parent
 PROFILE = HERE / "profile_of_test_base.yaml"
 
-ACROSS_MACHINES = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-"""What is between a workstation and a robot; on one machine Fast DDS would share memory."""
-
 
 def is_bound(to_bind: socket.socket, host: str, port: int) -> bool:
     try:
@@ -101,7 +98,7 @@ def stands_since(robot: Process) -> float | None:
 
 def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> Client:
     """A RosRobot in a process of its own, as on another machine."""
-    return Client(graph, (sys.executable,), profile, patience_s, **ACROSS_MACHINES)
+    return Client(graph, (sys.executable,), profile, patience_s)
 
 
 @dataclass

@@ -73,7 +73,7 @@ class Ros2Node:
         by_network_alone: never share memory with the other nodes on this machine, as Fast DDS does by default: a
             precaution, so that a node that is killed leaves no lock behind for a base's driver to wait for. For nodes
             that hear no images, whose size is what shared memory is good for. A transport that the environment names
-            stays.
+            stays; where discovery is LOCALHOST only, ROS 2 chooses itself, and memory is shared.
     """
 
     velocity_quality: ClassVar[Any] = RELIABLE

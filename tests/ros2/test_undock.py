@@ -1,0 +1,37 @@
+"""`vsnbench ros2 undock` asks a real action server, whose action has the maker's names and another type on the wire."""
+
+import signal
+
+import pytest
+
+from tests.processes import wait_until
+from tests.ros2.graph import HERE, live_graph
+
+pytestmark = pytest.mark.ros2
+
+
+@pytest.mark.parametrize(
+    ("base", "code", "says"),
+    [
+        ("leaves", 0, "the robot has left its dock"),
+        ("stays", 1, "/undock failed, the base still stands on its dock"),
+        ("refuses", 1, "/undock was refused"),
+    ],
+)
+def test_what_the_base_does_is_said(tmp_path, base: str, code: int, says: str) -> None:
+    with live_graph(tmp_path) as graph:
+        graph.start(HERE / "nodes" / "dock.py", base)
+        undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
+        assert undock.wait(100) == code, undock.output
+        assert says in undock.output
+        assert undock.output.count("\n") == 1
+
+
+def test_a_base_that_hangs_is_asked_no_longer_after_an_interrupt(tmp_path) -> None:
+    with live_graph(tmp_path) as graph:
+        base = graph.start(HERE / "nodes" / "dock.py", "hangs")
+        undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
+        wait_until(lambda: "asked" in base.output or undock.popen.poll() is not None, "the base is asked", 100)
+        undock.signal(signal.SIGINT)
+        undock.wait(60)
+        wait_until(lambda: "cancelled" in base.output, "the base is asked no longer", 60)
