@@ -12,6 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from scripts import command_outputs  # noqa: E402 - found from any directory only now
 from scripts.api_page import api_page  # noqa: E402 - found from any directory only now
 from scripts.schema_page import schema_page  # noqa: E402 - found from any directory only now
 
@@ -78,6 +79,7 @@ def main(docs: Path) -> None:
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     draw_figures(docs / "figures")
+    command_outputs.main()
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="[neural]" system="" ;;
-    test) extras="[neural,postgresql,bags,ray,dev]" system="chromium postgresql ros" ;;
+    run) extras="[neural,viewer]" system="" ;;
+    test) extras="[neural,viewer,postgresql,bags,ray,docs,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
 

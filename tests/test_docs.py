@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from scripts.api_page import api_page
+from scripts.command_outputs import filled, pages
 from scripts.make_docs import command_reference
 from vsnbench.cli.sites import app
 from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, Window, parse_site
@@ -63,3 +64,9 @@ def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
 
 def test_the_page_of_the_interface_is_that_of_the_docstrings() -> None:
     assert (DOCS / "api.md").read_text(encoding="utf-8") == api_page(), "docs/api.md is old: make docs"
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+def test_what_a_page_shows_of_a_command_is_what_it_prints(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text == filled(text), f"{page.name} is old: make docs"

@@ -1,4 +1,23 @@
-"""The errors that users see: what was wrong and where, and, apart from that, what to do next."""
+"""The errors that users see: what was wrong and where, and, apart from that, what to do next; and the exit codes."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """What a command's end says to a script; `docs/command-line.md` has the same table."""
+
+    DONE = 0
+    """It did what was asked, and what it looked at is sound."""
+    FAILED = 1
+    """It could not, something it checked is not right, or trials are left."""
+    USAGE = 2
+    """What was typed, or a study's file, does not fit together; nothing was done."""
+    HUNG_UP = 129
+    """Ended by its terminal, which was closed: the robot stands, every finished step is recorded."""
+    INTERRUPTED = 130
+    """Ended by Ctrl-C or the emergency stop: likewise."""
+    TERMINATED = 143
+    """Ended by SIGTERM: likewise."""
 
 
 class VsnbenchError(Exception):
@@ -7,7 +26,7 @@ class VsnbenchError(Exception):
     `str` makes one line of both parts, for a terminal, a log or the record.
     """
 
-    exit_code = 1
+    exit_code = ExitCode.FAILED
 
     def __init__(self, statement: object = "", *, advice: str = "") -> None:
         """Keep the two parts of the message.
@@ -35,7 +54,7 @@ class VsnbenchError(Exception):
 class UsageError(VsnbenchError):
     """The command asked for something that does not exist or does not fit together; exit code 2."""
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE
 
 
 class SiteError(VsnbenchError):
@@ -93,4 +112,4 @@ class JudgedMeanwhileError(VsnbenchError):
 class StudyError(VsnbenchError):
     """A study file that breaks its format, or is not what was locked; exit code 2."""
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE

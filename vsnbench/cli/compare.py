@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json
 
 if TYPE_CHECKING:
     from vsnbench.report.compare import Comparison
@@ -58,6 +59,7 @@ def command(
     form: Annotated[Format, typer.Option("--format", "-f", help="what to print on stdout")] = Format.TABLE,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Compare the success rates of models, pair by pair, and say plainly what can be concluded.
 
@@ -105,6 +107,7 @@ def command(
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
     asked = Asked(all_tests, margin / 100 if margin else None, posterior)
+    form = Format.JSON if as_json else form
     _print_comparisons(form.value, found, contest_of(summaries, found), asked, summaries, record)
 
 

@@ -1,9 +1,11 @@
 """`vsnbench config`: a lab's defaults, and where each comes from."""
 
 from dataclasses import asdict
-from typing import Annotated
+from pathlib import Path
 
 import typer
+
+from vsnbench.cli.output import Json, print_json
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,7 +23,7 @@ def config() -> None:
 
 
 @app.command()
-def show(as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False) -> None:
+def show(as_json: Json = False) -> None:
     """Show every default, and the file or variable that says it.
 
     [bold]Examples[/bold]
@@ -29,22 +31,21 @@ def show(as_json: Annotated[bool, typer.Option("--json", help="Print JSON for sc
         vsnbench config show
         VSNBENCH_ROBOT=turtlebot2 vsnbench config show --json
     """
-    import json
-
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    from vsnbench.lab_file import VARIABLE_OF, lab_defaults
+    from vsnbench.lab_file import FILE_NAME, VARIABLE_OF, lab_defaults
 
     defaults = lab_defaults()
     if as_json:
-        typer.echo(json.dumps([asdict(each) for each in defaults], indent=2))
+        print_json([asdict(each) for each in defaults])
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
     for heading in ("default", "value", "from"):
         table.add_column(heading, overflow="fold")
     for each in defaults:
         unsaid = f"[dim]not said: {VARIABLE_OF[each.name]} or vsnbench.toml may[/dim]"
-        table.add_row(each.name, escape(each.value) or "[dim]-[/dim]", escape(each.source) or unsaid)
+        source = FILE_NAME if each.source == str(Path.cwd() / FILE_NAME) else each.source
+        table.add_row(each.name, escape(each.value) or "[dim]-[/dim]", escape(source) or unsaid)
     Console().print(table, highlight=False)

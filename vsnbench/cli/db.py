@@ -6,14 +6,13 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_files, print_json
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of words.")]
-
 
 @app.command()
-def path(results: Results = None, db: Database = None) -> None:
+def path(results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Print where the database is (for SQLite its file, else its URL without the password).
 
     Example: [bold]sqlite3 "$(vsnbench db path)"[/bold]
@@ -23,7 +22,11 @@ def path(results: Results = None, db: Database = None) -> None:
 
     place = ResultsDirectory.locate(results, db)
     file = sqlite_path(place.database_url)
-    typer.echo(file.resolve() if file else place.shown_database)
+    where = str(file.resolve()) if file else place.shown_database
+    if as_json:
+        print_json({"database": where})
+    else:
+        typer.echo(where)
 
 
 @app.command()
@@ -32,7 +35,6 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
 
     Example: [bold]vsnbench db status --results /data/apartment[/bold]
     """
-    import json
     from dataclasses import asdict
 
     from rich.table import Table
@@ -57,19 +59,15 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     }
     engine.dispose()
     if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "database": place.shown_database,
-                    "schema": schema.current,
-                    "newest_schema": schema.head,
-                    "size_bytes": size,
-                    "episodes": episodes,
-                    "campaigns": [asdict(campaign) for campaign in campaigns],
-                },
-                default=str,
-                indent=2,
-            )
+        print_json(
+            {
+                "database": place.shown_database,
+                "schema": schema.current,
+                "newest_schema": schema.head,
+                "size_bytes": size,
+                "episodes": episodes,
+                "campaigns": [asdict(campaign) for campaign in campaigns],
+            }
         )
         return
     typer.echo(f"database  {place.shown_database}" + (f"  ({size / 1e6:.1f} MB)" if size else ""))
@@ -104,7 +102,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
 
 
 @app.command()
-def upgrade(results: Results = None, db: Database = None) -> None:
+def upgrade(results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Bring the database to this version's schema, all of it or nothing; `vsnbench run` does it by itself.
 
     Example: [bold]vsnbench db backup before.db && vsnbench db upgrade[/bold]
@@ -120,7 +118,9 @@ def upgrade(results: Results = None, db: Database = None) -> None:
     engine = open_engine(place.database_url)
     before = migrate(engine)
     engine.dispose()
-    if before.up_to_date:
+    if as_json:
+        print_json({"database": place.shown_database, "schema_before": before.current, "schema": before.head})
+    elif before.up_to_date:
         typer.echo(f"{place.shown_database} is up to date (schema {before.head})")
     else:
         typer.echo(f"{place.shown_database}: schema {before.current or 'none'} -> {before.head}")
@@ -131,6 +131,7 @@ def backup(
     target: Annotated[Path, typer.Argument(help="The file to write; it must not exist.")],
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Copy the database to a file, also while a run is writing it; the file appears whole or not at all.
 
@@ -143,7 +144,11 @@ def backup(
 
     place = ResultsDirectory.locate(results, db)
     copy(place.database_url, target)
-    typer.echo(f"{target}  ({target.stat().st_size / 1e6:.1f} MB)")
+    size = target.stat().st_size
+    if as_json:
+        print_files([target], as_json=True, size_bytes=size)
+    else:
+        typer.echo(f"{target}  ({size / 1e6:.1f} MB)")
 
 
 @app.command()
@@ -186,8 +191,6 @@ def merge(
         for one in merged.plan.studies.revealed:
             forget_blind_copies(target, one.study["uuid"])
     if as_json:
-        import json
-
-        typer.echo(json.dumps(merge_fields(merged, dry_run=dry_run), indent=2))
+        print_json(merge_fields(merged, dry_run=dry_run))
     else:
         tell_merged(merged, target, dry_run=dry_run)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_json
 from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def command(
     ] = False,
     results: Results = None,
     db: Database = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Look at every part that a session needs; each line is ok, a warning or failed, with what to do about it.
 
@@ -50,7 +51,6 @@ def command(
 
         vsnbench doctor --robot simulated
     """
-    import json
     from dataclasses import asdict
 
     from rich.console import Console
@@ -69,7 +69,7 @@ def command(
         checks += kind_of(profile).check_up(profile, move)
     failed = sum(check.health is Health.FAILED for check in checks)
     if as_json:
-        typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
+        print_json([asdict(check) for check in checks])
         raise typer.Exit(1 if failed else 0)
     console = Console(highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)

@@ -1,6 +1,7 @@
 """One episode as a page in the terminal: how it went, what was done, how it was judged, what it depends on."""
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,10 +19,11 @@ COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cy
 
 
 def page() -> "Console":
-    """Return standard output as rich sees it; what goes into a pipe is not cut to a terminal's width."""
+    """Return standard output as rich sees it; a pipe has no width, but for one that `$COLUMNS` asks for."""
     from rich.console import Console
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+    narrow = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
+    return Console(highlight=False, width=None if narrow else 200)
 
 
 def print_page(

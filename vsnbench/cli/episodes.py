@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_json
 
 if TYPE_CHECKING:
     from vsnbench.database.read_shapes import EpisodeDetails, EpisodeSummary
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 _TABLE_ROWS = 50
-
-Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 
 
 @app.command("list")
@@ -46,8 +45,6 @@ def list_(
 
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
-    import json
-
     from rich.table import Table
 
     from vsnbench.cli.episode_page import COLORS, metres, page, safe
@@ -64,7 +61,7 @@ def list_(
     most = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
     episodes = list_episodes(engine, which, most)
     if as_json:
-        typer.echo(json.dumps([_summary_object(episode) for episode in episodes], indent=2))
+        print_json([_summary_object(episode) for episode in episodes])
         return
     total = count_episodes(engine, which) if most and len(episodes) == most else len(episodes)
     engine.dispose()
@@ -105,8 +102,6 @@ def show(
 
     [bold]vsnbench episodes show 17 --json | jq '.steps[].raw_action'[/bold]
     """
-    import json
-
     from vsnbench.cli.episode_page import page, print_page
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import episode_details, episode_steps
@@ -119,7 +114,7 @@ def show(
     engine.dispose()
     directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
     if as_json:
-        typer.echo(json.dumps(_details_object(details, taken, directory), indent=2, default=str))
+        print_json(_details_object(details, taken, directory))
         return
     print_page(page(), details, taken, directory, every_step=steps)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_files
 
 logger = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
@@ -22,6 +23,7 @@ def tum(
     model: Models = None,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Trajectories in the TUM format: timestamp tx ty tz qx qy qz qw.
 
@@ -33,11 +35,13 @@ def tum(
     from vsnbench.record.results import ResultsDirectory
 
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
+    written = []
     for episode in read_episodes(engine, numbers or (), model or ()):
         path = directory / f"{episode.id:06d}.tum"
         write_tum(episode, episode_steps(engine, episode.id), path)
-        typer.echo(str(path))
+        written.append(path)
     engine.dispose()
+    print_files(written, as_json=as_json)
 
 
 @app.command()
@@ -47,6 +51,7 @@ def habitat(
     model: Models = None,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Habitat-style episode_results.json and aggregated_results.json, of the episodes that count.
 
@@ -60,7 +65,11 @@ def habitat(
     engine = open_record(ResultsDirectory.locate(results, db).database_url)
     written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
     engine.dispose()
-    typer.echo(f"{written} episode{'' if written == 1 else 's'} in {directory / 'episode_results.json'}")
+    files = [directory / name for name in ("episode_results.json", "aggregated_results.json")]
+    if as_json:
+        print_files(files, as_json=True, episodes=written)
+    else:
+        typer.echo(f"{written} episode{'' if written == 1 else 's'} in {files[0]}")
 
 
 @app.command("csv")
@@ -70,6 +79,7 @@ def csv_(
     model: Models = None,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Every step of every episode as one CSV file.
 
@@ -86,7 +96,10 @@ def csv_(
         read_episodes(engine, numbers or (), model or ()), lambda one: episode_steps(engine, one.id), file
     )
     engine.dispose()
-    typer.echo(f"{written} step{'' if written == 1 else 's'} in {file}")
+    if as_json:
+        print_files([file], as_json=True, steps=written)
+    else:
+        typer.echo(f"{written} step{'' if written == 1 else 's'} in {file}")
 
 
 @app.command()
@@ -95,6 +108,7 @@ def bag(
     file: Annotated[Path, typer.Argument(help="The bag to write.")],
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """One episode as a ROS 1 bag: images, odometry, actions.
 
@@ -113,4 +127,7 @@ def bag(
     engine.dispose()
     if messages.get(COLOR) == 0:
         logger.warning("episode %d keeps no images: the bag has its odometry and actions", number)
+    if as_json:
+        print_files([file], as_json=True, messages=messages)
+        return
     typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))

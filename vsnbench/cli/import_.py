@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_json
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -21,6 +22,7 @@ def ros4vsn(
     start: Annotated[int, typer.Option("--start", min=0, help="The starting position, if it is known.")] = 0,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Episodes of upstream ROS4VSN, marked as imported and not judged: say what became of them afterwards.
 
@@ -51,6 +53,9 @@ def ros4vsn(
             start=start,
         )
     pictures = sum(len(episode.pictures) for episode in episodes)
+    if as_json:
+        print_json({"campaign": campaign, "episodes": list(numbers), "pictures": pictures})
+        return
     typer.echo(
         f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}, {pictures} pictures; "
         f"they await a verdict: vsnbench judge --pending{target.options}"
@@ -70,6 +75,7 @@ def habitat(
     site: Annotated[str, typer.Option("--site", help="A name for the scenes.")] = "habitat",
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """A simulator's results, for the table of real against virtual (paper, Table 3).
 
@@ -91,7 +97,10 @@ def habitat(
     target.prepare()
     with Journal.open(target.database_url) as journal:
         campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file, protocol=protocol)
-    typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
+    if as_json:
+        print_json({"campaign": campaign, "episodes": list(numbers)})
+    else:
+        typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
 
 
 @app.command()
@@ -100,6 +109,7 @@ def withdraw(
     note: Annotated[str, typer.Option("--note", help="Why.")] = "",
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Make all episodes of an import void: they count nowhere any more, and the corrected file can come in.
 
@@ -112,4 +122,7 @@ def withdraw(
     provenance = gather_provenance()
     with Journal.open(ResultsDirectory.locate(results, db).database_url, provenance) as journal:
         number = journal.withdraw_import(campaign, author=provenance.operator, note=note)
+    if as_json:
+        print_json({"campaign": campaign, "void_episodes": number})
+        return
     typer.echo(f"{number} episodes of campaign {campaign} are void now; `vsnbench judge` can take one back")

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.output import Json, print_json
 from vsnbench.errors import UsageError
 
 _STARTER = Path(__file__).with_name("starter")
@@ -15,6 +16,7 @@ def command(
     directory: Annotated[
         Path, typer.Argument(help="Where; made when it is not there.", metavar="[DIR]", show_default=False)
     ] = Path(),
+    as_json: Json = False,
 ) -> None:
     """Make a directory for a lab's work: its defaults (vsnbench.toml), a site to fill, a .gitignore.
 
@@ -26,19 +28,27 @@ def command(
         vsnbench init ~/benchmark
     """
     target = directory.expanduser()
+    made, kept = [], []
     try:
         target.mkdir(parents=True, exist_ok=True)
         for source, name in _FILES.items():
             file = target / name
             try:
-                with file.open("x", encoding="utf-8") as made:
-                    made.write((_STARTER / source).read_text(encoding="utf-8"))
+                with file.open("x", encoding="utf-8") as new:
+                    new.write((_STARTER / source).read_text(encoding="utf-8"))
             except FileExistsError:
-                typer.echo(f"{file} (was already there, and stays)")
+                kept.append(file)
             else:
-                typer.echo(file)
+                made.append(file)
     except OSError as error:
         raise UsageError(f"cannot write {target}: {error.strerror}") from error
+    if as_json:
+        print_json({"files": list(map(str, made)), "kept": list(map(str, kept))})
+        return
+    for file in made:
+        typer.echo(file)
+    for file in kept:
+        typer.echo(f"{file} (was already there, and stays)")
     go_there = "" if target.resolve() == Path.cwd() else f"cd {target} && "
     typer.echo(f"next: {go_there}vsnbench sites check lab.yaml", err=True)
     typer.echo("      vsnbench run --model oracle --goal all", err=True)

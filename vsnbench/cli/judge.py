@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_json
 
 if TYPE_CHECKING:
     from vsnbench.database.read_shapes import EpisodeDetails
@@ -33,7 +34,7 @@ def command(
     ] = False,
     note: Annotated[str, typer.Option("--note", help="Why, in your own words.")] = "",
     pending: Annotated[bool, typer.Option("--pending", help="List the episodes that await a person's word.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="The list as JSON.")] = False,
+    as_json: Json = False,
     results: Results = None,
     db: Database = None,
 ) -> None:
@@ -69,7 +70,7 @@ def command(
         raise UsageError(
             f"episode {number}: {said}", advice="give one of --distance, --collision, --void and --confirm"
         )
-    _judge(place, number, distance=distance, collision=collision, void=void, note=note)
+    _judge(place, number, distance=distance, collision=collision, void=void, note=note, as_json=as_json)
 
 
 def _words(distance: str | None, collision: str | None, void: str | None, confirm: bool) -> dict[str, bool]:
@@ -89,6 +90,7 @@ def _judge(
     collision: str | None,
     void: str | None,
     note: str,
+    as_json: bool,
 ) -> None:
     from vsnbench.cli.episode_page import safe
     from vsnbench.database.journal import Journal
@@ -103,6 +105,10 @@ def _judge(
     provenance = gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
         journal.judge(number, verdict, author=provenance.operator, note=note)
+    if as_json:
+        told = {"end_reason": verdict.end_reason.value, "success": verdict.success, "verdict": verdict.text}
+        print_json({"id": number, **told, "author": provenance.operator, "note": note})
+        return
     typer.echo(f"#{number} judged by {safe(provenance.operator)}: {safe(verdict.text)}")
 
 
@@ -188,8 +194,6 @@ def _proposal(details: "EpisodeDetails") -> "Verdict":
 
 
 def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
-    import json
-
     from rich.table import Table
 
     from vsnbench.cli.episode_page import page, safe
@@ -216,7 +220,7 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
             }
             for one in waiting
         ]
-        typer.echo(json.dumps(told, indent=2))
+        print_json(told)
         return
     if not waiting:
         typer.echo("no episode awaits a person's word", err=True)

@@ -5,6 +5,7 @@ A verb's module is imported only when that verb is called, so that `vsnbench --h
 
 import importlib
 import logging
+import os
 import sys
 from collections.abc import Sequence
 from typing import Annotated
@@ -14,6 +15,7 @@ from typer.main import get_command
 
 from vsnbench import __version__
 from vsnbench.cli.options import refuse_repeated
+from vsnbench.cli.output import WITHOUT_RESULT, hushable
 from vsnbench.errors import VsnbenchError
 from vsnbench.lab_file import LabDefault, take_lab_defaults
 
@@ -46,6 +48,9 @@ A module offers `app` (a Typer with sub-commands) or `command` (a function that 
 _SAID_ALOUD = {"run": ("site", "robot"), "doctor": ("robot",)}
 """Verbs that may move a robot -> which defaults of a file they name, so that nobody is surprised."""
 
+_COMPLETING = "_VSNBENCH_COMPLETE"
+"""Set by a shell that asks what could come next."""
+
 ALIASES = {"ros": "ros1"}
 """Older name of a verb -> the verb; understood, and not shown."""
 
@@ -59,6 +64,14 @@ EXAMPLES = """
 With no robot named, a simulated Turtlebot 2 drives in an embedded apartment.
 Results go to ./results, or where --results or $VSNBENCH_RESULTS says.
 Interrupted? The same command goes on with the trials that are left.
+"""
+
+EXIT_CODES = """
+[bold]Exit codes[/bold]: 0 done; 1 it could not, a check failed, or trials are left;
+2 what was typed does not fit; ended from outside: 129 a closed terminal,
+130 Ctrl-C or the emergency stop, 143 SIGTERM.
+
+Every verb that prints a result knows --json and --quiet.
 """
 
 
@@ -75,6 +88,7 @@ def build_app(verb: str | None) -> typer.Typer:
         help=f"Benchmark visual-semantic-navigation models on robots, real and simulated.\n\n{EXAMPLES}",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        epilog=EXIT_CODES,
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
@@ -94,18 +108,23 @@ def build_app(verb: str | None) -> typer.Typer:
             continue
         module = importlib.import_module(module_name)
         if hasattr(module, "app"):
+            for command in module.app.registered_commands:
+                own_name = command.name or command.callback.__name__
+                if (name, own_name) not in WITHOUT_RESULT:
+                    command.callback = hushable(command.callback)
             root.add_typer(module.app, name=verb, help=module.app.info.help or summary)
         else:
-            root.command(verb)(module.command)
+            root.command(verb)(hushable(module.command))
     return root
 
 
 def main() -> None:
     """Run the command line; known errors become one line on stderr and their exit code."""
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
-    verb = next((word for word in sys.argv[1:] if word in VERBS or word in ALIASES), None)
+    completing = _COMPLETING in os.environ
+    verb = next((word for word in _typed() if word in VERBS or word in ALIASES), None)
     try:
-        taken = [] if verb == "config" else take_lab_defaults()
+        taken = [] if verb == "config" or completing else take_lab_defaults()
         app = build_app(verb)
         refuse_repeated(get_command(app), sys.argv[1:])
         _say_defaults(verb, taken)
@@ -121,6 +140,13 @@ def main() -> None:
             raise
         sys.stderr.write(f"vsnbench: error: {fault}\n")
         sys.exit(VsnbenchError.exit_code)
+
+
+def _typed() -> Sequence[str]:
+    """Return the words of the command line; while a shell asks what could come next, those that stand there so far."""
+    if _COMPLETING not in os.environ:
+        return sys.argv[1:]
+    return (os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "").split()[1:]
 
 
 def _say_defaults(verb: str | None, taken: Sequence[LabDefault]) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.output import print_json
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -107,7 +108,6 @@ def check_against_contract(name: str, options: dict[str, Any], *, as_json: bool)
 
 def tell_of_contract(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
     """Print what was tried of a model; exit code 1 when something failed."""
-    import json
     from dataclasses import asdict
 
     from rich.console import Console
@@ -117,7 +117,7 @@ def tell_of_contract(findings: "Sequence[ContractFinding]", *, as_json: bool) ->
     from vsnbench.harmless_text import harmless
 
     if as_json:
-        typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
+        print_json([asdict(finding) for finding in findings])
     else:
         grid = Table.grid(padding=(0, 2))
         for finding in findings:

@@ -1,6 +1,5 @@
 """`vsnbench models`: which models there are, what is in a checkpoint, and fetching one."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +9,7 @@ from rich.table import Table
 
 from vsnbench.cli.model_serving import check_against_contract, check_served, serve
 from vsnbench.cli.model_starting import new
+from vsnbench.cli.output import Json, print_files, print_json
 
 if TYPE_CHECKING:
     from vsnbench.models.description import ModelCheck, ModelDescription
@@ -19,7 +19,6 @@ app.command("new")(new)
 app.command("serve")(serve)
 
 ModelName = Annotated[str, typer.Argument(help="A model's name, or package.module:Class.", metavar="MODEL")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
 @app.command("list")
@@ -42,7 +41,7 @@ def list_models(as_json: Json = False) -> None:
         except ModelError as error:
             broken.append({"name": name, "error": str(error)})
     if as_json:
-        _print_json([_description_json(model) for model in described] + broken)
+        print_json([_description_json(model) for model in described] + broken)
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
     for heading in ("model", "what it is", "goals", "weights"):
@@ -67,7 +66,7 @@ def show(name: ModelName, as_json: Json = False) -> None:
 
     model = describe_model(name)
     if as_json:
-        _print_json(_description_json(model))
+        print_json(_description_json(model))
         return
     console = Console()
     console.print(f"[bold]{model.name}[/bold]: {model.summary}\n", highlight=False)
@@ -134,7 +133,7 @@ def check(
     _, factory = locate(name)
     report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
     if as_json:
-        _print_json(_check_json(report))
+        print_json(_check_json(report))
     else:
         _print_check(report)
 
@@ -144,6 +143,7 @@ def fetch(
     name: ModelName,
     url: Annotated[str, typer.Argument(help="Where the weights lie.", metavar="URL")],
     sha256: Annotated[str, typer.Option("--sha256", help="The hash they must have.", metavar="HASH")],
+    as_json: Json = False,
 ) -> None:
     """Download weights into the directory of weights; goes on where it stopped, keeps only what has the hash.
 
@@ -177,13 +177,12 @@ def fetch(
         fresh = download(url, destination, sha256, progress)
     finally:
         bar.stop()
+    if as_json:
+        print_files([destination], as_json=True, fetched=fresh, sha256=sha256)
+        return
     typer.echo(f"{destination}" if fresh else f"{destination} (was already there)")
     if model.can_check:
         typer.echo(f"next: vsnbench models check {name}", err=True)
-
-
-def _print_json(value: object) -> None:
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 def _goals(model: "ModelDescription") -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.output import is_hushed
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -86,9 +87,15 @@ PretendReal = Annotated[
 def operator_page(
     console: bool, address: str, port: int | None, certificate: Path | None, key: Path | None
 ) -> "OperatorPage | None":
-    """Return the page that was asked for; None where none was."""
+    """Return the page that was asked for; None where none was.
+
+    Raises:
+        UsageError: nobody would hear where it is.
+    """
     if not (console or address or port is not None or certificate or key):
         return None
+    if is_hushed():
+        raise UsageError("--quiet hides where the page of --console is", advice="leave one of them out")
     from vsnbench.console.operator_page import DEFAULT_PORT, OperatorPage
     from vsnbench.console.web_server import LOOPBACK
 

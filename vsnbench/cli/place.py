@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_json
 
 
 def command(
@@ -33,7 +34,7 @@ def command(
     ] = 0,
     results: Results = None,
     db: Database = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Measure from the depth camera how far off its mark the robot stands, and say how to mend it.
 
@@ -48,8 +49,6 @@ def command(
 
         vsnbench place --start 3 --robot simulated --picture look.png
     """
-    import json
-
     from rich.console import Console
 
     from vsnbench.errors import RobotError
@@ -85,7 +84,7 @@ def command(
     if look.measured is None:
         raise RobotError(f"start {start}: {look.problem}")
     if as_json:
-        typer.echo(json.dumps(look.measured.as_json(), indent=2))
+        print_json(look.measured.as_json())
     else:
         console = Console(highlight=False)
         say_placement(look.measured, console)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_files
 
 if TYPE_CHECKING:
     from vsnbench.report.build import Report
@@ -74,6 +75,7 @@ def command(
     ] = False,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Report success rates with 95 % intervals, actions, SPL and coverage.
 
@@ -96,6 +98,7 @@ def command(
     from vsnbench.report.build import build
     from vsnbench.report.record import Selection
 
+    form = Format.JSON if as_json else form
     if only_reference:
         from vsnbench.report.published import published_results
         from vsnbench.report.reference_tables import reference_sheets
@@ -115,7 +118,7 @@ def command(
         from vsnbench.report.drawings import build_and_draw
 
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
-        _write_or_serve(report, drawn, output, port if serve else None)
+        _write_or_serve(report, drawn, output, port if serve else None, as_json=as_json)
     else:
         # JSON is for programs, which have no other way to ask; a person's table is to come at once.
         whole = all_tables or form is Format.JSON
@@ -164,14 +167,15 @@ def _text(form: str, sheets: "list[Sheet]", results: "Numbers") -> str:
     return markdown(sheets) if form == "markdown" else latex(sheets)
 
 
-def _write_or_serve(report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None) -> None:
+def _write_or_serve(
+    report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None, *, as_json: bool
+) -> None:
     """Write the whole report into a directory, serve its page, or both."""
     from vsnbench.report.forms.html import html_page
     from vsnbench.report.output import serve_page, write_report
 
     if output is not None:
-        for path in write_report(report, drawn, output):
-            typer.echo(str(path))
+        print_files(write_report(report, drawn, output), as_json=as_json)
     if port is not None:
         page = html_page(report, report.sheets(long=True), drawn)
         try:

@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.output import Json, print_json
+
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -16,14 +18,12 @@ app = typer.Typer(
     """,
 )
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+RobotArgument = Annotated[str, typer.Argument(help="A profile's name, or the path of its file.")]
 
 
 @app.command("list")
-def list_robots(as_json: JsonOption = False) -> None:
+def list_robots(as_json: Json = False) -> None:
     """List what --robot knows."""
-    import json
-
     from rich.console import Console
     from rich.table import Table
 
@@ -45,7 +45,7 @@ def list_robots(as_json: JsonOption = False) -> None:
 
     rows = [(name, what(name)) for name in known_robots()]
     if as_json:
-        typer.echo(json.dumps([{"name": name, "what": text} for name, text in rows], indent=2))
+        print_json([{"name": name, "what": text} for name, text in rows])
         return
     table = Table("--robot", "what it is", box=None, pad_edge=False)
     for name, text in rows:
@@ -54,23 +54,30 @@ def list_robots(as_json: JsonOption = False) -> None:
 
 
 @app.command()
-def show(robot: Annotated[str, typer.Argument(help="A profile's name, or the path of its file.")]) -> None:
+def show(robot: RobotArgument, as_json: Json = False) -> None:
     """Print a profile as it is read, every default filled in: YAML to start your own from."""
     import yaml
 
     from vsnbench.robots.profiles import load_profile
 
-    profile = load_profile(robot)
-    typer.echo(yaml.safe_dump(profile.model_dump(mode="json"), sort_keys=False, allow_unicode=True).rstrip())
+    content = load_profile(robot).model_dump(mode="json")
+    if as_json:
+        print_json(content)
+    else:
+        typer.echo(yaml.safe_dump(content, sort_keys=False, allow_unicode=True).rstrip())
 
 
 @app.command()
-def check(robot: Annotated[str, typer.Argument(help="A profile's name, or the path of its file.")]) -> None:
+def check(robot: RobotArgument, as_json: Json = False) -> None:
     """Check a profile: unknown keys, types, ranges, and whether its parts fit together. Exit code 1 when not."""
     from vsnbench.robots.profile_check import doubts_about
     from vsnbench.robots.profiles import load_profile
 
     profile = load_profile(robot)
-    for doubt in doubts_about(profile):
+    doubts = doubts_about(profile)
+    if as_json:
+        print_json({"robot": profile.name, "title": profile.title, "warnings": doubts})
+        return
+    for doubt in doubts:
         typer.echo(f"warning: {doubt}")
     typer.echo(f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor looks at the robot itself")

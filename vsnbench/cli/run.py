@@ -20,6 +20,7 @@ from vsnbench.cli.options import (
     what_is_kept,
     workers_asked,
 )
+from vsnbench.cli.output import Json, print_json
 from vsnbench.errors import UsageError
 from vsnbench.lab_file import VARIABLE_OF
 
@@ -224,6 +225,7 @@ def command(
     console_port: ConsolePort = None,
     console_certificate: ConsoleCertificate = None,
     console_key: ConsoleKey = None,
+    as_json: Json = False,
 ) -> None:
     """Run the trials of a campaign that have no valid episode yet, and record every step.
 
@@ -296,18 +298,18 @@ def command(
         if page is not None:
             raise UsageError("--console is for one model, site and seed: nobody stands beside a sweep")
 
-        code = sweep_and_tell(request, model, seeds, sites, live=live, yes=yes)
+        code = sweep_and_tell(request, model, seeds, sites, live=live, yes=yes, as_json=as_json)
     else:
-        code = _run_and_tell(request, TerminalAttendance(unattended, page), live=live)
+        code = _run_and_tell(request, TerminalAttendance(unattended, page), live=live, as_json=as_json)
     leave_strays_behind(code, before)
     raise typer.Exit(code)
 
 
-def _run_and_tell(request: "RunRequest", attendance: "Attendance", *, live: bool) -> int:
+def _run_and_tell(request: "RunRequest", attendance: "Attendance", *, live: bool, as_json: bool) -> int:
     """Run and return the exit code: 0 when every trial is done, 1 when some are left, 129, 130 or 143 when stopped."""
     from rich.console import Console
 
-    from vsnbench.cli.run_summary import stopped_words, tell
+    from vsnbench.cli.run_summary import fields_of, stopped_words, tell
     from vsnbench.runner.launch import launch
     from vsnbench.runner.stopping import Stopped
     from vsnbench.viewer.live import RerunEpisodes
@@ -321,4 +323,6 @@ def _run_and_tell(request: "RunRequest", attendance: "Attendance", *, live: bool
         console.print(stopped_words(stopped))
         return stopped.request.exit_code
     tell(console, launched, request)
+    if as_json:
+        print_json(fields_of(launched, request))
     return 1 if launched.result.left or launched.result.elsewhere else 0

@@ -43,6 +43,26 @@ def leave_strays_behind(code: int, before: frozenset[threading.Thread]) -> None:
         os._exit(code)
 
 
+def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
+    """Return what became of a campaign, for scripts."""
+    result, trials = launched.result, len(launched.campaign.trials)
+    return {
+        "model": request.model,
+        "site": request.site,
+        "seed": request.seed,
+        "results": str(request.results.path),
+        "campaign": launched.campaign.id,
+        "trials": trials,
+        "done": trials - result.left - result.elsewhere,
+        "left": result.left,
+        "elsewhere": result.elsewhere,
+        "awaiting_judgement": result.awaiting,
+        "episodes_run": result.episodes,
+        "void_episodes": result.void,
+        "stopped_because": result.stopped_because or None,
+    }
+
+
 def tell(console: Console, launched: Launched, request: RunRequest) -> None:
     """Say what is done, what is left and what to type next."""
     result, trials = launched.result, len(launched.campaign.trials)

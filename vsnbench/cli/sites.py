@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli.output import Json, print_files, print_json
+
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -20,14 +22,11 @@ app = typer.Typer(
 )
 
 SiteArgument = Annotated[str, typer.Argument(help="An embedded site's name, or the path of a site file.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
 @app.command("list")
-def list_sites(as_json: JsonOption = False) -> None:
+def list_sites(as_json: Json = False) -> None:
     """List the sites that ship with vsnbench."""
-    import json
-
     from rich.console import Console
     from rich.table import Table
 
@@ -47,7 +46,7 @@ def list_sites(as_json: JsonOption = False) -> None:
             }
             for site, path in sites
         ]
-        typer.echo(json.dumps(rows, indent=2))
+        print_json(rows)
         return
     table = Table("name", "title", box=None, pad_edge=False)
     for column in ("area", "rooms", "objects", "starts"):
@@ -59,13 +58,11 @@ def list_sites(as_json: JsonOption = False) -> None:
 
 
 @app.command()
-def show(site_name: SiteArgument, as_json: JsonOption = False) -> None:
+def show(site_name: SiteArgument, as_json: Json = False) -> None:
     """Show a site: its rooms, what stands where, and where episodes start.
 
     vsnbench sites show apartment
     """
-    import json
-
     from rich.console import Console
     from rich.table import Table
 
@@ -75,7 +72,7 @@ def show(site_name: SiteArgument, as_json: JsonOption = False) -> None:
     site = load_site(site_name)
     if as_json:
         content = site.content() | {"area_m2": round(site.area_m2, 2), "sha256": site.sha256}
-        typer.echo(json.dumps(content, indent=2))
+        print_json(content)
         return
     console = Console()
     console.print(f"[bold]{site.name}[/bold]  {site.title}")
@@ -102,14 +99,12 @@ def show(site_name: SiteArgument, as_json: JsonOption = False) -> None:
 def check(
     site_name: SiteArgument,
     robot: Annotated[str, typer.Option(help="Whose radius: a robot profile's name.")] = "turtlebot2",
-    as_json: JsonOption = False,
+    as_json: Json = False,
 ) -> None:
     """Say everything that is wrong with a site, and how to mend it; exit code 1 when trials there are worth nothing.
 
     vsnbench sites check my-flat.yaml
     """
-    import json
-
     from vsnbench.errors import SiteError
     from vsnbench.protocol.survey.check import check_site_file
     from vsnbench.protocol.survey.finding import Severity, SiteFinding
@@ -128,7 +123,7 @@ def check(
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     if as_json:
         rows = [finding.content() for finding in findings]
-        typer.echo(json.dumps({"site": name, "robot": profile.name, "findings": rows}, indent=2))
+        print_json({"site": name, "robot": profile.name, "findings": rows})
     else:
         for finding in findings:
             typer.echo(f"{finding.severity.value}: {finding.message}")
@@ -153,6 +148,7 @@ def draw(
     ] = None,
     starts: Annotated[bool, typer.Option(help="Show the starting positions.")] = True,
     grid: Annotated[bool, typer.Option("--grid", help="Show axes in metres and a grid.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Draw the floor plan as for a paper; with a goal, also from where STOP succeeds at it.
 
@@ -178,7 +174,7 @@ def draw(
             save_floor_plan(site, path, PlanStyle(starts=starts, highlight=goal, success=reached, grid=grid))
         except OSError as error:
             raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
-        typer.echo(str(path))
+    print_files(paths, as_json=as_json)
 
 
 @app.command()
@@ -187,6 +183,7 @@ def look(
     output: Annotated[
         str, typer.Option("--output", "-o", help="Where to: .png or .jpg; NAME-look.png when absent.")
     ] = "",
+    as_json: Json = False,
 ) -> None:
     """Picture every room and everything that stands in it, as a simulated camera sees it.
 
@@ -209,7 +206,7 @@ def look(
         save_image(image, path)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
-    typer.echo(str(path))
+    print_files([path], as_json=as_json)
 
 
 @app.command()
@@ -218,6 +215,7 @@ def generate(
     output: Annotated[
         str, typer.Option("--output", "-o", help="Where to: a .yaml file; twin-SEED.yaml when absent, - for stdout.")
     ] = "",
+    as_json: Json = False,
 ) -> None:
     """Make up a furnished flat of 50 to 100 m2 that passes every check, with all goal categories in it.
 
@@ -234,11 +232,13 @@ def generate(
     if output != "-" and path.suffix not in (".yaml", ".yml"):
         raise UsageError(f"cannot write a site to {path}", advice="name a file that ends in .yaml")
     site = generate_site(seed)
-    if output == "-":
+    if output != "-":
+        write_site(site, path)
+        print_files([path], as_json=as_json)
+    elif as_json:
+        print_json(site.content())
+    else:
         typer.echo(site_yaml(site), nl=False)
-        return
-    write_site(site, path)
-    typer.echo(str(path))
 
 
 @app.command()
@@ -291,6 +291,7 @@ def export_site(
     output: Annotated[str, typer.Option("--map", help="Write a ROS map here: a map.yaml, its PGM beside it.")],
     resolution: Annotated[float, typer.Option(min=0.005, max=1.0, help="Side of a cell, metres.")] = 0.05,
     furniture: Annotated[bool, typer.Option(help="Draw what stands there too.")] = True,
+    as_json: Json = False,
 ) -> None:
     """Write a site as a map that ROS's map_server reads.
 
@@ -306,8 +307,8 @@ def export_site(
     path = Path(output)
     if path.suffix not in (".yaml", ".yml"):
         raise UsageError(f"cannot write a map to {path}", advice="name a file that ends in .yaml")
-    for written in write_ros_map(map_of_site(load_site(site_name), resolution, furniture=furniture), path):
-        typer.echo(str(written))
+    written = write_ros_map(map_of_site(load_site(site_name), resolution, furniture=furniture), path)
+    print_files(written, as_json=as_json)
 
 
 def _count(number: int, what: str) -> str:

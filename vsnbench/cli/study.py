@@ -9,6 +9,7 @@ import typer
 
 from vsnbench.cli import study_following
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_files, print_json
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -43,6 +44,7 @@ def new(
     pretend_real: Annotated[
         bool, typer.Option("--pretend-real", help="A rehearsal: a simulated robot that you place and judge.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Write a commented study file, from options or a few questions.
 
@@ -93,7 +95,7 @@ def new(
     )
     parse_study(text, str(file))
     write_whole(file, text.encode())
-    typer.echo(f"{file}")
+    print_files([file], as_json=as_json)
     typer.echo(f"next: read it, then vsnbench study check {file}", err=True)
 
 
@@ -105,12 +107,12 @@ def _name_of(model: str) -> str:
 
 
 @app.command()
-def check(file: File = _DEFAULT) -> None:
+def check(file: File = _DEFAULT, as_json: Json = False) -> None:
     """See that everything in a study file is there and fits together: site, robot, models, goals.
 
     [bold]vsnbench study check study.yaml[/bold]
     """
-    from vsnbench.cli.study_words import arm_lines, warnings_of
+    from vsnbench.cli.study_words import arm_fields, arm_lines, warnings_of
     from vsnbench.runner.study_arms import StudyPlace
     from vsnbench.runner.study_locking import locked_arms
     from vsnbench.study.file import parse_study, read_text
@@ -118,9 +120,14 @@ def check(file: File = _DEFAULT) -> None:
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
     arms = locked_arms(place)
+    trials, blocks = len(place.schedule.trials), len({one.block for one in place.schedule.trials})
+    if as_json:
+        told = {"trials": trials, "cells": blocks, "order": study.order, "seed": study.seed}
+        doubts = list(warnings_of(place))
+        print_json({"arms": arm_fields(arms), **told, "stopping": study.stopping, "warnings": doubts})
+        return
     for line in arm_lines(arms):
         typer.echo(line)
-    trials, blocks = len(place.schedule.trials), len({one.block for one in place.schedule.trials})
     typer.echo(f"{trials} trials in {blocks} cells: {study.order}, seed {study.seed}, stopping: {study.stopping}")
     for words in warnings_of(place):
         typer.echo(f"warning: {words}", err=True)
@@ -136,6 +143,7 @@ def plan(
     ] = None,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Say what a study's design can show, by simulating it and its own test, and how long it takes.
 
@@ -150,12 +158,19 @@ def plan(
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    print_sheets([power_sheet(place, rate)], page())
-    typer.echo(pace_words(place, ResultsDirectory.locate(results, db), seconds))
+    sheet = power_sheet(place, rate)
+    pace = pace_words(place, ResultsDirectory.locate(results, db), seconds)
+    if as_json:
+        names = ("difference_percent", "power_percent", "blocks")
+        rows = [dict(zip(names, (cell.key for cell in line.cells), strict=True)) for line in sheet.rows]
+        print_json({"rate": rate, "power": rows, "notes": list(sheet.notes), "pace": pace})
+        return
+    print_sheets([sheet], page())
+    typer.echo(pace)
 
 
 @app.command()
-def lock(file: File = _DEFAULT, results: Results = None, db: Database = None) -> None:
+def lock(file: File = _DEFAULT, results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Freeze a study: load and hash its models, draw the schedule and the codes, write it into the record.
 
     From then on a change of the file is noticed; `vsnbench study amend` makes one, and the report tells of it.
@@ -180,10 +195,15 @@ def lock(file: File = _DEFAULT, results: Results = None, db: Database = None) ->
         typer.echo(f"warning: {words}", err=True)
     locked = study_locking.lock(place, text, where)
     write_note(file, LockNote(locked.uuid, locked.sha256, locked.locked_at.isoformat(), where.shown_database))
+    codes = [arm.code for arm in locked.arms] if locked.blind else []
+    if as_json:
+        told = {"sha256": locked.sha256, "schedule_sha256": locked.schedule_sha256, "blind": locked.blind}
+        print_files([note_path(file)], as_json=True, **told, trials=len(place.schedule.trials), codes=codes)
+        return
     typer.echo(f"locked  {file}  sha256 {locked.sha256}")
     typer.echo(f"trials  {len(place.schedule.trials)}, schedule {locked.schedule_sha256[:12]}")
-    if locked.blind:
-        typer.echo(f"blind   people see arm {', arm '.join(arm.code for arm in locked.arms)}")
+    if codes:
+        typer.echo(f"blind   people see arm {', arm '.join(codes)}")
     typer.echo(f"next: vsnbench study run {file}{where.options}", err=True)
 
 

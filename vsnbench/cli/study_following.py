@@ -18,6 +18,7 @@ from vsnbench.cli.options import (
     Results,
     operator_page,
 )
+from vsnbench.cli.output import Json, print_files, print_json
 from vsnbench.cli.study_report import StudyFormat
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def run(
     console_port: ConsolePort = None,
     console_certificate: ConsoleCertificate = None,
     console_key: ConsoleKey = None,
+    as_json: Json = False,
 ) -> None:
     """Run a locked study; it goes on where it was, and changes the models by itself.
 
@@ -79,6 +81,7 @@ def run(
         memory_bytes=None if model_memory is None else round(model_memory * 2**30),
         attendance=TerminalAttendance(unattended, page),
         live=live,
+        as_json=as_json,
     )
     leave_strays_behind(code, before)
     raise typer.Exit(code)
@@ -101,7 +104,7 @@ def _moment(text: str) -> datetime | None:
     return then if then > now else then + timedelta(days=1)
 
 
-def status(file: File = _DEFAULT, results: Results = None, db: Database = None) -> None:
+def status(file: File = _DEFAULT, results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Say how far a study is, and whether it still is what was locked.
 
     [bold]vsnbench study status study.yaml[/bold]
@@ -119,9 +122,20 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None) 
     engine = open_record(study.results.database_url)
     standing = trials_of(engine, recorded.id)
     engine.dispose()
+    amendments = sum(one.kind == AMEND for one in recorded.entries)
+    standings = []
+    for arm in recorded.arms:
+        own = [one for one in standing if one.arm == arm.name]
+        done, left, voids = (sum(getattr(one, what) for one in own) for what in ("done", "left", "voids"))
+        standings.append({"arm": recorded.shown(arm.name), "done": done, "left": left, "void_attempts": voids})
+    if as_json:
+        identity = {"study": recorded.title, "locked_at": recorded.locked_at, "locked_sha256": recorded.locked_sha256}
+        state = {"sha256": recorded.sha256, "amendments": amendments, "blind": recorded.is_blind}
+        print_json({**identity, **state, "changed": study.changed or None, "arms": standings})
+        return
     typer.echo(f"study     {safe(recorded.title)}")
     typer.echo(f"locked    {recorded.locked_at:%Y-%m-%d %H:%M} UTC, sha256 {recorded.locked_sha256[:16]}")
-    if amendments := sum(one.kind == AMEND for one in recorded.entries):
+    if amendments:
         typer.echo(f"amended   {amendments} times, now sha256 {recorded.sha256[:16]}")
     blind = "yes" if recorded.is_blind else "no" if not recorded.blind else f"until {recorded.unblinded_at:%m-%d %H:%M}"
     typer.echo(f"blind     {blind}")
@@ -130,14 +144,8 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None) 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for name in ("arm", "done", "left", "void attempts"):
         table.add_column(name, justify="left" if name == "arm" else "right")
-    for arm in recorded.arms:
-        own = [one for one in standing if one.arm == arm.name]
-        table.add_row(
-            safe(recorded.shown(arm.name)),
-            str(sum(one.done for one in own)),
-            str(sum(one.left for one in own)),
-            str(sum(one.voids for one in own)),
-        )
+    for line in standings:
+        table.add_row(*(safe(value) for value in line.values()))
     typer.echo()
     page().print(table)
     _tell_of_change(study)
@@ -153,6 +161,7 @@ def amend(
     reason: Annotated[str, typer.Option("--reason", help="Why the plan is changed; the report tells it.")] = "",
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Let the changed file be the plan from now on; what changed, who changed it and why is kept for the report.
 
@@ -184,6 +193,9 @@ def amend(
         study.recorded.uuid, change.sha256, study.recorded.locked_at.isoformat(), study.results.shown_database
     )
     write_note(file, note)
+    if as_json:
+        print_json({"sha256": change.sha256, "reason": change.reason, "changes": lines})
+        return
     for line in lines:
         typer.echo(line)
     typer.echo("amended: the report tells of it", err=True)
@@ -194,6 +206,7 @@ def unblind(
     reason: Annotated[str, typer.Option("--reason", help="Why people may know now; the report tells it.")] = "",
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Give the arms their names back, for everybody and for ever; before the study is over that is a deviation.
 
@@ -212,7 +225,9 @@ def unblind(
         standing = trials_of(journal.engine, study.recorded.id)
         journal.unblind_study(study.recorded.id, reason.strip())
     forget_blind_copies(study.results, study.recorded.uuid)
-    for arm in study.recorded.arms:
+    if as_json:
+        print_json({"arms": {arm.code: arm.name for arm in study.recorded.arms}})
+    for arm in study.recorded.arms if not as_json else ():
         typer.echo(f"arm {arm.code} is {arm.name}")
     early = any(one.left for one in standing) and not any(one.kind == OVER for one in study.recorded.entries)
     if early:
@@ -226,6 +241,7 @@ def report(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write every form into this directory.")] = None,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Report a study: its conclusion, the primary analysis, the locked plan, every deviation; the rest exploratory.
 
@@ -238,8 +254,7 @@ def report(
     study = open_study(file, results, db)
     found = read_findings(study.results.database_url, study.recorded, study.plan, study.changed)
     if output is not None:
-        for path in write_findings(found, output):
-            typer.echo(str(path))
+        print_files(write_findings(found, output), as_json=as_json)
     else:
-        print_findings(form, found)
+        print_findings(StudyFormat.JSON if as_json else form, found)
     _tell_of_change(study)

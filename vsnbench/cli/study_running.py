@@ -1,12 +1,14 @@
 """Runs a study from the terminal and says afterwards what is done, what is left and what to type next."""
 
 import sys
+from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 
+from vsnbench.cli.output import print_json
 from vsnbench.errors import StudyError
 from vsnbench.runner.attendance import Attendance
 from vsnbench.runner.stopping import StopAuthor, Stopped
@@ -26,6 +28,7 @@ def run_and_tell(
     memory_bytes: int | None,
     attendance: Attendance,
     live: bool,
+    as_json: bool,
 ) -> int:
     """Run and return the exit code: 0 when nothing more is wanted, 1 with trials left, 129, 130 or 143 when stopped.
 
@@ -36,6 +39,7 @@ def run_and_tell(
         memory_bytes: for the loaded models; half of the machine's when None.
         attendance: finds whoever is asked to place the robot and to judge: the terminal, a page, or nobody.
         live: show each episode as it happens.
+        as_json: print what became of it, for scripts.
 
     Raises:
         StudyError: the site or the schedule is not what was locked.
@@ -60,6 +64,8 @@ def run_and_tell(
         )
         return stopped.request.exit_code
     _tell(console, study, result)
+    if as_json:
+        print_json({"results": str(study.results.path), **asdict(result)})
     return 1 if result.left or result.elsewhere else 0
 
 

@@ -20,6 +20,21 @@ def arm_lines(arms: "Sequence[LockedArm]") -> Iterator[str]:
         yield f"{arm.name:<{widest}}  {model.name}{weights}: {len(arm.plan.trials)} trials{bound}"
 
 
+def arm_fields(arms: "Sequence[LockedArm]") -> list[dict[str, object]]:
+    """Return the same for scripts."""
+    return [
+        {
+            "name": arm.name,
+            "model": arm.plan.model.name,
+            "weights": arm.plan.model.weights_label or None,
+            "weights_sha256": arm.plan.model.weights_sha256 or None,
+            "trials": len(arm.plan.trials),
+            "upper_bound": arm.plan.model.surveyed,
+        }
+        for arm in arms
+    ]
+
+
 def warnings_of(place: "StudyPlace") -> Iterator[str]:
     """Yield what an operator could tell the arms by, and what the design cannot do."""
     import re

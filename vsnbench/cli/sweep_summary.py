@@ -6,7 +6,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.cli.run_summary import stopped_words
+from vsnbench.cli.output import print_json
+from vsnbench.cli.run_summary import fields_of, stopped_words
 from vsnbench.database.engine import open_engine
 from vsnbench.database.migrate import schema_state
 from vsnbench.database.pace import NO_PACE, Pace, pace_of
@@ -23,7 +24,7 @@ LONG_S = 3600.0
 
 
 def sweep_and_tell(
-    request: RunRequest, models: str, seeds: str | None, sites: str | None, *, live: bool, yes: bool
+    request: RunRequest, models: str, seeds: str | None, sites: str | None, *, live: bool, yes: bool, as_json: bool
 ) -> int:
     """Run a sweep; return the exit code: 0 when every trial is done, 1 when some are left, others when stopped.
 
@@ -34,6 +35,7 @@ def sweep_and_tell(
         sites: names, and generated flats.
         live: show each episode in Rerun as it happens.
         yes: do not ask, however long it takes.
+        as_json: print what became of each campaign, for scripts.
     """
     console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
     sweep = plan_sweep(request, models, seeds, sites)
@@ -50,7 +52,15 @@ def sweep_and_tell(
     except Stopped as stopped:
         console.print(stopped_words(stopped))
         return stopped.request.exit_code
+    if as_json:
+        print_json([_fields_of(one) for one in swept])
     return _tell(console, swept, request.results)
+
+
+def _fields_of(one: Swept) -> dict[str, object]:
+    if one.launched:
+        return fields_of(one.launched, one.request)
+    return {"model": one.request.model, "site": one.request.site, "seed": one.request.seed, "error": one.error}
 
 
 def _pace(results: ResultsDirectory) -> Pace:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.options import Database, Results
+from vsnbench.cli.output import Json, print_files
 
 
 def command(
@@ -14,6 +15,7 @@ def command(
     path: Annotated[bool, typer.Option("--path", help="Print the file and open nothing.")] = False,
     results: Results = None,
     db: Database = None,
+    as_json: Json = False,
 ) -> None:
     """Open a recorded episode in Rerun.
 
@@ -35,8 +37,8 @@ def command(
     from vsnbench.viewer.viewers import WebViewer, open_window
 
     recording = current_recording(ResultsDirectory.locate(results, db), episode)
-    if path:
-        typer.echo(recording)
+    if path or as_json:
+        print_files([recording], as_json=as_json)
         return
     if not web:
         with open_window(recording) as viewer:

@@ -12,10 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from vsnbench.end_signals import EndAsked
-from vsnbench.errors import UsageError
+from vsnbench.errors import ExitCode, UsageError
 
 _LOOK_AGAIN_S = 0.3
-_INTERRUPTED = 130
 
 
 def run_and_watch(
@@ -59,7 +58,7 @@ def run_and_watch(
                     pass
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-    return _INTERRUPTED
+    return ExitCode.INTERRUPTED
 
 
 def _run(command: Sequence[str], asked: EndAsked) -> int:

@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.errors import UsageError
+from vsnbench.errors import ExitCode, UsageError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.persons_word import taped
 from vsnbench.protocol.robot_profile import RobotProfile
@@ -63,7 +63,7 @@ def require_operator(profile: RobotProfile) -> None:
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(
             f"{profile.name} must be put at each starting position by a person, and there is no terminal to ask one",
-            advice="run in a terminal, or with --unattended (the episodes then await judgement: "
+            advice="run in a terminal, without --quiet, or with --unattended (the episodes then await judgement: "
             "`vsnbench judge --pending`)",
         )
 
@@ -284,4 +284,6 @@ class Operator(Nobody):
                 return self._read_line()
             except (EOFError, OSError):
                 leave_dead_terminal()
-                raise Stopped(StopRequest(StopAuthor.SYSTEM, "a terminal that was closed", exit_code=129)) from None
+                raise Stopped(
+                    StopRequest(StopAuthor.SYSTEM, "a terminal that was closed", exit_code=ExitCode.HUNG_UP)
+                ) from None

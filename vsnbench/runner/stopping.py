@@ -19,6 +19,8 @@ from enum import StrEnum
 from types import FrameType, TracebackType
 from typing import Self
 
+from vsnbench.errors import ExitCode
+
 HALT_TIMEOUT_S = 2.0
 """How long a process that is ended for certain waits for its robot."""
 REMINDER_S = 3.0
@@ -50,7 +52,7 @@ class StopRequest:
     means: str
     """By what: `Ctrl-C`, `the emergency stop key`, `SIGTERM`."""
     ends: Ends = Ends.SESSION
-    exit_code: int = 128 + signal.SIGINT
+    exit_code: int = ExitCode.INTERRUPTED
     who: str = ""
     """The person's name, where it is known."""
 

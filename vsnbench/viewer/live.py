@@ -10,7 +10,7 @@ from vsnbench.end_signals import EndAsked
 from vsnbench.errors import UsageError
 from vsnbench.record.entries import EpisodeHeader
 from vsnbench.viewer.recording import FILE_NAME, EpisodeRecording
-from vsnbench.viewer.viewers import Viewer, WebViewer, has_display, open_window
+from vsnbench.viewer.viewers import Viewer, WebViewer, has_display, open_window, require_rerun
 
 logger = logging.getLogger(__name__)
 
@@ -44,6 +44,7 @@ class RerunEpisodes:
         """
         if not self._live:
             return
+        require_rerun()
         if has_display():
             self._viewer = open_window()
             return

@@ -10,6 +10,7 @@ from vsnbench.record.entries import EndEntry
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.viewer.recording import APPLICATION, FILE_NAME, EpisodeRecording
 from vsnbench.viewer.replay import EpisodeReplay, read_episode
+from vsnbench.viewer.viewers import require_rerun
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
@@ -24,9 +25,10 @@ def current_recording(results: ResultsDirectory, episode_id: int) -> Path:
     """Return an episode's Rerun file, built from the record when it is missing, broken, foreign or out of date.
 
     Raises:
-        UsageError: there is no such episode.
+        UsageError: there is no such episode, or Rerun is not installed.
         RecordError: the record cannot be read or the file cannot be written.
     """
+    require_rerun()
     replay = read_episode(results, episode_id)
     if replay.keeps_no_images:
         logger.warning(

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, StepEntry
-from vsnbench.viewer.viewers import is_listening
+from vsnbench.viewer.viewers import is_listening, rerun_is_installed
 from vsnbench.whole_files import part_path, sweep_parts
 
 if TYPE_CHECKING:
@@ -120,12 +120,15 @@ class EpisodeRecording:
 
     def _work(self) -> None:
         try:
-            self._write()
+            if rerun_is_installed():
+                self._write()
+                return
+            self._error = "Rerun is not installed"
         except Exception as error:  # whatever Rerun or the disk does, the episode goes on
             self._error = f"{type(error).__name__}: {error}"
             logger.warning("episode %d: its Rerun recording stopped: %s", self._header.episode_id, self._error)
-            while not self._abandoned and self._entries.get() is not None:
-                pass
+        while not self._abandoned and self._entries.get() is not None:
+            pass
 
     def _write(self) -> None:
         import rerun_bindings

@@ -25,9 +25,25 @@ from vsnbench.loopback import LOOPBACK
 from vsnbench.workers import command_that_ends_with_parent
 
 WEB_PORT = 9090
+INSTALL = "pip install 'vsnbench[viewer]'"
 START_TIMEOUT_S = 20.0
 RECORDING_NAME = "episode.rrd"
 _VIEWERS_FILE = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9]+)+")
+
+
+def rerun_is_installed() -> bool:
+    """Whether episodes can be copied for Rerun, and shown."""
+    return importlib.util.find_spec("rerun") is not None
+
+
+def require_rerun() -> None:
+    """See that Rerun is there.
+
+    Raises:
+        UsageError: it is not; the message says how to install it.
+    """
+    if not rerun_is_installed():
+        raise UsageError("Rerun is not installed, which shows episodes", advice=INSTALL)
 
 
 class Viewer:
@@ -160,7 +176,7 @@ def _program() -> Path:
     shipped = Path(package.origin).with_name("rerun") if package and package.origin else Path("rerun")
     program = Path(os.environ.get("RERUN_CLI_PATH") or shipped)
     if not program.is_file():
-        raise VsnbenchError(f"Rerun's viewer is not at {program}", advice="install rerun-sdk again")
+        raise VsnbenchError(f"Rerun's viewer is not at {program}", advice=INSTALL)
     return program
 
 

@@ -1,0 +1,72 @@
+"""A verb whose extra is not installed says in one line which to install."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+WITHOUT = """
+import importlib.machinery, sys
+hidden = set(sys.argv[1].split(","))
+found = importlib.machinery.PathFinder.find_spec
+def find(name, path=None, target=None):
+    return None if name.partition(".")[0] in hidden else found(name, path, target)
+importlib.machinery.PathFinder.find_spec = find
+sys.argv = ["vsnbench", *sys.argv[2:]]
+from vsnbench.cli.main import main
+main()
+"""
+
+MISSING = [
+    ("viewer", "rerun,rerun_bindings,rerun_cli", "view 1"),
+    ("neural", "torch", "run --model pirlnav --goal chair --starts 1"),
+    ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://nobody@127.0.0.1/none"),
+    ("bags", "rosbags", "export bag 1 episode.bag"),
+    ("ray", "ray", "run --model random --goal chair --cluster ray://127.0.0.1:10001"),
+    ("ros2", "rclpy,rpyutils", "ros2 simulate"),
+]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record with an episode, made where nothing of the extras is."""
+    directory = tmp_path_factory.mktemp("core") / "results"
+    hidden = "rerun,rerun_bindings,torch,onnx,onnxruntime,psycopg,rosbags,ray,rclpy,pyarrow"
+    line = "run --model random --goal chair --starts 1 --max-steps 2 --quiet --json"
+    done = without(hidden, line, directory)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not list(directory.glob("**/*.rrd")), "the copy for Rerun waits for somebody who has it"
+    return directory
+
+
+def without(hidden: str, line: str, results: Path) -> "subprocess.CompletedProcess[str]":
+    words = [
+        sys.executable,
+        "-c",
+        WITHOUT,
+        hidden,
+        *line.split(),
+        *([] if "ros2" in line else ["--results", str(results)]),
+    ]
+    if "models check" in line or "--db" in line:
+        words = words[:-2]
+    return subprocess.run(words, cwd=results.parent, capture_output=True, text=True, timeout=200)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("extra", "hidden", "line"), MISSING, ids=lambda part: part.split()[0])
+def test_a_verb_says_which_extra_it_wants(extra: str, hidden: str, line: str, results: Path) -> None:
+    answer = without(hidden, line, results)
+    assert answer.returncode in (1, 2), answer
+    (said,) = answer.stderr.splitlines()
+    assert said.startswith("vsnbench: error: ")
+    assert f"pip install 'vsnbench[{extra}]'" in said
+
+
+def test_every_extra_for_users_has_a_verb_here() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert {extra for extra, _, _ in MISSING} == set(extras) - {"docs", "dev"}

@@ -1,0 +1,118 @@
+"""Every verb that prints a result prints it as JSON, and alone, where it is asked to; exit codes; completion."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from tests.cli.console import vsnbench
+from vsnbench.cli.main import VERBS, build_app
+from vsnbench.cli.output import WITHOUT_RESULT
+from vsnbench.errors import ExitCode
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
+
+
+def verbs() -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield every verb that can be typed, with its command: found by walking the parser, so that none is forgotten."""
+    for verb in VERBS:
+        command: Any = get_command(build_app(verb)).commands[verb]  # type: ignore[attr-defined]
+        if not hasattr(command, "commands"):
+            yield (verb,), command
+        for name, own in getattr(command, "commands", {}).items():
+            yield (verb, name), own
+
+
+ALL = dict(verbs())
+
+
+def test_what_prints_no_result_is_a_verb_that_there_is() -> None:
+    assert ALL.keys() > WITHOUT_RESULT
+
+
+@pytest.mark.parametrize("words", [words for words in ALL if words not in WITHOUT_RESULT], ids=" ".join)
+def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]) -> None:
+    options = {option for parameter in ALL[words].params for option in parameter.opts}
+    assert {"--json", "--quiet"} <= options
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("VSNBENCH_RESULTS", str(tmp_path / "results"))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("init .", {"files": ["vsnbench.toml", "lab.yaml", ".gitignore"], "kept": []}),
+        ("models new walker", {"model": "walker.policy:Walker"}),
+        ("robots check turtlebot2", {"robot": "turtlebot2", "warnings": []}),
+        ("robots show lola2", {"name": "lola2"}),
+        ("sites export apartment --map map.yaml", {"files": ["map.yaml", "map.pgm"]}),
+        ("db upgrade", {"schema_before": None}),
+        ("study new --arm oracle --arm random --goal chair", {"files": ["study.yaml"]}),
+    ],
+)
+def test_with_json_and_quiet_nothing_but_the_result_is_printed(
+    line: str, expected: dict[str, Any], lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, *line.split(), "--json", "--quiet")
+    assert (answer.code, answer.err) == (0, "")
+    told = json.loads(answer.out)
+    assert {name: told[name] for name in expected} == expected
+
+
+def test_notes_are_kept_back_by_quiet_and_errors_are_not(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "next: " in vsnbench(monkeypatch, capsys, "init", "loud").err
+    quiet = vsnbench(monkeypatch, capsys, "init", "quiet", "-q")
+    assert (quiet.err, quiet.out.splitlines()) == (
+        "",
+        [f"quiet/{name}" for name in ("vsnbench.toml", "lab.yaml", ".gitignore")],
+    )
+    refused = vsnbench(monkeypatch, capsys, "sites", "check", "nowhere", "--quiet")
+    assert refused.code != ExitCode.DONE
+    assert refused.err.startswith("vsnbench: error: ")
+
+
+def test_a_page_that_nobody_would_hear_of_is_refused(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "run", "--model=oracle", "--goal=chair", "--console", "-q")
+    assert answer.code == ExitCode.USAGE
+    assert "--quiet hides where the page of --console is" in answer.err
+
+
+def test_the_documented_exit_codes_are_those_that_there_are() -> None:
+    documented = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)}
+    assert documented == set(ExitCode)
+
+
+@pytest.mark.parametrize(
+    ("shell", "typed", "expected"),
+    [("bash", "si", {"sites"}), ("zsh", "sites che", {"check"}), ("bash", "episodes list --outc", {"--outcome"})],
+)
+def test_a_shell_that_asks_is_told_what_can_come_next(shell: str, typed: str, expected: set[str], lab: Path) -> None:
+    line = f"vsnbench {typed}"
+    asked = {
+        "bash": {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)},
+        "zsh": {"_TYPER_COMPLETE_ARGS": line},
+    }[shell]
+    answer = subprocess.run(
+        [sys.executable, "-m", "vsnbench.cli.main"],
+        env=os.environ | asked | {"_VSNBENCH_COMPLETE": f"complete_{shell}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert expected <= set(re.findall(r"[a-z-]+", answer.stdout)), answer
