@@ -7,7 +7,7 @@ DEMO_RESULTS ?= demo-results
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 
-.PHONY: help demo test check check-fast fmt fuzz bench docs weights setup setup-test clean
+.PHONY: help demo test check check-fast fmt fuzz bench docs docs-site weights setup setup-test clean
 
 help: ## Show this help.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -49,6 +49,10 @@ bench: setup-test ## Run the measured comparisons.
 
 docs: setup-test ## Remake the figures and the generated pages.
 	$(BIN)/python scripts/make_docs.py
+
+docs-site: setup-test ## Build docs/ as a site, with search, into build/site.
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "build/site/index.html"
 
 weights: setup-test ## Train the small PIRLNav from nothing, for an hour and a half; the same command goes on with a stopped run.
 	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2

@@ -1,6 +1,9 @@
 """The documentation tells what the program does: its example passes, its command reference is today's."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -66,7 +69,26 @@ def test_the_page_of_the_interface_is_that_of_the_docstrings() -> None:
     assert (DOCS / "api.md").read_text(encoding="utf-8") == api_page(), "docs/api.md is old: make docs"
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", list(pages()), ids=lambda page: page.name)
 def test_what_a_page_shows_of_a_command_is_what_it_prints(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text == filled(text), f"{page.name} is old: make docs"
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_holds_every_page(tmp_path: Path) -> None:
+    built = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")],
+        cwd=DOCS.parent,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert built.returncode == 0, built.stderr
+    assert "WARNING" not in built.stderr
+    pages_of_site = {page.stem for page in (tmp_path / "site").glob("*.html")}
+    assert {page.stem for page in DOCS.glob("*.md")} < pages_of_site
+    start = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=\"https?://(?!squidfunk|example)[^\"]*\.(?:css|js|woff2?)", start), (
+        "works offline"
+    )
