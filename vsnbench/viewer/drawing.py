@@ -13,9 +13,10 @@ import numpy as np
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.decision import Box
 from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
-from vsnbench.viewer.blueprint import episode_blueprint, send_layout
+from vsnbench.viewer.blueprint import send_layout
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
+from vsnbench.viewer.still_entities import StillEntities, still_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -65,39 +66,14 @@ class EpisodeDrawing:
                 self._end(entry)
 
     def _begin(self) -> None:
-        import rerun as rr
-
         header, recording = self._header, self._log.stream
         recording.send_recording_name(
             f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
         )
-        send_layout(recording, episode_blueprint(header, with_scores=False))
+        send_layout(recording, header, with_scores=False)
         self._plan.draw_site()
-        recording.log(
-            "actions/action",
-            rr.StateConfiguration(
-                values=[action.value for action in ACTION_RGBA],
-                labels=[action.value.replace("_", " ").lower() for action in ACTION_RGBA],
-                colors=np.array(list(ACTION_RGBA.values()), np.uint32),
-            ),
-            static=True,
-        )
-        recording.log(
-            "actions/outcome",
-            rr.StateConfiguration(
-                values=list(OUTCOME_RGBA),
-                labels=list(OUTCOME_RGBA),
-                colors=np.array(list(OUTCOME_RGBA.values()), np.uint32),
-            ),
-            static=True,
-        )
-        recording.log(
-            "distance/to_goal",
-            rr.SeriesLines(names="to the nearest instance", colors=[40, 100, 200], widths=2),
-            static=True,
-        )
-        limit = f"success under {header.parameters.success_distance_m:g} m"
-        recording.log("distance/success_under", rr.SeriesLines(names=limit, colors=SUCCESS_RGB, widths=1), static=True)
+        limit_m = header.parameters.success_distance_m
+        still_entities(("curves", limit_m), lambda entities: _draw_curves(entities, limit_m)).send(recording)
         self._set_time(0, None)
         recording.log("verdict", _markdown(_running_text(header)))
 
@@ -167,7 +143,7 @@ class EpisodeDrawing:
         numbers = {f"p({name})": value for name, value in diagnostics.probabilities.items()} | dict(diagnostics.scalars)
         if numbers and not self._with_scores:
             self._with_scores = True
-            send_layout(self._log.stream, episode_blueprint(self._header, with_scores=True))
+            send_layout(self._log.stream, self._header, with_scores=True)
         for name, value in numbers.items():
             self._log.put(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars, scalars=[float(value)])
         self._say("decision/text", _decision_text(entry))
@@ -231,6 +207,32 @@ class EpisodeDrawing:
     def _counted(self) -> str:
         counted = [f"{count} {name.lower().replace('_', ' ')}" for name, count in self._counts.most_common()]
         return ", ".join([*counted, f"{self._blocked} blocked"] if self._blocked else counted)
+
+
+def _draw_curves(entities: StillEntities, limit_m: float) -> None:
+    """Log how the lanes of actions and the curves of the distance look."""
+    import rerun as rr
+
+    for entity, colors in (
+        ("action", {action.value: rgba for action, rgba in ACTION_RGBA.items()}),
+        ("outcome", OUTCOME_RGBA),
+    ):
+        entities.log(
+            f"actions/{entity}",
+            rr.StateConfiguration(
+                values=list(colors),
+                labels=[value.replace("_", " ").lower() for value in colors],
+                colors=np.array(list(colors.values()), np.uint32),
+            ),
+            static=True,
+        )
+    entities.log(
+        "distance/to_goal",
+        rr.SeriesLines(names="to the nearest instance", colors=[40, 100, 200], widths=2),
+        static=True,
+    )
+    limit = f"success under {limit_m:g} m"
+    entities.log("distance/success_under", rr.SeriesLines(names=limit, colors=SUCCESS_RGB, widths=1), static=True)
 
 
 def _outcome(entry: StepEntry) -> str:

@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
 from vsnbench.record.entries import EpisodeHeader, StepEntry
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
+from vsnbench.viewer.still_entities import StillEntities, still_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -28,6 +32,9 @@ VOID_RGB = (150, 120, 30)
 POLICY_RGB = (150, 60, 170)
 MAP_CLASSES = [(0, "unknown", (0, 0, 0, 0)), (1, "free", (110, 180, 250, 255)), (2, "occupied", (*POLICY_RGB, 255))]
 
+_ANGLES_RAD = np.linspace(0.0, math.tau, 33)
+_UNIT_CIRCLE = np.stack([np.cos(_ANGLES_RAD), np.sin(_ANGLES_RAD)], axis=1)
+
 
 class FloorPlan:
     """Draws one episode's plan into a recording."""
@@ -39,44 +46,14 @@ class FloorPlan:
         self._showing: frozenset[str] = frozenset()
 
     def draw_site(self) -> None:
-        """Log everything that stands still: rooms, walls, furniture, the goal's instances, their zone, the start."""
+        """Log everything that stands still: the site with the goal's instances and their zone, and the start."""
         import rerun as rr
 
-        header, log = self._header, self._log.stream.log
-        site, goal = header.site, header.goal
-        log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
-        log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
-        picture, corner = paint_site(site, goal)
-        height = picture.shape[0] * PLAN_PIXEL_M
-        # The picture's rows run down: flipped back, its corner is the upper left one.
-        log(
-            "plan/site",
-            rr.Transform3D(translation=[corner[0], corner[1] + height, 0.0], scale=[PLAN_PIXEL_M, -PLAN_PIXEL_M, 1.0]),
-            rr.Image(picture, draw_order=-10.0).compress(jpeg_quality=95),
-            static=True,
-        )
-        goals = site.instances(goal)
-        log(
-            "plan/goal/instances",
-            rr.LineStrips2D([outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
-            static=True,
-        )
-        log(
-            "plan/goal/labels",
-            rr.Points2D(
-                [thing.position for thing in goals],
-                labels=[thing.id for thing in goals],
-                colors=GOAL_EDGE_RGB,
-                radii=0.03,
-            ),
-            static=True,
-        )
-        log(
-            "plan/goal/success_zone",
-            rr.LineStrips2D(_rings(success_region(site, goal, header.parameters)), colors=GOAL_EDGE_RGB, radii=0.012),
-            static=True,
-        )
-        log(
+        header, stream = self._header, self._log.stream
+        site, goal, parameters = header.site, header.goal, header.parameters
+        key = ("site", site.sha256, goal, parameters)
+        still_entities(key, lambda entities: _draw_site(entities, site, goal, parameters)).send(stream)
+        stream.log(
             "plan/start",
             rr.Arrows2D.from_fields(
                 **_heading_arrow(header.begin.pose, START_RGB, 0.35), labels=[f"start {header.start_number}"]
@@ -188,6 +165,45 @@ class FloorPlan:
         self._showing = self._showing | {entity} if is_there else self._showing - {entity}
 
 
+def _draw_site(entities: StillEntities, site: Site, goal: str, parameters: ProtocolParameters) -> None:
+    """Log rooms, walls, furniture, the goal's instances and from where STOP succeeds at them."""
+    import rerun as rr
+
+    log = entities.log
+    log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
+    log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
+    picture, corner = paint_site(site, goal)
+    height = picture.shape[0] * PLAN_PIXEL_M
+    # The picture's rows run down: flipped back, its corner is the upper left one.
+    log(
+        "plan/site",
+        rr.Transform3D(translation=[corner[0], corner[1] + height, 0.0], scale=[PLAN_PIXEL_M, -PLAN_PIXEL_M, 1.0]),
+        rr.Image(picture, draw_order=-10.0).compress(jpeg_quality=95),
+        static=True,
+    )
+    goals = site.instances(goal)
+    log(
+        "plan/goal/instances",
+        rr.LineStrips2D([outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
+        static=True,
+    )
+    log(
+        "plan/goal/labels",
+        rr.Points2D(
+            [thing.position for thing in goals],
+            labels=[thing.id for thing in goals],
+            colors=GOAL_EDGE_RGB,
+            radii=0.03,
+        ),
+        static=True,
+    )
+    log(
+        "plan/goal/success_zone",
+        rr.LineStrips2D(_rings(success_region(site, goal, parameters)), colors=GOAL_EDGE_RGB, radii=0.012),
+        static=True,
+    )
+
+
 def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:
     parts = getattr(zone, "geoms", [zone])
     return [
@@ -198,9 +214,8 @@ def _rings(zone: "BaseGeometry") -> list[list[tuple[float, float]]]:
     ]
 
 
-def _circle(pose: Pose, radius_m: float) -> list[tuple[float, float]]:
-    angles = np.linspace(0.0, math.tau, 33)
-    return [(pose.x_m + radius_m * math.cos(a), pose.y_m + radius_m * math.sin(a)) for a in angles]
+def _circle(pose: Pose, radius_m: float) -> npt.NDArray[np.float64]:
+    return np.array(pose.position) + radius_m * _UNIT_CIRCLE
 
 
 def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], length_m: float) -> dict[str, Sequence[object]]:
