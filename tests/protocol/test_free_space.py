@@ -2,6 +2,7 @@
 
 import functools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from vsnbench.protocol import free_space as free_space_module
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace, distance_field_m, free_space
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
 from vsnbench.protocol.walls import wall_shapes
@@ -153,3 +156,19 @@ def test_a_region_that_fills_one_room_is_out_of_reach_from_another() -> None:
     field = distance_field_m(free, level)
     assert (field[1:5, 1:4] == 0).all()
     assert np.isinf(field[1:5, 5:8]).all()
+
+
+def test_what_was_worked_out_once_is_found_again_on_this_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    site = two_rooms(Door(name="door", start=(4, 1.5), end=(4, 2.5)))
+    made = FreeSpace(site, RADIUS_M)
+    ways = made.geodesic_field_m("sofa", ProtocolParameters())
+    monkeypatch.setattr(free_space_module, "distance_field_m", lambda *_: pytest.fail("worked out again"))
+    monkeypatch.setattr(FreeSpace, "_clearance_of_all", lambda _: pytest.fail("worked out again"))
+    found = FreeSpace(site, RADIUS_M)
+    np.testing.assert_array_equal(found.clearance_m, made.clearance_m)
+    np.testing.assert_array_equal(found.geodesic_field_m("sofa", ProtocolParameters()), ways)
+    with pytest.raises(pytest.fail.Exception):
+        FreeSpace(two_rooms(), RADIUS_M)

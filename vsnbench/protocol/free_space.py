@@ -1,11 +1,14 @@
 """Where a round robot can stand in a site, and how far it is from there to a goal: the shortest path that SPL needs."""
 
 import math
+from importlib.metadata import version
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
+from vsnbench.machine_cache import code_key, kept_array, key_of
+from vsnbench.protocol import judge, sight, walls
 from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
@@ -38,7 +41,7 @@ class FreeSpace:
     """
 
     def __init__(self, site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> None:
-        """Lay the grid over the site's rooms; takes about a quarter of a second for a flat."""
+        """Lay the grid over the site's rooms; takes about a quarter of a second, once a machine."""
         self.site = site
         self.robot_radius_m = robot_radius_m
         rooms = shapely.union_all([room.shape for room in site.rooms])
@@ -53,7 +56,11 @@ class FreeSpace:
         """(rows, columns): the grid points as shapely points."""
         self._solids = np.asarray(solid_shapes(site, robot_height_m), dtype=object)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
-        self.clearance_m: FloatGrid = np.where(inside, self._clearance_of_all(), 0.0)
+        made_of = (shapely.geos_version, shapely.to_wkb(self._solids).tolist(), self.x_m, self.y_m)
+        clearance_m = kept_array(
+            "clearance", key_of(code_key(__file__), *made_of), np.float64, self.x_m.shape, self._clearance_of_all
+        )
+        self.clearance_m: FloatGrid = np.where(inside, clearance_m, 0.0)
         """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
         self.cells: BoolGrid = self.clearance_m >= robot_radius_m
         """(rows, columns): whether the robot's centre can be there."""
@@ -92,7 +99,15 @@ class FreeSpace:
         """Return (rows, columns): length of the shortest way to where STOP succeeds at a goal; inf if none."""
         key = (goal, parameters)
         if key not in self._goal_fields:
-            self._goal_fields[key] = distance_field_m(self.cells, self.success_level_m(goal, parameters))
+            code = code_key(__file__, judge.__file__, sight.__file__, walls.__file__)
+            made_of = (version("scikit-fmm"), shapely.geos_version, self.site.sha256, self.cells, goal, parameters)
+            self._goal_fields[key] = kept_array(
+                "ways",
+                key_of(code, *made_of),
+                np.float64,
+                self.cells.shape,
+                lambda: distance_field_m(self.cells, self.success_level_m(goal, parameters)),
+            )
         return self._goal_fields[key]
 
     def geodesic_to_goal_m(self, start: Pose, goal: str, parameters: ProtocolParameters = _PAPER) -> float:

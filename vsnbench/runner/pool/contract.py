@@ -16,7 +16,7 @@ from vsnbench.runner.stopping import StopRequest
 class ActionsTaken:
     """So many actions were taken since the last such report."""
 
-    count: int = 1
+    count: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -222,8 +222,8 @@ class LocalPool:
                 worker.prepared = prepared
                 if self._workers_differ(prepared):
                     raise VsnbenchError("two workers made of the same plan differ: " + self._workers_differ(prepared))
-            case Acted():
-                self._events.append(ActionsTaken())
+            case Acted(actions):
+                self._events.append(ActionsTaken(actions))
             case Ended(number, trial, outcome):
                 self._events.append(EpisodeKept(number, trial, outcome))
             case Free():

@@ -60,7 +60,9 @@ class Prepared:
 
 @dataclass(frozen=True, slots=True)
 class Acted:
-    """An action was taken and kept."""
+    """So many actions were taken and kept since the last such report."""
+
+    actions: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import queue
 import shlex
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -29,6 +30,9 @@ from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Pr
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import run_session
 from vsnbench.runner.stopping import Stopped, Stopping
+
+TELL_EVERY_S = 0.25
+"""As often as the progress display draws itself."""
 
 
 def main(descriptor: str) -> None:
@@ -137,18 +141,28 @@ class _Reporter:
     def __init__(self, connection: "Connection[Report, Order]", order: RunTrial) -> None:
         self._connection = connection
         self._order = order
+        self._untold = 0
+        self._told_s = time.monotonic()
 
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Say nothing: the driver has ordered it."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        """Tell of an action."""
+        """Tell of actions, a few at a time: each report takes a core from a worker."""
         del plan, step
-        self._connection.send(Acted())
+        self._untold += 1
+        if time.monotonic() - self._told_s >= TELL_EVERY_S:
+            self._tell()
 
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Tell how it ended."""
+        self._tell()
         self._connection.send(Ended(ended.number, self._order.trial, ended.outcome))
+
+    def _tell(self) -> None:
+        if self._untold:
+            self._connection.send(Acted(self._untold))
+        self._untold, self._told_s = 0, time.monotonic()
 
     def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Accept at once.
