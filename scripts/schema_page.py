@@ -10,7 +10,7 @@ from pathlib import Path
 from sqlalchemy import Column, Table
 from sqlalchemy.dialects import sqlite
 
-from vsnbench.database import study_tables, tables
+from vsnbench.database import placement_tables, study_tables, tables
 
 PAGE = Path(__file__).parent.parent / "docs" / "schema.md"
 
@@ -81,6 +81,13 @@ WHERE v.episode_id IN (SELECT episode_id FROM verdict GROUP BY episode_id HAVING
 ORDER BY v.episode_id, v.id;""",
     ),
     (
+        "Who ran what, session by session, and how far off the marks the robot stood, centimetres",
+        """SELECT s.id, s.operator, s.began_at, count(*) AS attempts,
+       round(avg(100 * abs(p.ahead_m)), 1) AS ahead, round(avg(100 * abs(p.left_m)), 1) AS aside
+FROM session s JOIN episode e ON e.session_id = s.id LEFT JOIN placement p ON p.episode_id = e.id
+GROUP BY s.id, s.operator, s.began_at ORDER BY s.id;""",
+    ),
+    (
         "Where the time of a step goes, seconds",
         """SELECT m.name AS model, round(avg(s.sense_s), 4) AS sense, round(avg(s.infer_s), 4) AS infer,
        round(avg(s.move_s), 4) AS move
@@ -98,6 +105,7 @@ _DRAWING = """```
 site  robot  model            process (who wrote)
   \\     |     /                    |
      campaign ── trial ── episode ── step
+                             ├── placement (as measured), session (who stood there)
                              ├── verdict (the latest stands)
                              └── event
 ```"""
@@ -114,7 +122,7 @@ def schema_page() -> str:
     ]
     for table in tables.Base.metadata.sorted_tables:
         parts += _table(table, meanings)
-    parts.append("## Ten questions in SQL")
+    parts.append("## Eleven questions in SQL")
     parts.append("They run on SQLite; on PostgreSQL write `sum(v.success::int)` for `sum(v.success)`.")
     for title, query in QUERIES:
         parts += [f"### {title}", f"```sql\n{query}\n```"]
@@ -145,7 +153,8 @@ def _marks(column: "Column[object]") -> str:
 def _meanings() -> dict[tuple[str, str], str]:
     """Read the words below each column and class from the source: they are not there at run time."""
     found: dict[tuple[str, str], str] = {}
-    for node in (*ast.parse(inspect.getsource(tables)).body, *ast.parse(inspect.getsource(study_tables)).body):
+    sources = (tables, placement_tables, study_tables)
+    for node in (node for source in sources for node in ast.parse(inspect.getsource(source)).body):
         if not isinstance(node, ast.ClassDef):
             continue
         names = [

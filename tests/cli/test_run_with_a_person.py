@@ -100,6 +100,8 @@ def test_what_a_person_types_is_the_verdict_and_enter_is_none(seat: Seat) -> Non
     seat.type("\x03")
     assert seat.process.wait(60) == 130, "the first Ctrl-C at a prompt acts"
     assert seat.states == [("judged", "stop")], "what had not begun leaves no trace"
+    session = "SELECT e.id, operator, s.ended_at IS NULL FROM session s JOIN episode e ON e.session_id = s.id"
+    assert seat.rows(session) == [(1, "maria", 0)]
 
 
 def test_a_hang_up_at_a_question_loses_nothing(seat: Seat) -> None:

@@ -99,14 +99,17 @@ def test_the_oldest_schema_is_brought_up_to_date_and_keeps_its_rows(sqlite: str,
     assert len(episode_steps(engine, 1)) == len(episodes)
 
 
-def test_a_record_from_before_there_were_studies_keeps_its_rows_and_takes_them_in(sqlite: str) -> None:
+@pytest.mark.parametrize(("revision", "table"), [("0002", "study"), ("0003", "session")])
+def test_a_record_from_before_there_was_a_table_keeps_its_rows_and_takes_it_in(
+    sqlite: str, revision: str, table: str
+) -> None:
     oldest(sqlite, ROWS_OF_0001)
     config = migrate._config()
     with create_engine(sqlite).begin() as connection:  # SQLite's own, which holds no foreign keys while tables change
         config.attributes["connection"] = connection
-        command.upgrade(config, "0002")
+        command.upgrade(config, revision)
     engine = open_engine(sqlite)
-    assert "study" not in inspect(engine).get_table_names()
+    assert table not in inspect(engine).get_table_names()
     migrate.upgrade(engine)
     assert differences(sqlite) == []
     assert [episode.model for episode in list_episodes(engine, EpisodeFilter())] == ["random"]

@@ -91,12 +91,26 @@ def _print_summary(console: "Console", details: "EpisodeDetails", directory: Pat
         ),
         ("duration", _seconds(episode.duration_s) + f" of the robot, {_seconds(details.wall_duration_s)} on the clock"),
         ("began", f"{episode.started_at:%Y-%m-%d %H:%M:%S} UTC"),
+        *_who_and_where(details),
         ("seed", str(details.seed)),
         ("uuid", episode.uuid),
         ("files", safe(directory) if directory else "none"),
     ]
     for name, value in rows:
         console.print(f"  {name:<17} {value}", soft_wrap=True)
+
+
+def _who_and_where(details: "EpisodeDetails") -> "list[tuple[str, str]]":
+    rows = []
+    if (session := details.session) is not None:
+        until = f"{session.ended_at:%H:%M} UTC" if session.ended_at else "now"
+        why = f": {safe(session.words)}" if session.words else ""
+        rows.append(("session", f"{safe(session.operator)}, {session.began_at:%Y-%m-%d %H:%M} to {until}{why}"))
+    if (measured := details.measured) is not None:
+        by = f", accepted by {safe(measured.author)}" if measured.author else ""
+        moved = f"; moved since the survey: {safe(', '.join(measured.moved))}" if measured.moved else ""
+        rows.append(("placed", f"{safe(measured.words)}{by}{moved}"))
+    return rows
 
 
 def _seconds(value: float | None) -> str:

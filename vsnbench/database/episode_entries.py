@@ -5,6 +5,7 @@ from datetime import datetime
 
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.placement import MeasuredPlacement
 
 INTERVENTION = "intervention"
 """Kind of the events that say that a person acted on a real robot outside the protocol's placing: stopped it with the
@@ -21,6 +22,8 @@ class EpisodeBegin:
     """Now, when not given."""
     has_images: bool = True
     """False where nothing will lie in its directory."""
+    measured: MeasuredPlacement | None = None
+    """Where the robot stood when a person said go, as it was measured; None where it was not."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from vsnbench.database.engine import transaction
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.judging import TAKEN_BACK, judge, see_that_nobody_judged
 from vsnbench.database.lifecycle import ACTIVE, EpisodeState, advance, lease
+from vsnbench.database.placement_tables import Placement
 from vsnbench.database.read_model import takers
 from vsnbench.database.row_encoding import (
     Row,
@@ -22,6 +23,7 @@ from vsnbench.database.row_encoding import (
     episode_end_row,
     fix_of_columns,
     insert_row,
+    measured_row,
     number,
     placement_row,
     pose_columns,
@@ -29,6 +31,7 @@ from vsnbench.database.row_encoding import (
     text,
     verdict_row,
 )
+from vsnbench.database.sessions import operator_of
 from vsnbench.database.tables import Campaign, Episode, Event, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
 from vsnbench.errors import EpisodeClosedError
@@ -95,6 +98,9 @@ class EpisodeWriter:
         with transaction(self.engine) as connection:
             row = {**episode_begin_row(entry), "lease_until": lease(connection)}
             advance(connection, episode_id, EpisodeState.RUNNING, process_id=self._process_id, **row)
+            if entry.measured is not None:
+                accepted = measured_row(episode_id, entry.measured, operator_of(connection, episode_id))
+                connection.execute(insert(Placement), accepted)
 
     def release(self, episode_id: int) -> bool:
         """Give back a claim that never began, without a trace; False when it has begun or is gone."""

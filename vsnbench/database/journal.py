@@ -18,9 +18,10 @@ from vsnbench.database.merging import PlaceFiles, carry_out, lock_merges
 from vsnbench.database.migrate import upgrade
 from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
-from vsnbench.database.recovery import dead_episodes, interrupted, recover_one
+from vsnbench.database.recovery import dead_episodes, dead_sessions, interrupted, recover_one
 from vsnbench.database.row_encoding import insert_row, process_row, text
 from vsnbench.database.sealed import SealedRows, keep_sealed
+from vsnbench.database.sessions import attend, end_session_of_the_dead, end_sessions
 from vsnbench.database.study_entries import RecordedStudy, StudyChange, StudyLock, StudyTrialStanding
 from vsnbench.database.study_queries import read_study, session_of_another, study_standing
 from vsnbench.database.tables import Event, Process
@@ -177,6 +178,16 @@ class Journal(CampaignWriter, EpisodeWriter):
         with transaction(self.engine) as connection:
             connection.execute(insert(Event), said | where)
 
+    def attended(self, episode_id: int, operator: str) -> None:
+        """Write down who stands beside the robot of an episode that is about to run: its session, begun if need be."""
+        with transaction(self.engine) as connection:
+            attend(connection, self._process_id, episode_id, operator)
+
+    def nobody_attends(self) -> None:
+        """End this process's session; without one nothing happens."""
+        with transaction(self.engine) as connection:
+            end_sessions(connection, self._process_id)
+
     def lock_study(self, lock: StudyLock) -> RecordedStudy:
         """Write a study with its campaigns, trials and schedule: all of it or nothing.
 
@@ -223,11 +234,13 @@ class Journal(CampaignWriter, EpisodeWriter):
         """
         here = this_process()
         with transaction(reading(self.engine)) as connection:
-            if not dead_episodes(connection, here):
+            if not dead_episodes(connection, here) and not dead_sessions(connection, here):
                 return ()
         with transaction(self.engine) as connection:
             # Looked at again under the lock: another process may have closed them first.
             found = [recover_one(connection, row) for row in dead_episodes(connection, here)]
+            for session_id in dead_sessions(connection, here):
+                end_session_of_the_dead(connection, session_id)
         return tuple(one for one in found if one is not None)
 
     def interrupted(self) -> tuple[RecoveredEpisode, ...]:

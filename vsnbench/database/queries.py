@@ -40,6 +40,7 @@ from vsnbench.database.read_shapes import (
     RecordedVerdict,
 )
 from vsnbench.database.row_encoding import fix_of_columns
+from vsnbench.database.sessions import placement_of, session_of
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless
@@ -119,6 +120,8 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             placement=fix_of_columns(
                 episode.start_x_m, episode.start_y_m, episode.start_heading_rad, episode.start_source or _GUESSED
             ),
+            measured=placement_of(connection, episode_id),
+            session=session_of(connection, episode_id),
             final=fix_of_columns(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
             counts=bool(counts),
             verdicts=tuple(RecordedVerdict(*tuple(row)) for row in verdicts),

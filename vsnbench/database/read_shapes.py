@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.sessions import RecordedPlacement, RecordedSession
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
 
@@ -145,6 +146,10 @@ class EpisodeDetails:
     geodesic_end_m: float | None
     placement: Fix | None
     """Where the robot stood when it began, and how that is known."""
+    measured: RecordedPlacement | None
+    """The same as it was measured; None where it was not."""
+    session: RecordedSession | None
+    """In which it was run; None where nobody stood beside the robot."""
     final: Fix | None
     counts: bool
     """It is the one that stands for its trial."""

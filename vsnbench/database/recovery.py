@@ -10,7 +10,7 @@ from vsnbench.database.episodes import UNBEGUN, release
 from vsnbench.database.lifecycle import ACTIVE, LEASE, EpisodeState, moment
 from vsnbench.database.provenance import ProcessIdentity
 from vsnbench.database.row_encoding import verdict_row
-from vsnbench.database.tables import Episode, Event, Process, Step, Trial
+from vsnbench.database.tables import Episode, Event, Process, Session, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
 from vsnbench.protocol.judge import EndReason, Verdict
 
@@ -20,6 +20,14 @@ def dead_episodes(connection: Connection, here: ProcessIdentity) -> list[Row[*tu
     rows = connection.execute(_open_episodes()).all()
     now = moment(connection) if rows else None
     return [row for row in rows if now is not None and _is_dead(row, here, connection.dialect.name, now)]
+
+
+def dead_sessions(connection: Connection, here: ProcessIdentity) -> list[int]:
+    """Return the numbers of the sessions that last though their process is known to be dead."""
+    rows = connection.execute(
+        select(Session.id, *_IDENTITY).join(Process, Process.id == Session.process_id).where(Session.ended_at.is_(None))
+    )
+    return [row.id for row in rows if _lives(row, here, connection.dialect.name) is False]
 
 
 def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEpisode | None:
@@ -71,6 +79,9 @@ def interrupted(connection: Connection) -> tuple[RecoveredEpisode, ...]:
     return tuple(RecoveredEpisode(*row) for row in rows)
 
 
+_IDENTITY = (Process.host, Process.pid, Process.boot_id, Process.pid_namespace, Process.start_ticks)
+
+
 def _open_episodes() -> Select[*tuple[Any, ...]]:
     active = [state.value for state in ACTIVE]
     steps = (
@@ -96,11 +107,7 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
             Trial.campaign_id,
             Trial.goal,
             Trial.start,
-            Process.host,
-            Process.pid,
-            Process.boot_id,
-            Process.pid_namespace,
-            Process.start_ticks,
+            *_IDENTITY,
             func.coalesce(steps.c.steps, 0).label("steps"),
             steps.c.last_step_at,
             steps.c.path_length_m,
@@ -115,12 +122,16 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
 
 
 def _is_dead(running: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str, now: datetime) -> bool:
-    identity = ProcessIdentity(running.host, running.pid, running.boot_id, running.pid_namespace, running.start_ticks)
-    alive = identity.is_alive(here)
+    alive = _lives(running, here, dialect)
     if alive is not None:
         return not alive
-    # An SQLite file lies on a disk of this machine: who wrote to it under another kernel is gone.
-    if dialect == "sqlite" and identity.boot_id != here.boot_id:
-        return True
     until: datetime = running.lease_until or (running.last_step_at or running.started_at) + LEASE
     return now > until
+
+
+def _lives(row: Row[*tuple[Any, ...]], here: ProcessIdentity, dialect: str) -> bool | None:
+    """Return whether a row's process lives; None where this process cannot know."""
+    identity = ProcessIdentity(row.host, row.pid, row.boot_id, row.pid_namespace, row.start_ticks)
+    alive = identity.is_alive(here)
+    # An SQLite file lies on a disk of this machine: who wrote to it under another kernel is gone.
+    return False if alive is None and dialect == "sqlite" and identity.boot_id != here.boot_id else alive

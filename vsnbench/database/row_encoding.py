@@ -12,6 +12,7 @@ from vsnbench.database.provenance import Provenance
 from vsnbench.database.tables import Base
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.placement import MeasuredPlacement
 from vsnbench.protocol.pose import Pose
 
 Row = dict[str, Any]
@@ -79,6 +80,29 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
 def placement_row(start: Fix) -> Row:
     """Return the columns that the placing of the robot fills in."""
     return {**pose_columns("start", start.pose), "start_source": start.source.value}
+
+
+def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
+    """Return the row of a measured placement that is accepted now."""
+    offset = measured.offset
+    return {
+        "episode_id": episode_id,
+        "created_at": datetime.now(UTC),
+        "author": text(author),
+        "method": measured.method.value,
+        "looks": measured.looks,
+        **{name: getattr(measured.pose, name) for name in ("x_m", "y_m", "heading_rad")},
+        "covariance": list(measured.covariance.values),
+        "ahead_m": offset.x_m,
+        "left_m": offset.y_m,
+        "turn_rad": offset.heading_rad,
+        "determined": measured.determined,
+        "within_tolerance": measured.within_tolerance,
+        "undetermined": [text(one) for one in measured.undetermined],
+        "moved": [text(one) for one in measured.moved],
+        "depth_scale": measured.depth_scale,
+        "words": text(measured.headline),
+    }
 
 
 def episode_end_row(end: EpisodeEnd) -> Row:

@@ -162,6 +162,24 @@ class Trial(Base):
     """In which order the trials were planned, from 0."""
 
 
+class Session(Base):
+    """One operator with one robot for a stretch of time; where nobody stood beside the robot there is none."""
+
+    __tablename__ = "session"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    uuid: Mapped[str] = mapped_column(unique=True)
+    process_id: Mapped[int] = mapped_column(ForeignKey("process.id"), index=True)
+    robot_id: Mapped[int] = mapped_column(ForeignKey("robot.id"))
+    operator: Mapped[str]
+    """Who said go; at the page, the name signed in with."""
+    began_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    """NULL while it lasts."""
+    words: Mapped[str]
+    """Why it ended, where that is worth a word."""
+
+
 _ACTIVE = text("state IN ('claimed', 'placed', 'running')")
 
 
@@ -185,6 +203,8 @@ class Episode(Base):
     uuid: Mapped[str] = mapped_column(unique=True)
     trial_id: Mapped[int] = mapped_column(ForeignKey("trial.id"), index=True)
     process_id: Mapped[int] = mapped_column(ForeignKey("process.id"), index=True)
+    session_id: Mapped[int | None] = mapped_column(ForeignKey("session.id"), index=True)
+    """NULL where nobody stood beside the robot, and in what was run before sessions were kept."""
     origin: Mapped[str]
     """`run`, or `imported` from another tool."""
     state: Mapped[str]

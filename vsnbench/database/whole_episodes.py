@@ -12,7 +12,9 @@ from sqlalchemy import Column, Connection, Table, insert, select, update
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.database.episodes import images_directory
 from vsnbench.database.lifecycle import EpisodeState
+from vsnbench.database.placement_tables import Placement
 from vsnbench.database.row_encoding import Row, insert_row
+from vsnbench.database.sessions import find_or_insert_session, session_row
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Process, Step, Trial, Verdict
 
 
@@ -30,6 +32,10 @@ class WholeEpisode:
     verdicts: tuple[Row, ...]
     """In the order in which they were given."""
     events: tuple[Row, ...]
+    session: Row | None
+    """Whom it was run by, where somebody stood beside the robot."""
+    placement: Row | None
+    """Where the robot stood at the start, where that was measured."""
 
     @property
     def state(self) -> EpisodeState:
@@ -44,9 +50,10 @@ def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
 
 
 _PROCESS = columns_of(Process, "id")
-_EPISODE = columns_of(Episode, "id", "trial_id", "process_id", "images_directory")
+_EPISODE = columns_of(Episode, "id", "trial_id", "process_id", "session_id", "images_directory")
 _STEP = columns_of(Step, "episode_id")
 _VERDICT = columns_of(Verdict, "id", "episode_id")
+_PLACEMENT = columns_of(Placement, "id", "episode_id")
 _EVENT = columns_of(Event, "id", "campaign_id", "episode_id")
 
 
@@ -57,13 +64,13 @@ def read_whole(connection: Connection, episode_id: int, *, steps: bool = True) -
         NoResultFound: there is no such episode.
     """
     trial = (
-        select(Campaign.key, Trial.goal, Trial.start, Trial.repetition, Episode.process_id)
+        select(Campaign.key, Trial.goal, Trial.start, Trial.repetition, Episode.process_id, Episode.session_id)
         .select_from(Episode)
         .join(Trial, Trial.id == Episode.trial_id)
         .join(Campaign, Campaign.id == Trial.campaign_id)
         .where(Episode.id == episode_id)
     )
-    key, goal, start, repetition, process_id = connection.execute(trial).one()
+    key, goal, start, repetition, process_id, session_id = connection.execute(trial).one()
     (process,) = _rows(connection, _PROCESS, Process.id == process_id)
     (episode,) = _rows(connection, _EPISODE, Episode.id == episode_id)
     return WholeEpisode(
@@ -75,6 +82,8 @@ def read_whole(connection: Connection, episode_id: int, *, steps: bool = True) -
         steps=_rows(connection, _STEP, Step.episode_id == episode_id, Step.number) if steps else (),
         verdicts=_rows(connection, _VERDICT, Verdict.episode_id == episode_id, Verdict.id),
         events=_rows(connection, _EVENT, Event.episode_id == episode_id, Event.id),
+        session=session_row(connection, session_id),
+        placement=next(iter(_rows(connection, _PLACEMENT, Placement.episode_id == episode_id)), None),
     )
 
 
@@ -99,7 +108,14 @@ def insert_whole(
     if connection.execute(select(Episode.id).where(Episode.uuid == whole.uuid)).first() is not None:
         return None
     given = {**whole.episode, "trial_id": trial_id, "process_id": process_id, "images_directory": ""}
+    if whole.session is not None:
+        robot_id = connection.scalars(
+            select(Campaign.robot_id).join(Trial, Trial.campaign_id == Campaign.id).where(Trial.id == trial_id)
+        ).one()
+        given["session_id"] = find_or_insert_session(connection, whole.session, process_id, robot_id)
     number = insert_row(connection, Episode, given)
+    if whole.placement is not None:
+        insert_row(connection, Placement, {**whole.placement, "episode_id": number})
     if has_files:
         placed = {"images_directory": images_directory(number)}
         connection.execute(update(Episode).where(Episode.id == number).values(placed))
@@ -140,6 +156,10 @@ def difference(mine: WholeEpisode, theirs: WholeEpisode) -> str:
     changed = sorted(name for name, value in mine.episode.items() if name != "state" and theirs.episode[name] != value)
     if changed:
         return f"its {changed[0]} is another"
+    if mine.placement != theirs.placement:
+        return "where it stood at the start is another"
+    if (mine.session and mine.session["uuid"]) != (theirs.session and theirs.session["uuid"]):
+        return "it was run in another session"
     if mine.steps != theirs.steps:
         return "its steps are others"
     shared = min(len(mine.verdicts), len(theirs.verdicts))

@@ -106,6 +106,7 @@ class TerminalAttendance:
             if self.page is None and (not occasion.needs_a_person or self.unattended):
                 yield Nobody(progress)
                 return
+            stack.callback(occasion.journal.nobody_attends)
             emergency = stack.enter_context(EmergencyStop(occasion.halt, occasion.stop.ask))
             occasion.stop.last_acts.append(emergency.give_back)
             desk = Desk(sys.stdin.fileno() if sys.stdin.isatty() else None)

@@ -60,6 +60,11 @@ class Judgement:
 class Attendant(Protocol):
     """Whoever stands beside the robot."""
 
+    @property
+    def beside(self) -> str:
+        """Who it is: the name of whoever said go last; empty for nobody."""
+        ...
+
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Be told that a trial is about to be run, and return when it may be.
 
@@ -156,6 +161,11 @@ class Nobody:
 
     def __init__(self, display: Display) -> None:
         self._display = display
+
+    @property
+    def beside(self) -> str:
+        """Nobody."""
+        return ""
 
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Show it."""

@@ -25,6 +25,11 @@ class BlindAttendant:
     def __init__(self, attendant: Attendant) -> None:
         self._attendant = attendant
 
+    @property
+    def beside(self) -> str:
+        """Pass it on."""
+        return self._attendant.beside
+
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Pass it on: it has a code, and no name."""
         self._attendant.trial_begins(upcoming)

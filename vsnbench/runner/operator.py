@@ -109,6 +109,12 @@ class Operator(Nobody):
         self._desk = desk
         self._beside = beside or Beside()
         self._read_line = read_line or desk.read_line
+        self._said_go = ""
+
+    @property
+    def beside(self) -> str:
+        """Whoever said go last."""
+        return self._said_go
 
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Show it; wait for the go where a robot that stands by itself needs one."""
@@ -222,6 +228,7 @@ class Operator(Nobody):
             raise TrialSkippedError
         if reply.said is Choice.END:
             raise SessionOverError(f"{reply.author or 'somebody'} ended the session at {reply.face}")
+        self._said_go = reply.author
 
     def _typed_go(self, prompt: str, go: Choice = Choice.GO) -> Callable[[], Choice]:
         said = {Said.GO: go, Said.LATER: Choice.SKIP if go is Choice.GO else go, Said.END: Choice.END}

@@ -100,14 +100,15 @@ class EpisodeRecorderFanOut:
     def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
         """Open the episode in the database, its directory and the viewer's sink."""
         target, claim = self._target, self._claim
-        if placed is not None and placed.measured is not None and placed.measured.within_tolerance:
+        measured = placed.measured if placed is not None else None
+        if placed is not None and measured is not None and measured.within_tolerance:
             self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
         self._plan = plan
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
         target.journal.place(claim.id, start)
         images = target.kept is not Kept.NUMBERS
-        target.journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images))
+        target.journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images, measured=measured))
         directory = target.results.episode_directory(claim.images_directory)
         self._images = EpisodeImages(directory) if images else None
         header = EpisodeHeader(

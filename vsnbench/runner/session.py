@@ -221,10 +221,14 @@ class Judged:
         self._attendant = attendant
         self._operator = operator
         self._left_standing: EndedEpisode | None = None
+        self._upcoming = 0
+        """The number of the episode that is about to run."""
 
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Tell the attendant, and wait until it may begin."""
+        self._upcoming = upcoming.number
         self._attendant.trial_begins(upcoming)
+        self._attended()
 
     def again(self) -> Sequence[int]:
         """Return what is to be run again."""
@@ -241,9 +245,15 @@ class Judged:
     def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Have the robot placed; that it had to be fetched from a failure first is an intervention there."""
         self._attendant.place(start, problem, placing)
+        self._attended()
         if (fetched := self._left_standing) is not None:
             self._left_standing = None
             self._intervened(fetched, f"moved by hand after {fetched.outcome.verdict.end_reason}")
+
+    def _attended(self) -> None:
+        """Have the episode name the session of whoever said go."""
+        if operator := self._attendant.beside:
+            self._journal.attended(self._upcoming, operator)
 
     def was_cut_short(self, ended: EndedEpisode) -> None:
         """Tell the attendant of an episode that ended with its session: nobody is asked to judge it now."""

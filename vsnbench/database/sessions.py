@@ -1,0 +1,150 @@
+"""Sessions as they are written and read: one operator with one robot; an episode names the one it was run in.
+
+A session begins with the first trial that its operator says go to, and ends when another takes over, when nobody
+attends any more, or, by recovery, when its process has died.
+"""
+
+import uuid
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, func, select, update
+
+from vsnbench.database.lifecycle import ACTIVE
+from vsnbench.database.placement_tables import Placement
+from vsnbench.database.row_encoding import Row, insert_row, text
+from vsnbench.database.tables import Campaign, Episode, Session, Trial
+from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.protocol.placement import PoseCovariance
+from vsnbench.protocol.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSession:
+    """The session that an episode was run in."""
+
+    uuid: str
+    operator: str
+    began_at: datetime
+    ended_at: datetime | None
+    """None while it lasts."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedPlacement:
+    """Where a robot stood when a person said go, as it was measured."""
+
+    author: str
+    created_at: datetime
+    method: str
+    looks: int
+    pose: Fix
+    covariance: PoseCovariance
+    """In the site's frame."""
+    offset: Pose
+    """As seen from the mark: x ahead of it, y to its left."""
+    determined: bool
+    within_tolerance: bool
+    undetermined: tuple[str, ...]
+    moved: tuple[str, ...]
+    depth_scale: float
+    words: str
+
+
+def attend(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:
+    """Let an active episode of this process name the session of who stands beside the robot, begun if need be."""
+    mine = Episode.id == episode_id, Episode.process_id == process_id
+    active = Episode.state.in_([state.value for state in ACTIVE])
+    robot_id = connection.scalar(
+        select(Campaign.robot_id)
+        .join(Trial, Trial.campaign_id == Campaign.id)
+        .join(Episode, Episode.trial_id == Trial.id)
+        .where(*mine, active)
+    )
+    if robot_id is None:
+        return  # another process took this one for dead; what comes next will say so
+    operator = text(operator)
+    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
+    own = Session.operator == operator, Session.robot_id == robot_id
+    session_id = connection.scalar(select(Session.id).where(*lasting, *own))
+    if session_id is None:
+        end_sessions(connection, process_id, f"{operator} took over")
+        now = datetime.now(UTC)
+        row = {"process_id": process_id, "robot_id": robot_id, "operator": operator, "began_at": now, "words": ""}
+        session_id = insert_row(connection, Session, {"uuid": str(uuid.uuid4()), **row})
+    connection.execute(update(Episode).where(*mine).values(session_id=session_id))
+
+
+def end_sessions(connection: Connection, process_id: int, words: str = "") -> None:
+    """End what lasts of a process's sessions."""
+    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
+    connection.execute(update(Session).where(*lasting).values(ended_at=datetime.now(UTC), words=text(words)))
+
+
+def end_session_of_the_dead(connection: Connection, session_id: int) -> None:
+    """End a session whose process has died, at the last sign of life in it."""
+    last = select(func.max(func.coalesce(Episode.ended_at, Episode.started_at), type_=Episode.started_at.type))
+    died_at = connection.scalar(last.where(Episode.session_id == session_id))
+    connection.execute(
+        update(Session)
+        .where(Session.id == session_id, Session.ended_at.is_(None))
+        .values(ended_at=Session.began_at if died_at is None else died_at, words="its process died")
+    )
+
+
+def session_of(connection: Connection, episode_id: int) -> RecordedSession | None:
+    """Return the session of an episode; None where nobody stood beside the robot."""
+    row = connection.execute(
+        select(Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
+        .join(Episode, Episode.session_id == Session.id)
+        .where(Episode.id == episode_id)
+    ).first()
+    return None if row is None else RecordedSession(*row)
+
+
+def operator_of(connection: Connection, episode_id: int) -> str:
+    """Return who stands beside the robot of an episode; empty for nobody."""
+    found = session_of(connection, episode_id)
+    return found.operator if found else ""
+
+
+def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
+    """Return where the robot of an episode stood, as it was measured; None where it was not."""
+    row = connection.execute(select(Placement.__table__).where(Placement.episode_id == episode_id)).first()
+    if row is None:
+        return None
+    return RecordedPlacement(
+        author=row.author,
+        created_at=row.created_at,
+        method=row.method,
+        looks=row.looks,
+        pose=Fix(Pose(row.x_m, row.y_m, row.heading_rad), PoseSource.MEASURED),
+        covariance=PoseCovariance(*row.covariance),
+        offset=Pose(row.ahead_m, row.left_m, row.turn_rad),
+        determined=row.determined,
+        within_tolerance=row.within_tolerance,
+        undetermined=tuple(row.undetermined),
+        moved=tuple(row.moved),
+        depth_scale=row.depth_scale,
+        words=row.words,
+    )
+
+
+def session_row(connection: Connection, session_id: int | None) -> Row | None:
+    """Return what a session says by itself, in any record; None for none."""
+    if session_id is None:
+        return None
+    columns = (Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
+    return dict(connection.execute(select(*columns).where(Session.id == session_id)).mappings().one())
+
+
+def find_or_insert_session(connection: Connection, row: Row, process_id: int, robot_id: int) -> int:
+    """Return the number of a session that another record has; one that went on there after it was copied ends here."""
+    known = connection.execute(select(Session.id, Session.ended_at).where(Session.uuid == row["uuid"])).first()
+    if known is None:
+        return insert_row(connection, Session, {**row, "process_id": process_id, "robot_id": robot_id})
+    if known.ended_at is None and row["ended_at"] is not None:
+        ended = {"ended_at": row["ended_at"], "words": row["words"]}
+        connection.execute(update(Session).where(Session.id == known.id).values(ended))
+    return int(known.id)
