@@ -14,9 +14,10 @@ from vsnbench.errors import RobotError, UsageError
 HEAVY = ("torch", "rerun", "mujoco", "matplotlib", "numba", "numpy", "pandas", "sqlalchemy", "pydantic", "scipy")
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_nothing_heavy_and_the_end_walks_through_nothing() -> None:
     code = (
-        "import sys; sys.argv = ['vsnbench', '--help']\n"
+        "import atexit, gc, sys; sys.argv = ['vsnbench', '--help']\n"
+        "atexit.register(lambda: sys.stderr.write(f' frozen={gc.get_freeze_count() > 0}'))\n"
         "from vsnbench.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write(' '.join(sys.modules))"
@@ -24,6 +25,7 @@ def test_help_imports_nothing_heavy() -> None:
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "vsnbench run --model pirlnav --goal chair" in run.stdout
     assert set(HEAVY) & set(run.stderr.split()) == set()
+    assert run.stderr.endswith("frozen=True")
 
 
 @pytest.mark.parametrize("verb", console_script.VERBS)

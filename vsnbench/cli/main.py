@@ -3,6 +3,8 @@
 A verb's module is imported only when that verb is called, so that `vsnbench --help` answers at once.
 """
 
+import atexit
+import gc
 import importlib
 import logging
 import os
@@ -120,6 +122,9 @@ def build_app(verb: str | None) -> typer.Typer:
 
 def main() -> None:
     """Run the command line; known errors become one line on stderr and their exit code."""
+    # Python walks through everything that lives before it ends: a second of work where models are loaded, and many on a
+    # loaded machine. What has to be closed is closed by then.
+    atexit.register(gc.freeze)
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
     completing = _COMPLETING in os.environ
     verb = next((word for word in _typed() if word in VERBS or word in ALIASES), None)
