@@ -6,11 +6,18 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import cv2
+import numpy as np
+import numpy.typing as npt
 import pytest
+from starlette.applications import Starlette
 
 from tests.console.browser import Browser
 from tests.database.records_of_a_lab import begun, cell, plan, run, stopped
-from vsnbench.console.operator_page import OperatorPage
+from vsnbench.console.operator_page import OperatorPage, told_at_the_terminal
+from vsnbench.console.session_key import SessionKey
+from vsnbench.console.web_server import WebServer
+from vsnbench.database.episode_entries import INTERVENTION
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
 from vsnbench.database_url import sqlite_url
@@ -19,6 +26,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
+from vsnbench.runner.board import Picture
 from vsnbench.runner.desk import Asks, Choice, Desk
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan
 from vsnbench.runner.stopping import Stopping
@@ -31,6 +39,8 @@ class Session:
     desk: Desk
     journal: Journal
     address: str
+    camera: list[npt.NDArray[np.uint8]]
+    """What its camera sees now: nothing, or one picture."""
     halts: list[str] = field(default_factory=list)
 
     def browser(self, name: str = "") -> Browser:
@@ -53,9 +63,11 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
         run(journal, campaign.trials[0], replace(stopped(success=True), proposed=True))
         claim = begun(journal, campaign.trials[1])
         site, stop, halts, desk = cell(), Stopping(), [], Desk()
+        camera: list[npt.NDArray[np.uint8]] = []
         occasion = Occasion(
             *("puck in cell", 4, 1, 0, ProtocolParameters(), True, lambda: halts.append("halt"), stop, site, 0.177),
             *(journal, results, (campaign.id,), "lab"),
+            glimpse=lambda: camera[0] if camera else None,
         )
         desk.attends(occasion.halt, lambda request: halts.append(request.words))
         parameters = ProtocolParameters()
@@ -63,7 +75,7 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
             Upcoming(claim.id, claim.trial.id, "arm A", EpisodePlan(site, "chair", site.starts[1], 7, parameters))
         )
         with OperatorPage(port=0).serve(desk, occasion) as words:
-            yield Session(desk, journal, words.split()[-1], halts)
+            yield Session(desk, journal, words.split()[-1], camera, halts)
 
 
 def test_the_next_trial_is_shown_to_everybody_and_the_first_go_counts(session: Session) -> None:
@@ -186,8 +198,40 @@ def test_what_is_declared_void_is_run_again_first(session: Session) -> None:
 
 
 def test_the_session_says_at_its_end_what_it_was(session: Session) -> None:
+    session.journal.add_event(INTERVENTION, "taken off the carpet", author="Anna", episode_id=1)
     rows = dict(session.browser("Anna").ask("GET", "/summary").json["rows"])
-    assert (rows["episodes"], rows["await a judgement"]) == ("1", "1")
+    assert (rows["episodes"], rows["await a judgement"], rows["interventions"]) == ("1", "1", "1")
+
+
+def test_the_picture_is_what_the_camera_sees_now_while_the_robot_drives_and_the_last_action_s_else(
+    session: Session,
+) -> None:
+    anna = session.browser("Anna")
+    session.camera.append(np.full((40, 60, 3), 200, np.uint8))
+    assert anna.ask("GET", "/state").json["live"]
+    assert anna.ask("GET", "/picture").status == 404, "it stands, and has seen nothing yet"
+    session.desk.board.picture = Picture(1, np.full((40, 60, 3), 20, np.uint8))
+
+    def brightness() -> float:
+        shown = cv2.imdecode(np.frombuffer(anna.ask("GET", "/picture").body, np.uint8), cv2.IMREAD_COLOR)
+        assert shown is not None
+        return float(shown.mean())
+
+    assert brightness() == pytest.approx(20, abs=4)
+    session.desk.driving = True
+    assert brightness() == pytest.approx(200, abs=4)
+    session.camera.clear()
+    assert brightness() == pytest.approx(20, abs=4), "a camera that is silent shows what was seen last"
+
+
+def test_the_code_at_the_terminal_is_read_by_another_library_as_the_pages_address() -> None:
+    with WebServer(Starlette(), SessionKey.new(), address="0.0.0.0") as server:
+        said = told_at_the_terminal(server, to_be_scanned=True)
+        lines = [line for line in said.splitlines() if line and set(line) <= set(" \u2580\u2584\u2588")]
+        halves = {" ": (0, 0), "\u2580": (1, 0), "\u2584": (0, 1), "\u2588": (1, 1)}
+        rows = [[halves[sign][half] for sign in line] for line in lines for half in (0, 1)]
+        drawn = np.kron(np.array(rows, np.uint8) * 255, np.ones((8, 8), np.uint8))  # what lights up is paper
+        assert cv2.QRCodeDetector().detectAndDecode(drawn)[0] == server.addresses[0]
 
 
 def test_whatever_is_thrown_at_it_nothing_starts_and_nothing_breaks(session: Session) -> None:

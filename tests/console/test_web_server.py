@@ -141,6 +141,8 @@ def test_a_web_socket_needs_the_cookie_and_this_pages_origin(browser: Browser) -
 def test_a_port_that_is_taken_is_said_in_one_line(server: WebServer) -> None:
     with pytest.raises(UsageError, match=rf"port {server.port} at 127\.0\.0\.1 cannot be had.*--console-port"):
         WebServer(APP, SessionKey.new(), port=server.port)
+    with pytest.raises(UsageError, match=r"name another with --port$"):
+        WebServer(APP, SessionKey.new(), port=server.port, port_option="--port")
 
 
 def test_a_certificate_that_is_none_is_said(tmp_path: Path) -> None:

@@ -43,6 +43,8 @@ class Attempt:
     judged: bool = True
     final: Pose | None = None
     begins: Pose = field(default_factory=lambda: Pose(1.0, 1.0))
+    operator: str = ""
+    """Who stood beside the robot."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,8 @@ class Lab:
 def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetime) -> int:
     handle = journal.claim_next(trial.campaign_id, [trial.id])
     assert handle is not None, "an episode of this trial counts already"
+    if attempt.operator:
+        journal.attended(handle.id, attempt.operator)
     journal.place(handle.id, Fix(attempt.begins, PoseSource.SIMULATED))
     journal.begin(handle.id, EpisodeBegin(attempt.shortest_m, started_at=at))
     for step in attempt.steps:

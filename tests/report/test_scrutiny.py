@@ -104,13 +104,16 @@ def test_a_session_that_wears_out_drifts_and_goals_in_turn_do_not(lab: Lab, tmp_
     worn = drift(*only(lab))
     assert worn is not None
     assert [each.proportion.successes for each in worn.thirds] == [5, 2, 0]
-    assert worn.p < 0.01
+    assert worn.trend.p == pytest.approx(2 / math.comb(15, 7))
+    assert worn.difference == -1
+    assert worn.interval.high < 0
+    assert drift(*only(lab), whole=True) is None, "one session is all of it"
     (tmp_path / "turn").mkdir()
     turn = Lab(tmp_path / "turn")
     turn.write([Attempt(goal, s, success=goal == "bed") for goal in ("bed", "plant") for s in range(1, 9)])
     in_turn = drift(*only(turn))
     assert in_turn is not None
-    assert in_turn.p == 1.0  # the plant is harder, and came later
+    assert in_turn.trend.p == 1.0  # the plant is harder, and came later
 
 
 def test_the_grid_has_every_cell_that_was_tried(lab: Lab) -> None:

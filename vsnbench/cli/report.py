@@ -138,7 +138,7 @@ def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
     if form == "json":
         from vsnbench.report.forms.whole_json import to_json
 
-        typer.echo(to_json(results, report.questions, report.activity, report.record), nl=False)
+        typer.echo(to_json(results, report.questions, report.activity, report.record, report.attended), nl=False)
         return
     _print_sheets_as(form, report.sheets(long=long), results)
 

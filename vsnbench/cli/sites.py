@@ -277,7 +277,8 @@ def edit(
     editor = SiteEditor(path, load_profile(robot), below)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    with WebServer(editor.app(), SessionKey.new(), port=port, most_body_bytes=MOST_BODY_BYTES) as server:
+    key, most = SessionKey.new(), MOST_BODY_BYTES
+    with WebServer(editor.app(), key, port=port, most_body_bytes=most, port_option="--port") as server:
         typer.echo(f"{path} is edited at {server.addresses[0]}")
         try:
             ended.wait()

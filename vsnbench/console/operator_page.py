@@ -158,10 +158,13 @@ class _Pages:
         return Response(self._plan, media_type="image/svg+xml")
 
     async def _picture(self, _request: Request) -> Response:
-        picture = self._desk.board.picture
-        if picture is None:
+        picture, glimpse = self._desk.board.picture, self._occasion.glimpse
+        rgb = await run_in_threadpool(glimpse) if glimpse is not None and self._desk.driving else None
+        if rgb is None and picture is not None:
+            rgb = picture.rgb
+        if rgb is None:
             raise HTTPException(404, "the robot has seen nothing yet")
-        jpeg = await run_in_threadpool(_jpeg, picture.rgb)
+        jpeg = await run_in_threadpool(_jpeg, rgb)
         return Response(jpeg, media_type="image/jpeg")
 
     async def _sign_in(self, request: Request) -> Response:

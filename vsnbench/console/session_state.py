@@ -51,6 +51,7 @@ def session_state(desk: Desk, occasion: Occasion) -> dict[str, Any]:
         "way": board.way,
         "record": desk.changes,
         "picture": board.picture.number if board.picture else 0,
+        "live": occasion.glimpse is not None,
         "case": case_shown(Case.of_ended(ended)) if judging and ended else None,
         "last": None if ended is None else {"episode": ended.number, "words": ended.outcome.verdict.text},
     }

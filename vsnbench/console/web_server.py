@@ -91,6 +91,7 @@ class WebServer:
         certificate: Path | None = None,
         private_key: Path | None = None,
         most_body_bytes: int = MOST_BODY_BYTES,
+        port_option: str = "--console-port",
     ) -> None:
         """Take the port.
 
@@ -102,12 +103,13 @@ class WebServer:
             certificate: a PEM file for TLS.
             private_key: of the certificate, where it is not in the same file.
             most_body_bytes: of a request.
+            port_option: with which another port is named, for people.
 
         Raises:
             UsageError: the port is taken, the address is not this machine's, or the certificate cannot be used.
         """
         context = _tls(certificate, private_key)
-        self._socket = _listening(address, port)
+        self._socket = _listening(address, port, port_option)
         self.port = int(self._socket.getsockname()[1])
         self.scheme = "https" if context else "http"
         self._names = _names(address)
@@ -172,7 +174,7 @@ class WebServer:
         asyncio.run(serve())
 
 
-def _listening(address: str, port: int) -> socket.socket:
+def _listening(address: str, port: int, port_option: str) -> socket.socket:
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -183,7 +185,7 @@ def _listening(address: str, port: int) -> socket.socket:
         if isinstance(error, OSError) and port:
             raise UsageError(
                 f"port {port} at {address} cannot be had ({error.strerror or error})",
-                advice="is another run's page there? name another with --console-port",
+                advice=f"is another page of vsnbench there? name another with {port_option}",
             ) from error
         raise UsageError(f"{address}:{port} is no address of this machine to serve a page at: {error}") from error
     return listener

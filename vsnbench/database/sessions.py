@@ -5,15 +5,18 @@ attends any more, or, by recovery, when its process has died.
 """
 
 import uuid
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, Engine, func, select, update
 
+from vsnbench.database.engine import reading, transaction
+from vsnbench.database.episode_entries import INTERVENTION
 from vsnbench.database.lifecycle import ACTIVE
 from vsnbench.database.placement_tables import Placement
 from vsnbench.database.row_encoding import Row, insert_row, text
-from vsnbench.database.tables import Campaign, Episode, Session, Trial
+from vsnbench.database.tables import Campaign, Episode, Event, Session, Trial
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.placement import PoseCovariance
 from vsnbench.protocol.pose import Pose
@@ -129,6 +132,22 @@ def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement |
         depth_scale=row.depth_scale,
         words=row.words,
     )
+
+
+def interventions_in(engine: Engine, campaigns: Sequence[int]) -> int:
+    """Return how often a person acted on the robot in these campaigns outside the protocol's placing.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = (
+        select(func.count(Event.id))
+        .join(Episode, Episode.id == Event.episode_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
+    )
+    with transaction(reading(engine)) as connection:
+        return int(connection.scalar(query) or 0)
 
 
 def session_row(connection: Connection, session_id: int | None) -> Row | None:

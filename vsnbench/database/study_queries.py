@@ -19,7 +19,7 @@ from vsnbench.database.study_entries import (
     StudyTrialStanding,
 )
 from vsnbench.database.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.database.tables import Campaign, Episode, Model, Process, Robot, Trial, Verdict
+from vsnbench.database.tables import Campaign, Episode, Model, Process, Robot, Session, Trial, Verdict
 
 
 def find_study(engine: Engine, identity: str) -> RecordedStudy | None:
@@ -115,7 +115,7 @@ def study_standing(
             *(StudyTrial.rank, StudyTrial.block, StudyArm.name),
             *(Trial.id, Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
             *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, results),
-            *(Episode.started_at, Process.operator),
+            *(Episode.started_at, func.coalesce(Session.operator, Process.operator)),
         )
         .select_from(StudyTrial)
         .join(Trial, Trial.id == StudyTrial.trial_id)
@@ -123,6 +123,7 @@ def study_standing(
         .outerjoin(Episode, Episode.id == first)
         .outerjoin(Verdict, (Verdict.id == standing_verdict_id(Episode.id)) & STANDS)
         .outerjoin(Process, Process.id == Episode.process_id)
+        .outerjoin(Session, Session.id == Episode.session_id)
         .where(StudyTrial.study_id == study_id)
         .order_by(StudyTrial.rank)
     )

@@ -25,6 +25,7 @@ from vsnbench.report.tables import (
 
 if TYPE_CHECKING:  # a table alone needs none of them, and importing them takes as long as reading a small record
     from vsnbench.report.activity import ActionCount, Activity, RobotActivity
+    from vsnbench.report.attended import Attended
     from vsnbench.report.failures import Failures
     from vsnbench.report.judgements import Judgements
     from vsnbench.report.question import Question
@@ -69,6 +70,8 @@ class Report:
     """The paper's numbers are laid beside."""
     questions: "tuple[Question, ...]" = ()
     """Which model succeeds more often, wherever that can be asked; empty where only the rates were asked for."""
+    attended: "Attended | None" = None
+    """Who stood beside the robot; None where it was one person in one session, or nobody."""
 
     def sheets(self, *, long: bool = False) -> list[Sheet]:
         """Return the sheets in the order in which they are read; `long` adds those that are long."""
@@ -98,11 +101,25 @@ class Report:
             failures = failure_sheet(results, self.activity.failures)
             judgements = judgement_sheet(results, self.activity.judgements)
             sheets += [sheet for sheet in (failures, judgements) if sheet]
+        sheets += self._attended_sheets(long=long)
         if long:
             from vsnbench.report.scrutiny_tables import scrutiny_sheets
 
             sheets += scrutiny_sheets(self.record, results)
             sheets += [start_sheet(one) for one in results.conditions]
+        return sheets
+
+    def _attended_sheets(self, *, long: bool) -> list[Sheet]:
+        if self.attended is None:
+            return []
+        from vsnbench.report.attended_tables import operator_sheet, session_sheet
+        from vsnbench.report.scrutiny_tables import drift_sheet
+
+        sheets = [operator_sheet(self.attended)]
+        if self.attended.sessions:
+            sheets.append(session_sheet(self.attended))
+        if not long and (over_time := drift_sheet(self.record, self.results)).rows:
+            sheets.append(over_time)
         return sheets
 
     def _question_sheets(self) -> list[Sheet]:
@@ -155,7 +172,7 @@ def build(
 
     with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
         counting = counter.submit(_actions, url, selection)
-        report = _uncounted(url, selection, results_directory, reference=reference)
+        report = _uncounted(url, selection, results_directory, reference=reference, whole=True)
         report = replace(report, questions=questions(report.record, report.results))
         robots = _robots(url, report.record)
         if meanwhile:
@@ -164,9 +181,24 @@ def build(
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
 
 
-def _uncounted(url: str, selection: Selection, results_directory: Path | None, *, reference: bool) -> Report:
+def _uncounted(
+    url: str, selection: Selection, results_directory: Path | None, *, reference: bool, whole: bool = False
+) -> Report:
     record = read(url, selection, results_directory)
-    return Report(record, summarise(record), reference=reference)
+    # A record that nobody stood beside is not asked who did: most are such, and a plain table is to come at once.
+    asked = whole or record.episodes["session"].nunique() > 1
+    attended = _attended(url, record) if asked else None
+    return Report(record, summarise(record), reference=reference, attended=attended)
+
+
+def _attended(url: str, record: Record) -> "Attended | None":
+    from vsnbench.report.attended import read_attended
+
+    engine = open_record(url)
+    try:
+        return read_attended(engine, record)
+    finally:
+        engine.dispose()
 
 
 def _actions(url: str, selection: Selection) -> "tuple[ActionCount, ...]":

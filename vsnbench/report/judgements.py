@@ -39,8 +39,8 @@ class Judgements:
         return len(self.overruled) / self.judged if self.judged else float("nan")
 
 
-def read_judgements(engine: Engine, record: Record) -> tuple[Judgements, ...]:
-    """Return what people judged, for each condition in which they did.
+def last_words(engine: Engine) -> dict[int, tuple[Any, Any]]:
+    """Return the protocol's first verdict, or None, and a person's that stands, of every episode that has the latter.
 
     Raises:
         RecordError: the database cannot be used.
@@ -55,9 +55,6 @@ def read_judgements(engine: Engine, record: Record) -> tuple[Judgements, ...]:
             .where(Verdict.episode_id.in_(judged))
             .order_by(Verdict.episode_id, Verdict.id)
         ).all()
-    if not rows:
-        return ()
-    condition_of = dict(zip(record.episodes["episode"].tolist(), record.episodes["condition"].tolist(), strict=True))
     first: dict[int, Any] = {}
     standing: dict[int, Any] = {}
     for row in rows:
@@ -65,12 +62,25 @@ def read_judgements(engine: Engine, record: Record) -> tuple[Judgements, ...]:
             first.setdefault(row.episode_id, row)
         if not row.proposed:
             standing[row.episode_id] = row
+    return {number: (first.get(number), last) for number, last in standing.items() if last.source == PERSON}
+
+
+def read_judgements(engine: Engine, record: Record) -> tuple[Judgements, ...]:
+    """Return what people judged, for each condition in which they did.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    words = last_words(engine)
+    if not words:
+        return ()
+    condition_of = dict(zip(record.episodes["episode"].tolist(), record.episodes["condition"].tolist(), strict=True))
     counts: dict[int, int] = {}
     overruled: dict[int, list[Overruling]] = {}
-    for number, last in standing.items():
-        if last.source != PERSON or number not in first or number not in condition_of:
+    for number, (first, last) in words.items():
+        if first is None or number not in condition_of:
             continue
-        condition, before = condition_of[number], first[number].success
+        condition, before = condition_of[number], first.success
         counts[condition] = counts.get(condition, 0) + 1
         if before != last.success:
             why = last.note or last.reason

@@ -33,7 +33,9 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         "report.html": html_page(report, sheets, drawings).encode(),
         "report.md": markdown(sheets).encode(),
         "report.csv": to_csv(report.results).encode(),
-        "report.json": to_json(report.results, report.questions, report.activity, report.record).encode(),
+        "report.json": to_json(
+            report.results, report.questions, report.activity, report.record, report.attended
+        ).encode(),
         "tables.tex": latex(sheets).encode(),
         "report.tex": document(sheets, figures).encode(),
     }

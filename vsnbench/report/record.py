@@ -43,6 +43,7 @@ COLUMNS: dict[str, str] = {
     "condition": "number of the condition, see `Record.conditions`",
     "campaign": "number of the campaign",
     "process": "number of the process that ran it",
+    "session": "number of the session that it was run in; 0 where nobody stood beside the robot",
     "trial": "number of the trial",
     "goal": "goal category",
     "start": "number of the starting position",
@@ -216,6 +217,7 @@ def episodes_query() -> Select[Any]:
         Episode.id,
         Trial.campaign_id,
         Episode.process_id,
+        type_coerce(func.coalesce(Episode.session_id, 0), NullType()),
         Trial.id,
         Trial.goal,
         Trial.start,
@@ -239,8 +241,9 @@ def episodes_query() -> Select[Any]:
 
 
 _READ = (
-    *("episode", "campaign", "process", "trial", "goal", "start", "repetition", "state", "end_reason", "success"),
-    *("actions", "path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
+    *("episode", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
+    *("end_reason", "success", "actions"),
+    *("path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
     *("duration_s", "wall_duration_s", "started_at", "ended_at", "images_directory"),
 )
 """The columns of `episodes_query`, in its order."""
@@ -289,7 +292,7 @@ def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
 
     typed: dict[str, Any] = {}
     for name, values in columns.items():
-        if name in ("episode", "campaign", "process", "trial", "start", "repetition", "actions"):
+        if name in ("episode", "campaign", "process", "session", "trial", "start", "repetition", "actions"):
             typed[name] = np.array(values, np.int64)
         elif name.endswith(("_m", "_s")):
             numbers = np.array(values, np.float64)

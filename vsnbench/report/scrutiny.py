@@ -13,8 +13,9 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.record import Record, goal_order
 from vsnbench.report.summary import ConditionSummary, outcomes_of
-from vsnbench.statistics.clustered import Outcomes, rate_interval
-from vsnbench.statistics.rates import Interval, Proportion
+from vsnbench.statistics.clustered import Outcomes, independent_difference, rate_interval
+from vsnbench.statistics.drift import Trend, trend
+from vsnbench.statistics.rates import UNKNOWN, Interval, Proportion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -112,37 +113,55 @@ def spread_between(groups: tuple[Recount, ...]) -> float:
     return statistics.stdev(rates) if len(rates) > 1 else math.nan
 
 
+FEWEST_IN_TIME = 12
+"""With fewer episodes nothing is said of time."""
+
+
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Success early and late in sessions: batteries run down, floors get worn, daylight goes."""
+    """Success early and late: batteries run down, floors get worn, daylight goes, people learn."""
 
+    over: str
+    """`a session`, or `all sessions`."""
     thirds: tuple[Recount, ...]
-    p: float
-    """Of success and time in the session having nothing to do with each other, goal for goal (Mantel-Haenszel)."""
+    difference: float
+    """The success rate of the last third less that of the first."""
+    interval: Interval
+    """95 %, of the difference."""
+    trend: Trend
+    """The exact test, goal for goal (and session for session)."""
 
 
-def drift(record: Record, one: ConditionSummary) -> Drift | None:
-    """Return how success changed over the sessions; None with fewer than 12 episodes.
+def drift(record: Record, one: ConditionSummary, *, whole: bool = False) -> Drift | None:
+    """Return how success changed with time; None with fewer than 12 episodes, or over one session alone.
 
-    A session is one process that ran trials. Each episode is compared with those of its goal and session alone, so that
-    running one goal after another is no drift.
+    A session is one operator's with the robot, or, where nobody wrote that down, one process's. Each episode is
+    compared with those of its goal (and session) alone, so that running one goal after another is no drift.
+
+    Args:
+        record: where the episodes are.
+        one: of which condition.
+        whole: over all sessions, from the first trial to the last; else from the beginning of each session to its end.
     """
     rows = record.counted(one.condition).sort_values("started_at")
-    if len(rows) < 12:
+    session = rows["session"].where(rows["session"] > 0, -rows["process"])
+    if len(rows) < FEWEST_IN_TIME or (whole and session.nunique() < 2):
         return None
-    sessions = rows.groupby("process")
+    sessions = rows.groupby(session * (not whole))
     place = (sessions.cumcount() + 0.5) / sessions["episode"].transform("count")
     third = (place * 3).astype(int)
     names = ("first third", "second third", "last third")
-    thirds = tuple(Recount(names[n], outcomes_of(rows[third == n])) for n in range(3) if (third == n).any())
-    trend = spread = 0.0
-    strata = rows.assign(place=place, won=rows["success"].astype(float)).groupby(["process", "goal"], observed=True)
-    for _, mine in strata:
-        if len(mine) > 1:
-            when, won = (mine[name] - mine[name].mean() for name in ("place", "won"))
-            trend += float((when * won).sum())
-            spread += float((when**2).sum() * (won**2).sum()) / (len(mine) - 1)
-    return Drift(thirds, math.erfc(abs(trend) / math.sqrt(2 * spread)) if spread > 0 else 1.0)
+    over = "all sessions" if whole else "a session"
+    parts = {n: outcomes_of(rows[third == n]) for n in range(3) if (third == n).any()}
+    ends = (parts[2], parts[0]) if 0 in parts and 2 in parts else None
+    strata = rows.groupby([session * (not whole), "goal"], observed=True)["success"]
+    return Drift(
+        over,
+        tuple(Recount(f"{names[n]} of {over}", mine) for n, mine in parts.items()),
+        ends[0].proportion.rate - ends[1].proportion.rate if ends else math.nan,
+        independent_difference(*ends) if ends else UNKNOWN,
+        trend([mine.tolist() for _, mine in strata]),
+    )
 
 
 @dataclass(frozen=True, slots=True)

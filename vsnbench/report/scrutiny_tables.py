@@ -6,9 +6,10 @@ from vsnbench.harmless_text import harmless
 from vsnbench.report.failures import Failures
 from vsnbench.report.judgements import Judgements
 from vsnbench.report.record import Record
-from vsnbench.report.scrutiny import Recount, by_distance, by_seed, drift, grid, sensitivity, spread_between
+from vsnbench.report.scrutiny import Drift, Recount, by_distance, by_seed, drift, grid, sensitivity, spread_between
 from vsnbench.report.sheets import UNKNOWN, Cell, Column, Row, Sheet, count, interval_percent, of, percent, row, word
 from vsnbench.report.summary import ConditionSummary, Results
+from vsnbench.report.verdicts import compared
 
 _RATES = (Column("k/n"), Column("SR %"), Column("95 % interval"))
 _NAMED = 5
@@ -33,7 +34,7 @@ def scrutiny_sheets(record: Record, results: Results) -> list[Sheet]:
             "A trial that begins within one move of success is trivial and tells nothing about navigation.",
         ),
         _seeds(record, results),
-        _drift(record, results),
+        drift_sheet(record, results),
         *(_grid(one) for one in results.conditions if len(grid(one).goals) > 1),
     ]
     return [sheet for sheet in sheets if sheet is not None and sheet.rows]
@@ -72,17 +73,24 @@ def _seeds(record: Record, results: Results) -> Sheet:
     return _groups("seeds", "Success by seed", "seed", groups, *spreads)
 
 
-def _drift(record: Record, results: Results) -> Sheet:
-    """Over real sessions alone: a simulator does not tire."""
-    found = [(one, drift(record, one)) for one in results.conditions if not one.condition.simulated]
-    notes = [
-        f"{one.condition.name}: p = {mine.p:.3f} that success has nothing to do with the time in the session."
-        for one, mine in found
-        if mine
-    ]
-    return _groups(
-        "drift", "Success over a session", "part", ((one, mine.thirds) for one, mine in found if mine), *notes
-    )
+def drift_sheet(record: Record, results: Results) -> Sheet:
+    """Over real sessions, and rehearsed ones, alone: a simulator by itself does not tire."""
+    attended = set(record.episodes.loc[record.episodes["session"] > 0, "condition"])
+    asked = [one for one in results.conditions if not one.condition.simulated or one.condition.number in attended]
+    found = [(one, mine) for one in asked for whole in (False, True) if (mine := drift(record, one, whole=whole))]
+    notes = [f"{one.condition.name}, over {mine.over}: {_drifted(mine)}" for one, mine in found]
+    return _groups("drift", "Success over time", "part", ((one, mine.thirds) for one, mine in found), *notes)
+
+
+def _drifted(mine: Drift) -> str:
+    words = ""
+    if mine.interval.known:
+        low, high = 100 * mine.interval.low, 100 * mine.interval.high
+        words = f"last third less first {100 * mine.difference:+.1f} points [{low:+.1f}, {high:+.1f}], "
+    words += f"p {compared(mine.trend.p)}{'' if mine.trend.exact else ' (normal)'} of success and time"
+    if mine.trend.least_p > 0.05:
+        return f"{words}; with these few no order of them could have shown a drift."
+    return f"{words} having nothing to do with each other, goal for goal."
 
 
 def _grid(one: ConditionSummary) -> Sheet:

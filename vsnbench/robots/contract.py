@@ -1,8 +1,11 @@
 """What every robot, simulated or real, can do; the runner knows no more about it than this."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
 
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
@@ -108,6 +111,20 @@ class CarriedInPlay(PlacedByHand, Protocol):
         Raises:
             RobotError: it cannot stand there.
         """
+        ...
+
+
+Glimpse = Callable[[], npt.NDArray[np.uint8] | None]
+"""Returns what a camera saw last, (H, W, 3), in the midst of a motion too and from any thread; None for nothing new."""
+
+
+@runtime_checkable
+class SeenDriving(Robot, Protocol):
+    """A robot whose camera can be looked through while it drives."""
+
+    @property
+    def glimpse(self) -> Glimpse:
+        """What its camera sees now; no observation: nothing waits for it, and it belongs to no action."""
         ...
 
 

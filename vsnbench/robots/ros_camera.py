@@ -30,6 +30,8 @@ from vsnbench.sensing.robot_reports import RobotSnapshot
 CAMERA_TIMEOUT_S = 3.0
 Pixels = TypeVar("Pixels", bound=npt.NDArray[Any])
 _MAX_SKEW_S = 0.1
+_STALE_S = 2.0
+"""An older image is not what the robot sees now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,16 @@ class RosCamera:
         )
         depth_stamp_s = match.depths[-1].stamp_s if match.depths else None
         return Images(rgb, depth_m, instances, match.color.stamp_s, depth_stamp_s, report)
+
+    def glimpse(self) -> npt.NDArray[np.uint8] | None:
+        """Return the colour image that came last, from any thread; None where the last is older than two seconds."""
+        colors = self._link.snapshot().colors
+        if not colors or time.monotonic() - colors[-1].arrival_s > _STALE_S:
+            return None
+        try:
+            return self._upright(decode_color(self._link.image(colors[-1].payload)))
+        except ImageError:
+            return None
 
     def _await_images(self, end: MotionEnd) -> tuple[MatchedImages[Any], InstanceImage | None]:
         """Return images that belong together, and the simulator's labels of the colour image where there are some."""

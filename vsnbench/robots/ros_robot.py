@@ -95,6 +95,7 @@ class RosRobot:
             self.is_carried_in_play = self._simulation is not None and self._simulation.pretends_to_be_real
             self.needs_a_person = self._simulation is None or self.is_carried_in_play
             self._camera = RosCamera(self._link, profile)
+            self.glimpse = self._camera.glimpse
             frames = self._camera.depth_frames
             self.conditions: Mapping[str, Any] = conditions_of(self._link, self._simulation, frames)
         except BaseException:

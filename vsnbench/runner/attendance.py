@@ -11,6 +11,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.record.results import ResultsDirectory
+from vsnbench.robots.contract import Glimpse
 from vsnbench.runner.attendant import Attendant, Nobody, Overview
 from vsnbench.runner.desk import Desk
 from vsnbench.runner.emergency_stop import EmergencyStop
@@ -47,6 +48,8 @@ class Occasion:
     """Trials of the sweep that this is a campaign of, but for its own: how many are done, out of how many."""
     most_void: int = 3
     """So many void episodes one after another end the session: another attempt will mend nothing."""
+    glimpse: Glimpse | None = None
+    """What the robot's camera sees while it drives; None where it sees between its actions alone."""
 
 
 class PageOfADesk(Protocol):

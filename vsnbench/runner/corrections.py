@@ -13,6 +13,7 @@ from vsnbench.database.judging import trial_of
 from vsnbench.database.lifecycle import ENDED, EpisodeState
 from vsnbench.database.queries import episode_details, list_episodes
 from vsnbench.database.read_shapes import EpisodeDetails, EpisodeFilter, EpisodeSummary
+from vsnbench.database.sessions import interventions_in
 from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.record.confined import read_confined
 from vsnbench.record.images import rgb_path
@@ -148,6 +149,7 @@ class Corrections:
             ("judged", str(len(judged))),
             ("await a judgement", str(sum(one.state == EpisodeState.AWAITING for one in found))),
             ("void", str(sum(one.state == EpisodeState.VOID for one in found))),
+            ("interventions", str(interventions_in(engine, self._campaigns))),
             ("driven", f"{hours:.2f} h, {kilometres:.3f} km"),
         ]
         if self._desk.board.shows_actions and judged:

@@ -24,6 +24,7 @@ from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import Kept, ResultsDirectory
+from vsnbench.robots.contract import Glimpse, SeenDriving
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench, tell_of_stand_in
 from vsnbench.runner.leftovers import sweep_results
@@ -190,6 +191,7 @@ def launch(
             (campaign.id,),
             provenance.operator,
             most_void=1 if request.fail_fast else VOID_IN_A_ROW,
+            glimpse=crew.glimpse,
         )
         keeping = Keeping(campaign, request.results, viewer, provenance.operator)
         result = crew.run(journal, keeping, attendance, occasion)
@@ -222,6 +224,11 @@ class Crew(Protocol):
     @property
     def description(self) -> BenchDescription:
         """The robot and the model, as every trial of the campaign has them."""
+        ...
+
+    @property
+    def glimpse(self) -> Glimpse | None:
+        """What its robot's camera sees while it drives; None for many robots, and for one that does not say."""
         ...
 
     def provenance(self) -> Provenance:
@@ -276,6 +283,7 @@ class _Alone:
         self._plan = plan
         self._bench = bench
         self.description = bench.description
+        self.glimpse = bench.robot.glimpse if isinstance(bench.robot, SeenDriving) else None
 
     def provenance(self) -> Provenance:
         return self._bench.provenance()
@@ -318,6 +326,7 @@ class _Several:
         self._plan = plan
         self._pool = pool
         self.description = pool.description
+        self.glimpse = None
 
     def provenance(self) -> Provenance:
         return gather_provenance()

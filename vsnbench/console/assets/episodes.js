@@ -1,7 +1,7 @@
 // The session's episodes, newest first: undone for a few seconds, then corrected with a reason.
 
 import { get, post } from "./link.js";
-import { element, judgingForm, sureOf } from "./judging.js";
+import { element, judgingForm, strip } from "./judging.js";
 
 let open = 0;
 let last = "";
@@ -81,7 +81,7 @@ function form(card, one, holder) {
     send: async (word) => { await post("/amend", { episode: one.episode, seen: one.seen, ...word }); close(); },
     later: null,
   });
-  card.append(made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));
+  card.append(strip(one.episode, one.case.actions), made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));
 }
 
 async function act(card, action, holder) {

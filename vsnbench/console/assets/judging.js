@@ -15,6 +15,14 @@ function element(name, attributes = {}, ...children) {
 
 export { element };
 
+// What the robot saw: a dozen pictures from the first action to the last.
+export function strip(episode, actions) {
+  const count = Math.min(12, actions);
+  const numbers = Array.from({ length: count }, (_, i) => 1 + Math.round((i * (actions - 1)) / Math.max(1, count - 1)));
+  const pictures = numbers.map((number) => element("img", { src: `/episodes/${episode}/frames/${number}`, alt: `before action ${number}`, loading: "lazy" }));
+  return element("div", { class: "strip", role: "group", "aria-label": "what it saw", tabindex: 0 }, ...pictures);
+}
+
 // options: {kept: key of the draft, reason: whether a note is needed, send(word), later() or null}
 export function judgingForm(theCase, options) {
   const draft = { touched: "", what: "", distance: "", note: "", tags: [], void: "", ...read(options.kept) };

@@ -1,13 +1,14 @@
 // The operator's page: everything on it is what the run said last, so a reload loses nothing.
 
 import { get, Link, post } from "./link.js";
-import { element, judgingForm, sureOf } from "./judging.js";
+import { element, judgingForm, strip, sureOf } from "./judging.js";
 import { showPlacing } from "./placing.js";
 import { drawPlan, showOnPlan } from "./plan.js";
 import { showEpisodes, showSummary } from "./episodes.js";
 
 const at = (id) => document.getElementById(id);
 const ARROWS = { MOVE_FORWARD: "↑", MOVE_BACKWARD: "↓", TURN_LEFT: "↶", TURN_RIGHT: "↷", STOP: "■", LOOK_UP: "△", LOOK_DOWN: "▽" };
+const LIVE_EVERY_MS = 200;
 let state = null;
 let heardAt = 0;
 let plan = null;
@@ -103,15 +104,10 @@ function renderJudging(visible) {
   );
 }
 
-export function strip(episode, actions) {
-  const most = 12;
-  const numbers = [...new Set(Array.from({ length: Math.min(most, actions) }, (_, i) => 1 + Math.round((i * (actions - 1)) / Math.max(1, Math.min(most, actions) - 1))))];
-  return element("div", { class: "strip", "aria-label": "what it saw" }, ...numbers.map((number) => element("img", { src: `/episodes/${episode}/frames/${number}`, alt: `action ${number}`, loading: "lazy" })));
-}
-
 async function renderPicture(visible) {
   show("picture", visible && pictureShown > 0 && state.driving);
-  if (!visible || !state.driving || pictureBusy || state.picture === pictureShown) return;
+  // Where the camera can be looked through while the robot moves, each picture asks for the next one.
+  if (!visible || !state.driving || pictureBusy || (!state.live && state.picture === pictureShown)) return;
   pictureBusy = true;
   try {
     const fetched = await fetch(`/picture?number=${state.picture}`, { cache: "no-store", signal: AbortSignal.timeout(5000) });
@@ -120,12 +116,13 @@ async function renderPicture(visible) {
       const old = at("picture-image").src;
       at("picture-image").src = URL.createObjectURL(await fetched.blob());
       if (old.startsWith("blob:")) URL.revokeObjectURL(old);
-      pictureShown = number;
+      pictureShown = Math.max(number, 1);
     }
   } catch {
     // the next state tries again
   } finally {
     pictureBusy = false;
+    if (state.live && state.driving) setTimeout(() => renderPicture(!!state.you), LIVE_EVERY_MS);
   }
 }
 

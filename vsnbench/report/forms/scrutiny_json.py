@@ -8,7 +8,7 @@ from typing import Any
 from vsnbench.report.failures import Failures
 from vsnbench.report.judgements import Judgements
 from vsnbench.report.record import Record
-from vsnbench.report.scrutiny import Recount, by_distance, by_seed, drift, grid, sensitivity, spread_between
+from vsnbench.report.scrutiny import Drift, Recount, by_distance, by_seed, drift, grid, sensitivity, spread_between
 from vsnbench.report.summary import ConditionSummary
 from vsnbench.report.twins import Twin
 from vsnbench.statistics.rates import Interval
@@ -17,21 +17,36 @@ from vsnbench.statistics.rates import Interval
 def scrutiny_fields(record: Record, one: ConditionSummary) -> dict[str, Any]:
     """Return everything that `vsnbench.report.scrutiny` counts of a condition; empty lists where nothing supports it.
 
-    Drift is of real sessions alone: a simulator does not tire.
+    Drift is of real sessions and rehearsed ones alone: a simulator by itself does not tire.
     """
     seeds = by_seed(record, one)
-    sessions = None if one.condition.simulated else drift(record, one)
+    attended = not one.condition.simulated or bool((record.of(one.condition)["session"] > 0).any())
     cells = grid(one)
     return {
         "sensitivity": _recounts(sensitivity(record, one)),
         "by_shortest_path": _recounts(by_distance(record, one)),
         "by_seed": _recounts(seeds),
         "standard_deviation_between_seeds": _finite(spread_between(seeds)),
-        "drift": {"p": _finite(sessions.p), "thirds": _recounts(sessions.thirds)} if sessions else None,
+        "drift": _drift(drift(record, one)) if attended else None,
+        "drift_over_all_sessions": _drift(drift(record, one, whole=True)) if attended else None,
         "cells": [
             {"goal": goal, "start": start, "successes": cell.successes, "episodes": cell.trials}
             for (goal, start), cell in cells.cells.items()
         ],
+    }
+
+
+def _drift(found: Drift | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "p": _finite(found.trend.p),
+        "least_p": _finite(found.trend.least_p),
+        "exact": found.trend.exact,
+        "success_later": _finite(found.trend.later),
+        "difference": _finite(found.difference),
+        **_ends("ci", found.interval),
+        "thirds": _recounts(found.thirds),
     }
 
 

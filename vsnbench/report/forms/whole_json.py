@@ -7,6 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from vsnbench.report.activity import Activity, RobotActivity
+from vsnbench.report.attended import Attended
+from vsnbench.report.attended_tables import attended_fields
 from vsnbench.report.comparison_tables import comparison_fields, contest_fields
 from vsnbench.report.forms.plain import condition_fields, summary_fields
 from vsnbench.report.forms.scrutiny_json import failure_fields, judgement_fields, scrutiny_fields, twin_fields
@@ -21,13 +23,15 @@ def to_json(
     questions: Sequence[Question] = (),
     activity: Activity | None = None,
     record: Record | None = None,
+    attended: Attended | None = None,
 ) -> str:
     """Return the results as one JSON object.
 
     `models`: each condition with its settings, protocol, campaigns and seeds, its `goals`, `total`, `starts`,
     `end_reasons`, `actions`, and what a reviewer asks: `scrutiny`, `failures`, `judgements`; `questions`: which model
     succeeds more often, with every comparison and all models at once; `twins`: real against simulated; `stability`: how
-    far each robot drove. What was not counted is null.
+    far each robot drove; `attended`: who stood beside it and judged, null where it was one person in one session. What
+    was not counted is null.
     """
     content = {
         "confidence": 0.95,
@@ -36,6 +40,7 @@ def to_json(
         "questions": [_question(one) for one in questions],
         "twins": [twin_fields(one) for one in twins(results)],
         "stability": [_robot(one) for one in activity.robots] if activity else None,
+        "attended": attended_fields(attended),
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -8,6 +8,8 @@ from vsnbench.report.record import goal_order
 from vsnbench.report.sheets import UNKNOWN, Cell, Column, Row, Sheet, count, of, percent, row, word
 from vsnbench.report.study.findings import StudyFindings
 from vsnbench.report.study.primary import Answer
+from vsnbench.report.verdicts import compared
+from vsnbench.statistics.drift import trend
 from vsnbench.study.file import Rate
 
 EXPLORATORY = "Exploratory: "
@@ -25,12 +27,12 @@ def _primary(found: StudyFindings) -> Sheet:
     versus = isinstance(found.plan.primary, Rate)
     columns = (
         Column("question", number=False),
+        Column("answer", number=False),
         Column("cells"),
         Column("successes"),
         Column("rate" if versus else "difference"),
         Column("interval"),
         Column("p", note="two-sided, adjusted for all pairs"),
-        Column("answer", number=False),
     )
     rows = tuple(_answer_row(found, one) for one in found.primary.answers)
     notes = [
@@ -62,12 +64,12 @@ def _answer_row(found: StudyFindings, one: Answer) -> Row:
     sign = "" if one.second is None else "+"
     return row(
         word(question),
+        word("open" if one.open else answer),
         count(one.cells),
         word(k),
         word(f"{100 * one.difference:{sign}.1f}" if known else UNKNOWN),
         word(f"[{100 * one.low:{sign}.1f}, {100 * one.high:{sign}.1f}]" if known else UNKNOWN),
         Cell(_p(one.p), one.p if one.p is not None else -1.0),
-        word("open" if one.open else answer),
     )
 
 
@@ -149,7 +151,16 @@ def _drift(found: StudyFindings) -> Sheet:
         parts += [(f"run by {operator}", [one for one in done if one.operator == operator])]
     columns = (Column("trials", number=False), Column("successes"), Column("SR %"))
     rows = tuple(row(word(name), _share(own), percent(_rate(own), 1)) for name, own in parts)
-    return Sheet("drift", f"{EXPLORATORY}success over time and by operator, all arms", columns, rows)
+    note = f"Time, arm for arm and goal for goal: p {compared(_over_time(done))}, exact. Not asked beforehand."
+    return Sheet("drift", f"{EXPLORATORY}success over time and by operator, all arms", columns, rows, (note,))
+
+
+def _over_time(done: Sequence[StudyTrialStanding]) -> float:
+    """Return the chance of success and time having nothing to do with each other."""
+    strata: dict[tuple[str, str], list[bool]] = {}
+    for one in done:
+        strata.setdefault((one.arm, one.trial.goal), []).append(bool(one.success))
+    return trend(list(strata.values())).p
 
 
 def _share(own: Sequence[StudyTrialStanding]) -> Cell:

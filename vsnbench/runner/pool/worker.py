@@ -144,6 +144,11 @@ class _Reporter:
         self._untold = 0
         self._told_s = time.monotonic()
 
+    @property
+    def beside(self) -> str:
+        """Nobody."""
+        return ""
+
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Say nothing: the driver has ordered it."""
 
