@@ -87,6 +87,7 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
     assert "arm" in seen[0].err
     assert "was left out" in seen[0].err
     seen += [lab("status"), lab("report"), lab("report", "--format", "json"), lab("report", "--format", "html")]
+    assert "<button" not in seen[-1].out, "nothing sorts where there is no script"
     seen += [lab("report", "--format", "markdown"), lab("report", "--format", "latex")]
     for words in (
         ("episodes", "list"),
