@@ -3,9 +3,9 @@
 Each trial puts the robot up to 40 cm and 25° off a mark, in a room whose objects stand 2 cm (standard deviation, along
 x and along y) off the survey, two of them 0.3 to 1 m away from it, with a depth camera that has noise and holes and is
 off by 1 % in scale. Where one look does not determine the pose, a turn on the spot is measured too. Time is of one
-thread's own computing.
+thread's own computing. A trial follows from the seed and its number alone, so what a rows file holds is not done again.
 
-    python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--json FILE]
+    python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near] [--no-turn] [--rows FILE] [--json FILE]
 """
 
 import argparse
@@ -13,7 +13,8 @@ import json
 import math
 import time
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,10 @@ import numpy as np
 from vsnbench.compute_threads import compute_with_one_thread
 from vsnbench.placement.matching import PlacementMatcher
 from vsnbench.placement.trials import NoisyEye, Trial, draw_trial, first_starts
-from vsnbench.protocol.placement import REGION_95, MeasuredPlacement
+from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.placement import MeasuredPlacement
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import load_site
+from vsnbench.protocol.site import Site, StartingPosition, load_site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.twins.generate import generate_site
 
@@ -32,33 +34,49 @@ TURN_ERROR = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Row:
     """One measurement beside the truth."""
 
-    trial: Trial
-    truth: Pose
-    got: MeasuredPlacement
+    trial: int
+    mark: str
+    method: str
+    determined: bool
+    green: bool
+    stands_right: bool
+    covered: bool
+    error_m: float
+    error_deg: float
+    region_m: float
+    region_deg: float
+    moved: tuple[str, ...]
+    said_moved: tuple[str, ...]
+    said: str
     cpu_s: float
 
-    @property
-    def error_m(self) -> float:
-        return self.truth.distance_to(self.got.pose)
-
-    @property
-    def error_deg(self) -> float:
-        return abs(math.degrees(math.remainder(self.got.pose.heading_rad - self.truth.heading_rad, math.tau)))
-
-    @property
-    def covered(self) -> bool:
-        got, truth = self.got.pose, self.truth
-        away = [got.x_m - truth.x_m, got.y_m - truth.y_m, math.remainder(got.heading_rad - truth.heading_rad, math.tau)]
-        return float(np.array(away) @ np.linalg.solve(self.got.covariance.matrix, np.array(away))) <= REGION_95
-
-    @property
-    def stands_right(self) -> bool:
-        off, tolerance = self.truth.relative_to(self.got.mark), self.got.tolerance
+    @classmethod
+    def of(cls, number: int, trial: Trial, truth: Pose, got: MeasuredPlacement, cpu_s: float) -> "Row":
+        """Hold a measurement against where the robot truly stands."""
+        off = truth.relative_to(got.mark)
         turned_deg = abs(math.degrees(math.remainder(off.heading_rad, math.tau)))
-        return math.hypot(*off.position) <= tolerance.distance_m and turned_deg <= tolerance.heading_deg
+        error_rad = math.remainder(got.pose.heading_rad - truth.heading_rad, math.tau)
+        return cls(
+            trial=number,
+            mark=f"{trial.site.name} {trial.start.number}",
+            method=got.method.value,
+            determined=got.determined,
+            green=got.within_tolerance,
+            stands_right=math.hypot(*off.position) <= got.tolerance.distance_m
+            and turned_deg <= got.tolerance.heading_deg,
+            covered=got.region_holds(truth),
+            error_m=truth.distance_to(got.pose),
+            error_deg=abs(math.degrees(error_rad)),
+            region_m=got.region_m,
+            region_deg=got.region_deg,
+            moved=trial.moved,
+            said_moved=got.moved,
+            said=got.headline,
+            cpu_s=cpu_s,
+        )
 
 
 def main() -> None:
@@ -67,72 +85,101 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--no-turn", action="store_true", help="measure no turn where a look does not suffice")
     parser.add_argument("--near", action="store_true", help="offsets up to 15 cm and 5° only, where green is decided")
-    parser.add_argument("--json", type=Path)
+    parser.add_argument(
+        "--rows", type=Path, help="a line of JSON for each measurement; what it holds is not done again"
+    )
+    parser.add_argument("--json", type=Path, help="the figures")
     asked = parser.parse_args()
     compute_with_one_thread()
     camera = load_profile("turtlebot2").camera
     cells = first_starts([load_site("apartment"), *(generate_site(seed) for seed in range(5))])
-    rng = np.random.default_rng(asked.seed)
-    order = [cells[k] for k in rng.permutation(np.arange(asked.cases) % len(cells))]
-    looks: list[Measured] = []
-    turns: list[Measured] = []
-    for site, start in order:
-        reach = (0.15, 5.0) if asked.near else (0.40, 25.0)
-        trial = draw_trial(site, start, rng, *reach)
-        eye = NoisyEye(trial.room, camera, trial.depth_scale, rng)
-        matcher = PlacementMatcher(site, camera)
-        look = eye.look(trial.pose)
+    order = np.random.default_rng(asked.seed).permutation(np.arange(asked.cases) % len(cells))
+    rows = _read(asked.rows)
+    done = {row.trial for row in rows}
+    for number in range(asked.cases):
+        if number not in done:
+            site, start = cells[order[number]]
+            new = measured(number, site, start, camera, asked)
+            rows += new
+            if asked.rows:
+                with asked.rows.open("a") as file:
+                    file.writelines(json.dumps(asdict(row)) + "\n" for row in new)
+    say(rows, asked.json)
+
+
+def measured(number: int, site: Site, start: StartingPosition, camera: Camera, asked: argparse.Namespace) -> list[Row]:
+    """Measure one trial by a look and, where that does not suffice, by a turn."""
+    rng = np.random.default_rng([asked.seed, number])
+    trial = draw_trial(site, start, rng, *((0.15, 5.0) if asked.near else (0.40, 25.0)))
+    eye = NoisyEye(trial.room, camera, trial.depth_scale, rng)
+    matcher = PlacementMatcher(site, camera)
+    look = eye.look(trial.pose)
+    began_s = time.thread_time()
+    got = matcher.measure(start, [look])
+    rows = [Row.of(number, trial, trial.pose, got, time.thread_time() - began_s)]
+    if not got.determined and not asked.no_turn:
+        around, end = eye.turn(trial.pose, 12, float(rng.normal(0, TURN_ERROR)))
         began_s = time.thread_time()
-        got = matcher.measure(start, [look])
-        looks.append(Measured(trial, trial.pose, got, time.thread_time() - began_s))
-        if not got.determined and not asked.no_turn:
-            around, end = eye.turn(trial.pose, 12, float(rng.normal(0, TURN_ERROR)))
-            began_s = time.thread_time()
-            turned = matcher.measure(start, around)
-            turns.append(Measured(trial, end, turned, time.thread_time() - began_s))
+        got = matcher.measure(start, around)
+        rows.append(Row.of(number, trial, end, got, time.thread_time() - began_s))
+    return rows
+
+
+def _read(path: Path | None) -> list[Row]:
+    if path is None or not path.exists():
+        return []
+    return [Row(**json.loads(line)) for line in path.read_text().splitlines()]
+
+
+def say(rows: Sequence[Row], path: Path | None) -> None:
+    """Print the figures, and the measurements that the stated region does not hold."""
+    looks = [row for row in rows if row.method == "look"]
+    turns = [row for row in rows if row.method == "turn"]
     result = {"look": summary(looks), "turn": summary(turns)}
     print(json.dumps(result, indent=2))
-    unsure = Counter(f"{one.trial.site.name} {one.trial.start.number}" for one in looks if not one.got.determined)
-    print("not determined by a look:", dict(unsure))
-    for each in looks + turns:
-        if not each.covered or (each.got.within_tolerance and not each.stands_right):
+    for name, some in (("a look", looks), ("a turn", turns)):
+        print(f"not determined by {name}:", dict(Counter(row.mark for row in some if not row.determined)))
+    for row in rows:
+        if not row.covered or (row.green and not row.stands_right):
             print(
-                f"outside: {each.trial.site.name} {each.trial.start.number} by a {each.got.method}: "
-                f"{100 * each.error_m:.1f} cm, {each.error_deg:.2f}°, determined: {each.got.determined}, "
-                f"said {each.got.headline}; moved {each.trial.moved}, said {each.got.moved}"
+                f"outside: {row.trial}, {row.mark} by a {row.method}: {100 * row.error_m:.1f} cm, "
+                f"{row.error_deg:.2f}°, determined: {row.determined}, said {row.said}; "
+                f"moved {row.moved}, said {row.said_moved}"
             )
-    if asked.json:
-        asked.json.write_text(json.dumps(result, indent=2))
+    if path:
+        path.write_text(json.dumps(result, indent=2))
 
 
-def summary(measured: list[Measured]) -> dict[str, float | int]:
+def summary(rows: Sequence[Row]) -> dict[str, float | int]:
     """Return the figures of a table."""
-    if not measured:
-        return {"cases": 0}
-    sure = [one for one in measured if one.got.determined]
-    green = [one for one in measured if one.got.within_tolerance]
-    right = [one for one in sure if one.stands_right]
-    moved = [name for one in sure for name in one.got.moved]
-    truly = [name for one in sure for name in one.got.moved if name in one.trial.moved]
+    sure = [row for row in rows if row.determined]
+    if not sure:
+        return {"trials": len(rows), "determined": 0}
+    right = [row for row in sure if row.stands_right]
+
+    def quantile(values: Sequence[float], share: float, digits: int) -> float:
+        return round(float(np.quantile(values, share)), digits)
+
     return {
-        "cases": len(measured),
+        "trials": len(rows),
         "determined": len(sure),
-        "median_cm": round(100 * float(np.median([one.error_m for one in sure])), 2),
-        "p95_cm": round(100 * float(np.quantile([one.error_m for one in sure], 0.95)), 2),
-        "median_deg": round(float(np.median([one.error_deg for one in sure])), 3),
-        "p95_deg": round(float(np.quantile([one.error_deg for one in sure], 0.95)), 3),
-        "covered_of_determined": round(sum(one.covered for one in sure) / len(sure), 3),
-        "covered_of_all": round(sum(one.covered for one in measured) / len(measured), 3),
-        "median_region_cm": round(100 * float(np.median([one.got.region_m for one in sure])), 1),
-        "median_region_deg": round(float(np.median([one.got.region_deg for one in sure])), 2),
-        "green": len(green),
-        "wrong_green": sum(not one.stands_right for one in green),
-        "stand_right": len(right),
-        "of_these_green": sum(one.got.within_tolerance for one in right),
-        "said_moved": len(moved),
-        "truly_moved": len(truly),
-        "median_cpu_s": round(float(np.median([one.cpu_s for one in measured])), 2),
-        "most_cpu_s": round(max(one.cpu_s for one in measured), 2),
+        "median_cm": quantile([100 * row.error_m for row in sure], 0.5, 2),
+        "p95_cm": quantile([100 * row.error_m for row in sure], 0.95, 2),
+        "median_deg": quantile([row.error_deg for row in sure], 0.5, 3),
+        "p95_deg": quantile([row.error_deg for row in sure], 0.95, 3),
+        "covered_of_determined": round(sum(row.covered for row in sure) / len(sure), 3),
+        "covered_of_all": round(sum(row.covered for row in rows) / len(rows), 3),
+        "median_region_cm": quantile([100 * row.region_m for row in sure], 0.5, 1),
+        "median_region_deg": quantile([row.region_deg for row in sure], 0.5, 2),
+        "green": sum(row.green for row in rows),
+        "wrong_green": sum(row.green and not row.stands_right for row in rows),
+        "stand_right": sum(row.stands_right for row in rows),
+        "stand_right_and_determined": len(right),
+        "of_these_green": sum(row.green for row in right),
+        "said_moved": sum(len(row.said_moved) for row in sure),
+        "truly_moved": sum(len(set(row.said_moved) & set(row.moved)) for row in sure),
+        "median_cpu_s": quantile([row.cpu_s for row in rows], 0.5, 2),
+        "most_cpu_s": quantile([row.cpu_s for row in rows], 1.0, 2),
     }
 
 

@@ -58,7 +58,7 @@ def test_a_covariance_is_turned_into_the_mark_s_frame() -> None:
     along_x = PoseCovariance.of(np.diag([0.04, 0.0001, 0.01]))
     got = replace(placed(0.0, 0.0, 0.0), covariance=along_x)
     assert got.offset_covariance.yy == pytest.approx(0.04), "the mark faces along y: x lies to its right"
-    assert got.region_m == pytest.approx(2.795 * 0.2, abs=0.01)
+    assert got.region_m == pytest.approx(2.490 * 0.2, abs=0.001)
     assert PoseCovariance(*along_x.values) == along_x
 
 
@@ -78,3 +78,22 @@ def test_everything_is_plain_in_json() -> None:
     assert told["offset"]["ahead_m"] == pytest.approx(0.2)
     assert told["within_tolerance"] is False
     assert told["arrows"] == [{"direction": "backward", "amount": pytest.approx(0.2), "words": "20 cm backward"}]
+
+
+def test_the_stated_region_holds_at_least_95_percent_however_place_and_heading_hang_together() -> None:
+    spread = np.array([[0.03, 0.0, 0.0], [0.01, 0.01, 0.0], [0.02, -0.01, 0.005]])
+    matrix = spread @ spread.T
+    covariance = PoseCovariance.of(matrix)
+    away = np.random.default_rng(5).multivariate_normal(np.zeros(3), matrix, 4000)
+    held = np.mean([covariance.holds(Pose(*map(float, one))) for one in away])
+    assert 0.945 <= held <= 0.975
+
+
+def test_a_turn_is_proposed_where_one_look_is_not_enough_and_only_there() -> None:
+    assert not placed(0.0, 0.0, 0.0).wants_turn, "it stands right"
+    assert not placed(0.3, 0.0, 0.0).wants_turn, "it is to be moved, whatever else"
+    unsure = replace(placed(0.02, 0.0, 0.0), covariance=PoseCovariance(0.05**2, 0, 0, 0.05**2, 0, 1e-4))
+    assert unsure.wants_turn
+    assert "turn on the spot" in unsure.advice
+    assert not replace(unsure, method=PlacementMethod.TURN).wants_turn
+    assert "move it nearer" in replace(unsure, method=PlacementMethod.TURN, pose=unsure.mark).advice

@@ -72,7 +72,10 @@ def _placing(desk: Desk) -> dict[str, Any]:
         "differs": measured.differs if measured else "",
         "green": measured.within_tolerance if measured else False,
         "determined": measured.determined if measured else False,
-        "arrows": [[arrow.direction.value, arrow.words] for arrow in measured.arrows] if measured else [],
+        "wants_turn": measured.wants_turn if measured else False,
+        "arrows": [[arrow.direction.value, arrow.words] for arrow in measured.arrows]
+        if measured and not measured.wants_turn
+        else [],
         "stands": _pose(measured.pose) if measured and measured.determined else None,
         "picture": look is not None and look.rgb is not None,
         "photo": look is not None and look.photo_jpeg is not None,

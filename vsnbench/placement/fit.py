@@ -32,18 +32,20 @@ class ErrorModel:
 
     object_m: float = 0.02
     """Of an object's place in the survey, along x and along y."""
-    wall_m: float = 0.01
+    wall_m: float = 0.005
     """Of a wall's, the floor's, the ceiling's along its normal."""
-    scale: float = 0.015
+    scale: float = 0.01
     """Relative, of the depth camera."""
     tilt_rad: float = math.radians(0.5)
     """Of the camera's tilt."""
     turn: float = 0.02
     """Relative, of the odometry's turning."""
-    surface_m: float = 0.015
+    surface_m: float = 0.01
     """Of one stretch of surface against the model of it."""
     stretches: float = 25.0
     """How many independent stretches the pixels of one object or one plane are worth at most."""
+    moved: float = 0.1
+    """How likely an object has been moved so that nothing but the pose itself shows it."""
     pose_m: float = 0.6
     pose_rad: float = math.radians(40)
     """What is known of the pose without looking."""
@@ -103,13 +105,15 @@ def refine(
         state: to go on from, instead of `start`.
     """
     state = FitState(start, steps=np.zeros((twin.groups, 2))) if state is None else state
+    system = _Normal(twin.groups, errors)
     for number in range(rounds):
         share = number / max(rounds - 1, 1)
         width_m = widths_m[0] * (widths_m[1] / widths_m[0]) ** share
-        system = _Normal(twin.groups, errors, state)
+        system = _Normal(twin.groups, errors)
         for look in looks:
             system.add(_rows_of(twin, camera, look, state, errors, width_m, left_out))
         system.solve(state)
+    state.covariance = system.doubted()
     return state
 
 
@@ -184,9 +188,8 @@ def _rows_of(
 class _Normal:
     """The normal equations: common unknowns, and for each group its own, which are eliminated."""
 
-    def __init__(self, groups: int, errors: ErrorModel, state: FitState) -> None:
+    def __init__(self, groups: int, errors: ErrorModel) -> None:
         self._groups, self._errors = groups, errors
-        self._state = state
         self._rows: list[_Rows] = []
 
     def add(self, rows: _Rows) -> None:
@@ -216,12 +219,12 @@ class _Normal:
         own_right = -np.stack([summed(own[:, k] * residual_m) for k in (0, 1)], axis=1) - prior[:, None] * state.steps
         mixed = np.stack([[summed(common[:, j] * own[:, k]) for k in (0, 1)] for j in range(_COMMON)])  # (6, 2, G)
         mixed = mixed.transpose(2, 0, 1)  # (G, 6, 2)
-        matrix = (common * weight[:, None]).T @ common
-        right = -(common * weight[:, None]).T @ residual_m
+        weighted = common * weight[:, None]
         inverse = np.linalg.inv(own_own)
         gain = mixed @ inverse  # (G, 6, 2)
-        matrix = matrix - np.einsum("gik,gjk->ij", gain, mixed)
-        right = right - np.einsum("gik,gk->i", gain, own_right)
+        taken, taken_right = gain @ mixed.transpose(0, 2, 1), np.einsum("gik,gk->gi", gain, own_right)
+        matrix = weighted.T @ common - taken.sum(axis=0)
+        right = -weighted.T @ residual_m - taken_right.sum(axis=0)
         spread = np.array(
             [errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn], float
         )
@@ -239,4 +242,22 @@ class _Normal:
         state.tilt_rad += float(step[_TILT])
         state.turn += float(step[_TURN])
         state.steps = state.steps + own_step
-        state.covariance = np.linalg.inv(matrix)
+        self._matrix, self._objects = matrix, np.nonzero(is_object)[0]
+        self._said = (group, common, weighted, residual_m, taken, taken_right)
+
+    def doubted(self) -> Floats:
+        """Return the (6, 6) covariance of the common unknowns: each object may have been moved, and then misleads.
+
+        It is that of a mixture: with the likelihood of its having been moved, the pose is the one that all but this
+        object make, with the covariance that is left then. A pose that hinges on one object is so as unsure as it is.
+        """
+        covariance = np.linalg.inv(self._matrix)
+        widened = covariance.copy()
+        group, common, weighted, residual_m, taken, taken_right = self._said
+        for one in self._objects:
+            here = group == one
+            said = weighted[here].T @ common[here] - taken[one]
+            without = np.linalg.inv(self._matrix - said)
+            away = without @ (weighted[here].T @ residual_m[here] + taken_right[one])
+            widened += self._errors.moved * (without - covariance + np.outer(away, away))
+        return widened

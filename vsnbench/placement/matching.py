@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from vsnbench.placement.fit import ErrorModel, FitState, refine
 from vsnbench.placement.looks import DepthLook, SmallLook
-from vsnbench.placement.search import REACH_DEG, REACH_M, candidates, misfit_of, near
+from vsnbench.placement.search import REACH_DEG, REACH_M, candidates, misfit_of, near, polished
 from vsnbench.placement.twin import Twin, twin_of
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
@@ -21,12 +21,15 @@ from vsnbench.simulator.renderer import eye_of
 Floats = npt.NDArray[np.float64]
 
 _COARSE_PX, _MIDDLE_PX, _FINE_PX = 40, 80, 160
-_BASINS = 5
+_CANDIDATES, _POLISHED, _BASINS = 8, 4, 5
+"""Places of the grid that are fitted roughly, how many of them are polished besides, and how many are fitted on."""
 _UNDETERMINED_M, _UNDETERMINED_RAD = 0.10, math.radians(4.0)
 """A direction whose standard deviation is larger is not determined by the view."""
-_MISFIT_LIMIT = 0.22
-_DOUBT = 0.012
+_MISFIT_LIMIT = 0.15
+_DOUBT = 0.015
 """A basin that misfits by so much more than the best has e times less weight."""
+_LEAST_WEIGHT = 0.03
+"""A basin of less weight is none: the region leaves out as much anyway."""
 _LEAST_SEEN = 60
 """Pixels of a small look; with fewer there is nothing to go by."""
 _MOST_SEARCHED = 5
@@ -92,13 +95,18 @@ class PlacementMatcher:
         if not coarse:
             return []
         sparse = coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))]
-        basins: list[_Basin] = []
-        for one in candidates(twin, camera, sparse, mark, _BASINS):
-            state = refine(twin, camera, coarse, one.pose, self._errors, 6, (0.25, 0.10))
-            known = any(near(state.pose, other.state.pose, 0.2) for other in basins)
-            if not known and _within_reach(state.pose, mark):
-                basins.append(self._settled(middle, state))
-        return sorted(basins, key=lambda each: each.misfit)
+        rough: list[_Basin] = []
+        for number, one in enumerate(candidates(twin, camera, sparse, mark, _CANDIDATES)):
+            if number < _POLISHED:
+                better = polished(twin, camera, sparse, one)
+                rough.append(
+                    _Basin(FitState(better.pose, steps=np.zeros((twin.groups, 2))), better.misfit, frozenset())
+                )
+            state = refine(twin, camera, sparse, one.pose, self._errors, 6, (0.25, 0.10))
+            if _within_reach(state.pose, mark):
+                poses = [state.pose_of(look) for look in sparse]
+                rough.append(_Basin(state, misfit_of(twin, camera, sparse, poses, state.scale), frozenset()))
+        return _apart([self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]])
 
     def _settled(self, looks: Sequence[SmallLook], state: FitState) -> "_Basin":
         """Fit on, without what turns out to stand elsewhere."""
@@ -140,16 +148,26 @@ class _Basin:
     moved: frozenset[int]
 
 
+def _apart(basins: Sequence[_Basin]) -> list[_Basin]:
+    """Return the best first, without those that came to the same place as a better one."""
+    kept: list[_Basin] = []
+    for one in sorted(basins, key=lambda each: each.misfit):
+        if not any(near(one.state.pose, other.state.pose, 0.2) for other in kept):
+            kept.append(one)
+    return kept
+
+
 def _within_reach(pose: Pose, mark: Pose) -> bool:
     off = pose.relative_to(mark)
-    return math.hypot(*off.position) < REACH_M + 0.15 and abs(math.remainder(off.heading_rad, math.tau)) < math.radians(
-        REACH_DEG + 8
+    return math.hypot(*off.position) < REACH_M + 0.10 and abs(math.remainder(off.heading_rad, math.tau)) < math.radians(
+        REACH_DEG + 4
     )
 
 
 def _doubt(state: FitState, basins: Sequence[_Basin]) -> Floats:
     """Return what other places add to the (3, 3) covariance of the pose, by how well they fit beside the best."""
     weights = np.array([math.exp((basins[0].misfit - basin.misfit) / _DOUBT) for basin in basins])
+    weights[weights < _LEAST_WEIGHT] = 0.0
     away = np.array([_difference(basin.state.pose, state.pose) for basin in basins])
     away[0] = 0.0
     return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))

@@ -17,6 +17,8 @@ REACH_M, REACH_DEG = 0.45, 30.0
 _STEP_M, _STEP_DEG = 0.15, 5.0
 CUT = 0.15
 """Residuals of the logarithm of depth are cut here: what differs by more just differs."""
+_POLISH, _POLISH_ROUNDS = ((0.08, 2.5), (0.04, 1.25)), 3
+"""Steps to the neighbours, metres and degrees, and how many of each at most."""
 _CHANGED = 0.5
 """What a pixel costs, where 1 is seeing through a wall, at which something has come or gone: rooms change."""
 _APART_M, _APART_RAD = 0.22, math.radians(8.0)
@@ -82,6 +84,24 @@ def candidates(twin: Twin, camera: Camera, looks: Sequence[SmallLook], mark: Pos
             if len(basins) == most:
                 break
     return tuple(basins)
+
+
+def polished(twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candidate) -> Candidate:
+    """Return where its neighbours, and theirs, fit best: unlike a fit of surfaces, what was moved does not draw it."""
+    for step_m, step_deg in _POLISH:
+        turn_rad = math.radians(step_deg)
+        ways = [Pose(step_m, 0.0), Pose(-step_m, 0.0), Pose(0.0, step_m), Pose(0.0, -step_m)]
+        ways += [Pose(0.0, 0.0, turn_rad), Pose(0.0, 0.0, -turn_rad)]
+        for _ in range(_POLISH_ROUNDS):
+            tried = [
+                Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks]))
+                for pose in (one.pose.compose(way) for way in ways)
+            ]
+            best = min(tried, key=lambda each: each.misfit)
+            if best.misfit >= one.misfit:
+                break
+            one = best
+    return one
 
 
 def near(one: Pose, other: Pose, share: float = 1.0) -> bool:

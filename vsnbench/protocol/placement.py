@@ -11,8 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.protocol.pose import Pose
 
-REGION_95 = 7.815
-"""The 95 % quantile of chi squared with three degrees of freedom: position and heading together."""
+FLOOR_REGION = -2 * math.log(0.045)
+HEADING_REGION = 2.807**2
+"""The 95 % region is an ellipse on the floor that holds 95.5 % and a stretch of headings that holds 99.5 %: together at
+least 95 %, however position and heading hang together. These are the squares of their half axes, in variances: chi
+squared's quantiles with two degrees of freedom and with one.
+"""
 
 
 class PlacementTolerance(BaseModel):
@@ -72,12 +76,18 @@ class PoseCovariance:
     @property
     def region_m(self) -> float:
         """Half the longest axis of the 95 % region's outline on the floor, metres."""
-        return math.sqrt(REGION_95 * float(np.linalg.eigvalsh(self.matrix[:2, :2])[-1]))
+        return math.sqrt(FLOOR_REGION * float(np.linalg.eigvalsh(self.matrix[:2, :2])[-1]))
 
     @property
     def region_rad(self) -> float:
         """How far the 95 % region reaches in heading, to each side."""
-        return math.sqrt(REGION_95 * self.hh)
+        return math.sqrt(HEADING_REGION * self.hh)
+
+    def holds(self, away: Pose) -> bool:
+        """Whether the 95 % region about a pose holds another that is so far away: differences of x, y and heading."""
+        place = np.array(away.position)
+        on_floor = float(place @ np.linalg.solve(self.matrix[:2, :2], place)) <= FLOOR_REGION
+        return on_floor and abs(math.remainder(away.heading_rad, math.tau)) <= self.region_rad
 
 
 class Direction(StrEnum):
@@ -159,6 +169,13 @@ class MeasuredPlacement:
         """Half the 95 % region's reach in heading, degrees."""
         return math.degrees(self.covariance.region_rad)
 
+    def region_holds(self, pose: Pose) -> bool:
+        """Whether a pose, in the site's frame, lies within the 95 % region."""
+        here = self.pose
+        return self.covariance.holds(
+            Pose(pose.x_m - here.x_m, pose.y_m - here.y_m, pose.heading_rad - here.heading_rad)
+        )
+
     @property
     def determined(self) -> bool:
         """Whether the measured pose can be taken for where the robot stands."""
@@ -205,21 +222,31 @@ class MeasuredPlacement:
         return f"stands right: {where}" if self.within_tolerance else where
 
     @property
+    def wants_turn(self) -> bool:
+        """Whether a turn on the spot is what to do next: one look does not say enough of where it stands."""
+        if self.method is PlacementMethod.TURN or self.within_tolerance:
+            return False
+        return not self.determined or not self._is_off
+
+    @property
     def advice(self) -> str:
         """What to do next; empty where it stands right."""
+        turn = "turn on the spot" if self.wants_turn else "place it by eye"
         if not self.fits:
-            return f"is it mark {self.start}? If it is, the plan and the room differ: place it by eye"
+            return f"is it mark {self.start}? If it is, the plan and the room differ: {turn}"
         if self.undetermined or self.ambiguous:
             if self.method is PlacementMethod.TURN:
-                return "even all around too little is seen: place it by eye"
+                return f"even all around too little is seen: {turn}"
             what = " and ".join(self.undetermined) or "the place"
             verb = "are" if len(self.undetermined) > 1 else "is"
-            return f"{what} {verb} not determined by what it sees from here: turn on the spot"
+            return f"{what} {verb} not determined by what it sees from here: {turn}"
         if self.within_tolerance:
             return ""
-        if self.arrows and self._is_off:
-            return ", ".join(arrow.words for arrow in self.arrows)
-        return "it may stand right, but one look is not sure enough: turn on the spot, or move it nearer"
+        if self.wants_turn:
+            return f"it may stand right, but one look is not sure enough: {turn}"
+        return (
+            ", ".join(arrow.words for arrow in self.arrows) or "it may stand right, but it is not sure: move it nearer"
+        )
 
     @property
     def differs(self) -> str:
@@ -254,6 +281,7 @@ class MeasuredPlacement:
             "looks": self.looks,
             "depth_scale": self.depth_scale,
             "took_s": self.took_s,
+            "wants_turn": self.wants_turn,
             "headline": self.headline,
             "advice": self.advice,
             "differs": self.differs,
@@ -272,5 +300,5 @@ def _farthest_m(offset: Pose, covariance: PoseCovariance) -> float:
     """Return how far from the mark the 95 % region reaches on the floor, metres."""
     values, axes = np.linalg.eigh(covariance.matrix[:2, :2])
     angles = np.linspace(0.0, math.tau, 72, endpoint=False)
-    rim = axes @ (np.sqrt(REGION_95 * np.maximum(values, 0.0))[:, None] * np.array([np.cos(angles), np.sin(angles)]))
+    rim = axes @ (np.sqrt(FLOOR_REGION * np.maximum(values, 0.0))[:, None] * np.array([np.cos(angles), np.sin(angles)]))
     return float(np.hypot(rim[0] + offset.x_m, rim[1] + offset.y_m).max())

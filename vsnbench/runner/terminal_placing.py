@@ -14,6 +14,8 @@ LOOK, TURN, MOVED = "look", "turn", "moved"
 """What may be wished of the run while a robot is placed."""
 _STANDS_THERE = "Enter when it stands there (skip / end; Ctrl-C ends at once): "
 _QUESTION = "Enter to go; or c check it (again), t turn on the spot and check, m moved it: "
+_PROPOSAL = "t to turn on the spot and check; Enter to go all the same; or c check it again, m moved it: "
+"""Where one look is not enough."""
 _WISHES = {"c": LOOK, "check": LOOK, "t": TURN, "turn": TURN, "m": MOVED, "moved": MOVED}
 _SAID = {Said.GO: Choice.GO, Said.LATER: Choice.SKIP, Said.END: Choice.END}
 
@@ -44,7 +46,7 @@ class PlacingFace:
             Stopped: the person ends the session at once.
         """
         while True:
-            answer = self._ask(_QUESTION if self._stands else _STANDS_THERE).strip().lower()
+            answer = self._ask(self._question).strip().lower()
             if self._stands and answer in _WISHES:
                 self.wished(_WISHES[answer])
                 continue
@@ -56,6 +58,13 @@ class PlacingFace:
             if said is not Choice.GO or self._stands or not self._placing.can_measure:
                 return said
             self.wished(MOVED)
+
+    @property
+    def _question(self) -> str:
+        if not self._stands:
+            return _STANDS_THERE
+        measured = self._placing.measured
+        return _PROPOSAL if measured is not None and measured.wants_turn else _QUESTION
 
     def wished(self, what: str) -> None:
         """Look, turn and look, or hear that it was moved and look; and say what was seen.

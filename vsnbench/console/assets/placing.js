@@ -21,10 +21,11 @@ export function showPlacing(holder, state, doing) {
     parts.push(element("button", { class: "button go", id: "check", onclick: wish("moved") }, "It stands there: check"));
   } else {
     parts.push(...seen(placing, slider));
-    const look = placing.green ? "button" : "button go";
+    const look = placing.green || placing.wants_turn ? "button" : "button go";
+    const turn = placing.wants_turn ? "button go" : "button";
     parts.push(element("div", { class: "row spaced" },
       element("button", { class: look, id: "moved", onclick: wish("moved") }, "Moved it: check"),
-      element("button", { class: "button", id: "turn", onclick: wish("turn") }, "Turn and check")));
+      element("button", { class: turn, id: "turn", onclick: wish("turn") }, "Turn and check")));
   }
   holder.replaceChildren(element("div", { class: "card" }, ...parts));
 }
