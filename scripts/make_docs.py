@@ -70,7 +70,7 @@ def draw_figures(folder: Path) -> None:
     save_floor_plan(site, folder / "apartment-plan.png")
     sheet = contact_sheet(site)
     height = round(sheet.shape[0] * LOOK_WIDTH_PX / sheet.shape[1])
-    save_image(cv2.resize(sheet, (LOOK_WIDTH_PX, height), interpolation=cv2.INTER_AREA), folder / "apartment-look.png")
+    save_image(cv2.resize(sheet, (LOOK_WIDTH_PX, height), interpolation=cv2.INTER_AREA), folder / "apartment-look.jpg")
 
 
 def main(docs: Path) -> None:

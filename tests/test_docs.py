@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
+import vsnbench
 from scripts.api_page import api_page
 from scripts.command_outputs import filled, pages
 from scripts.make_docs import command_reference
@@ -92,3 +94,9 @@ def test_the_site_is_built_without_a_warning_and_holds_every_page(tmp_path: Path
     assert not re.findall(r"(?:src|href)=\"https?://(?!squidfunk|example)[^\"]*\.(?:css|js|woff2?)", start), (
         "works offline"
     )
+
+
+def test_who_wants_to_cite_finds_the_version_that_there_is() -> None:
+    cited = yaml.safe_load((DOCS.parent / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == vsnbench.__version__
+    assert [one["title"] for one in cited["references"]] == ["Visual Semantic Navigation with Real Robots"]
