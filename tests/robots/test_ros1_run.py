@@ -157,7 +157,7 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         )
         assert (kind, simulated) == ("ros1", 1)
         assert {"simulator", "command_lag_s", "rate_factor", "depth_frames"} <= set(json.loads(conditions))
-        judged = rows(robot, f"select success, verdict.end_reason, distance_source from verdict {JUDGED}")
+        judged = rows(robot, f"select success, verdict.end_reason, verdict.distance_source from verdict {JUDGED}")
         assert judged == [(1, "stop", "simulated")]
         distances = f"select distance_m from verdict {JUDGED}"
         ((ours,), (theirs,)) = (rows(who, distances)[0] for who in (robot, f"simulated:{robot}"))

@@ -18,7 +18,7 @@ AT_REST_S = 5.0
 ATTEMPTS = 4
 """On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
 JUDGED = """
-    select success, verdict.end_reason, distance_source from verdict join episode on episode.id = episode_id
+    select success, verdict.end_reason, verdict.distance_source from verdict join episode on episode.id = episode_id
     where state = 'judged'
 """
 
