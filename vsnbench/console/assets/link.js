@@ -62,8 +62,9 @@ export class Link {
       this.heard = performance.now();
       const said = JSON.parse(event.data);
       if (said.beat !== undefined) {
-        this.roundTripMs = performance.now() - (this.sent.get(said.beat) ?? performance.now());
-        this.sent.clear();
+        const sent = this.sent.get(said.beat);
+        if (sent !== undefined) this.roundTripMs = performance.now() - sent;
+        for (const beat of [...this.sent.keys()]) if (beat <= said.beat) this.sent.delete(beat);
       } else if (said.stopped !== undefined) this.onStopped(said.stopped);
       else this.onState(said);
       this.onHealth(this);
