@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 import skfmm
 
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import Planner, Terrain
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 SIDE_CELLS = 401
 SETTINGS = VLVSettings()
@@ -36,7 +36,7 @@ _OPEN_CELLS = 24
 
 def furnished_map() -> OccupancyMap:
     """Return a map of 401 x 401 cells, all known, with rooms and things to go around."""
-    grid = OccupancyMap(SETTINGS)
+    grid = OccupancyMap(SETTINGS.mapping)
     random = np.random.default_rng(4)
     evidence = np.full((SIDE_CELLS, SIDE_CELLS), -1.0, np.float32)
     for column in (100, 200, 300):

@@ -23,7 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "ros2": {"protocol", "motion", "sensing", "simulator"},
     "database": {"protocol"},
     "record": {"protocol"},
-    "models": {"protocol"},
+    "models": {"protocol", "sensing"},
     "robots": {"protocol"} | _MACHINERY,
     "study": _PURE,
     "viewer": {"protocol", "database", "record"},

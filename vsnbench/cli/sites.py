@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from vsnbench.cli import site_scan
 from vsnbench.cli.output import Json, print_files, print_json
 
 app = typer.Typer(
@@ -17,6 +18,7 @@ app = typer.Typer(
     vsnbench sites draw apartment --output plan.svg
     vsnbench sites look apartment --output look.png
     vsnbench sites generate --seed 7 --output flat.yaml
+    vsnbench sites scan --robot turtlebot2 --output map.yaml
     vsnbench sites edit my-flat.yaml --underlay map.yaml
     """,
 )
@@ -310,6 +312,9 @@ def export_site(
         raise UsageError(f"cannot write a map to {path}", advice="name a file that ends in .yaml")
     written = write_ros_map(map_of_site(load_site(site_name), resolution, furniture=furniture), path)
     print_files(written, as_json=as_json)
+
+
+app.command("scan")(site_scan.command)
 
 
 def _count(number: int, what: str) -> str:

@@ -49,7 +49,7 @@ def is_simulated(name: str) -> bool:
 
 def open_robot(
     name: str,
-    site: Site,
+    site: Site | None,
     parameters: ProtocolParameters,
     *,
     noise: bool = False,
@@ -62,7 +62,7 @@ def open_robot(
 
     Args:
         name: see the module's docstring.
-        site: where the robot is.
+        site: where the robot is; None for a place that nobody has surveyed, where only a real one can be.
         parameters: how far it moves and turns.
         noise: whether a simulated robot's sensors are to be as noisy as real ones.
         pretend_real: whether a simulated robot is to play a real one, which a person places and judges.
@@ -77,6 +77,8 @@ def open_robot(
         from vsnbench.simulator.noise import NoiseSettings
 
         profile = _simulated_profile(name)
+        if site is None:
+            raise UsageError(f"robot {name} is simulated, and nothing says where", advice="name a site with --site")
         if pretend_real:
             from vsnbench.robots.pretended import PretendedRobot
 
@@ -123,10 +125,10 @@ def _simulated_profile(name: str) -> RobotProfile:
     )
 
 
-def _in_its_site(robot: Robot, name: str, site: Site) -> Robot:
+def _in_its_site(robot: Robot, name: str, site: Site | None) -> Robot:
     """Return the robot, unless it is played in another site than the run is about: then it is closed and refused."""
     played = robot.identity.site_sha256
-    if played in ("", site.sha256):
+    if site is None or played in ("", site.sha256):
         return robot
     try:
         raise RobotError(
@@ -138,7 +140,7 @@ def _in_its_site(robot: Robot, name: str, site: Site) -> Robot:
         robot.close()
 
 
-def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Robot:
+def _plug_in_robot(name: str, site: Site | None, parameters: ProtocolParameters) -> Robot:
     installed = plug_ins(ENTRY_POINT_GROUP)
     where = installed.get(name) or (name if ":" in name else "")
     if not where:
@@ -147,8 +149,9 @@ def _plug_in_robot(name: str, site: Site, parameters: ProtocolParameters) -> Rob
             "your own is named as package.module:Class"
         )
     factory = import_factory(where, "robot", name, "a robot", RobotError)
+    offered: dict[str, Any] = {"parameters": parameters} | ({} if site is None else {"site": site})
     try:
-        robot = factory(**_taken(factory, {"site": site, "parameters": parameters}))
+        robot = factory(**_taken(factory, offered))
     except VsnbenchError:
         raise
     except (Exception, SystemExit) as error:

@@ -7,7 +7,6 @@ import numpy.typing as npt
 import shapely
 
 from vsnbench.models.oracle import Oracle
-from vsnbench.models.vlv.occupancy_map import FREE, OCCUPIED, OccupancyMap
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.observation import Observation
@@ -18,6 +17,7 @@ from vsnbench.protocol.walls import wall_shapes
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.sensing.camera_images import median_depth_m
+from vsnbench.sensing.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 WALKS = ((10, "toilet"), (8, "bed"))
 """From where to where: through every room."""
@@ -63,7 +63,7 @@ def walked(walks: tuple[tuple[int, str], ...], settings: VLVSettings, *, noise: 
             oracle = Oracle()
             oracle.survey(site, start.pose, robot.profile.base, ProtocolParameters())
             oracle.reset(goal, 0)
-            grid = OccupancyMap(settings)
+            grid = OccupancyMap(settings.mapping)
             for _ in range(150):
                 observation = robot.observe()
                 grid.observe(depth_at(robot, observation, looks), observation.camera, observation.pose)

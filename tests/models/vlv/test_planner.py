@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import Planner, Route, path_of
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 SETTINGS = VLVSettings()
 
 
 def map_with(obstacles: list[tuple[float, float]], robot: Pose) -> OccupancyMap:
-    grid = OccupancyMap(SETTINGS)
+    grid = OccupancyMap(SETTINGS.mapping)
     for x_m, y_m in obstacles:
         grid.mark_obstacle(x_m, y_m, robot)
     return grid
@@ -134,7 +134,7 @@ def test_a_door_of_seventy_centimetres_is_passed_at_any_angle_of_the_wall() -> N
 
 
 def test_a_forward_move_known_to_be_refused_is_not_asked_for_again() -> None:
-    grid = OccupancyMap(SETTINGS)
+    grid = OccupancyMap(SETTINGS.mapping)
     route = route_to(grid, Pose(0, 0), (2.0, 0.0))
     assert route is not None
     assert Planner(SETTINGS).next_action(route, Pose(0, 0)) is Action.MOVE_FORWARD

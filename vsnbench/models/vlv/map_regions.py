@@ -6,8 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import BoolGrid, Point
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 
 def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:

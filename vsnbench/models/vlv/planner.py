@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 FloatGrid = npt.NDArray[np.float64]
 BoolGrid = npt.NDArray[np.bool_]

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from vsnbench.models.vlv.detectors.contract import Detection
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
 from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight, value_at
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
@@ -20,6 +19,7 @@ from vsnbench.models.vlv.topological_graph import Candidate, Ranked, Topological
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose, wrap_angle
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 _ARRIVED_M: Final = 0.25
 _APPROACH_MARGIN_M: Final = 0.15
@@ -63,7 +63,7 @@ class Search:
         """Start an episode; without a value network, candidates beside the unknown are preferred."""
         self.settings = settings
         self._novelty_weight = 0.0 if with_value else settings.novelty_weight
-        self.map = OccupancyMap(settings)
+        self.map = OccupancyMap(settings.mapping)
         self.graph = TopologicalGraph(settings)
         self.memory = GoalMemory()
         self._planner = planner

@@ -5,6 +5,8 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from vsnbench.sensing.occupancy_map import MappingSettings
+
 
 class DetectorKind(StrEnum):
     """What finds objects in an image."""
@@ -137,6 +139,18 @@ class VLVSettings(BaseModel):
     )
     budget_factor: float = Field(default=2.0, ge=1, le=100, description="actions for a sub-goal, times its way")
     budget_extra: int = Field(default=6, ge=0, le=1000, description="actions for a sub-goal, added")
+
+    @property
+    def mapping(self) -> MappingSettings:
+        """How depth becomes the cells of the map."""
+        return MappingSettings(
+            resolution_m=self.resolution_m,
+            range_m=self.map_range_m,
+            obstacle_bottom_m=self.obstacle_bottom_m,
+            obstacle_top_m=self.obstacle_top_m,
+            obstacle_points=self.obstacle_points,
+            robot_radius_m=self.robot_radius_m,
+        )
 
     @model_validator(mode="after")
     def _sampled_range_is_one(self) -> Self:

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from vsnbench.models.vlv.occupancy_map import OccupancyMap
 from vsnbench.models.vlv.planner import BoolGrid, FloatGrid, Point, Terrain
 from vsnbench.models.vlv.settings import SubGoalRule, VLVSettings
+from vsnbench.sensing.occupancy_map import OccupancyMap
 
 _DRAWS = 100
 _STEP_M = 0.1

@@ -11,14 +11,31 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.decision import GridMap
 from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.plan_grid import FREE, OCCUPIED, UNKNOWN
 
 _START_HALF_M: Final = 5.0
 _GROW_CELLS: Final = 40
-UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class MappingSettings:
+    """How depth becomes cells."""
+
+    resolution_m: float = 0.05
+    """Side of a cell."""
+    range_m: float = 5.0
+    """Farther depth is not drawn."""
+    obstacle_bottom_m: float = 0.2
+    """Lower points are floor."""
+    obstacle_top_m: float | None = 1.2
+    """Higher points pass above the robot; None is the camera's height."""
+    obstacle_points: int = 2
+    """Points that make a cell an obstacle."""
+    robot_radius_m: float = 0.177
+    """Where the robot stands is free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +47,10 @@ class Cell:
 
 
 class OccupancyMap:
-    """A grid in the frame of the episode's start."""
+    """A grid in the frame in which the poses are given that it is drawn from: the episode's start."""
 
-    def __init__(self, settings: VLVSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: MappingSettings | None = None) -> None:
+        self._settings = settings = settings if settings is not None else MappingSettings()
         self.resolution_m = settings.resolution_m
         side = 2 * math.ceil(_START_HALF_M / self.resolution_m)
         self.origin_x_m = self.origin_y_m = -side / 2 * self.resolution_m
@@ -95,19 +112,19 @@ class OccupancyMap:
             camera: the camera that took it.
             pose: odometry of the base in the frame of the start.
         """
-        from vsnbench.models.vlv.map_kernels import carve, project, weigh
+        from vsnbench.sensing.map_kernels import carve, project, weigh
 
         settings = self._settings
         if not np.isfinite(depth_m).any():
             return
-        self._make_room(pose, settings.map_range_m * math.sqrt(2) + abs(camera.mount_forward_m))
+        self._make_room(pose, settings.range_m * math.sqrt(2) + abs(camera.mount_forward_m))
         height, width = depth_m.shape
         top_m = settings.obstacle_top_m if settings.obstacle_top_m is not None else camera.mount_height_m
         rays = camera.rays(width, height)
         mount = np.array([rays.forward_m, rays.height_m])
         where = np.array([pose.x_m, pose.y_m, math.cos(pose.heading_rad), math.sin(pose.heading_rad)])
         grid = np.array([self.origin_x_m, self.origin_y_m, self.resolution_m])
-        band = np.array([settings.obstacle_bottom_m, top_m, settings.map_range_m, settings.obstacle_points])
+        band = np.array([settings.obstacle_bottom_m, top_m, settings.range_m, settings.obstacle_points])
         hits, floor = np.zeros(self.shape, np.int32), np.zeros(self.shape, np.int32)
         crossed = np.zeros(self.shape, np.uint8)
         reach_m = np.zeros(width)

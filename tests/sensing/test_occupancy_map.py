@@ -7,10 +7,9 @@ import numpy.typing as npt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.models.vlv.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
+from vsnbench.sensing.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.6, depth_min_m=0.4, depth_max_m=8)
 
@@ -46,7 +45,7 @@ def said_at(grid: OccupancyMap, x_m: float, y_m: float) -> int:
 
 
 def test_a_wall_is_occupied_what_lies_before_it_is_free_and_what_lies_behind_it_unknown() -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     assert said_at(grid, 2.01, 0.0) == OCCUPIED
     assert said_at(grid, 1.0, 0.0) == FREE
@@ -55,7 +54,7 @@ def test_a_wall_is_occupied_what_lies_before_it_is_free_and_what_lies_behind_it_
 
 
 def test_the_heading_turns_what_is_seen() -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(1.0, 0.5, math.pi / 2))
     assert said_at(grid, 1.0, 2.51) == OCCUPIED
     assert said_at(grid, 1.0, 1.5) == FREE
@@ -65,13 +64,13 @@ def test_one_point_is_no_obstacle_and_two_are() -> None:
     for points, said in ((1, False), (2, True)):
         depth = np.full((48, 64), np.nan, np.float32)
         depth[24, 32 : 32 + points] = 1.5
-        grid = OccupancyMap(VLVSettings())
+        grid = OccupancyMap()
         grid.observe(depth, CAMERA, Pose(0, 0))
         assert grid.occupied.any() == said
 
 
 def test_what_is_seen_through_later_is_cleared() -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     for _ in range(3):
         grid.observe(wall_ahead(4.0), CAMERA, Pose(0, 0))
@@ -79,7 +78,7 @@ def test_what_is_seen_through_later_is_cleared() -> None:
 
 
 def test_the_grid_grows_where_the_robot_leaves_it_and_keeps_what_it_knew() -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     before = grid.shape
     grid.observe(wall_ahead(2.0), CAMERA, Pose(-14, 9))
@@ -90,7 +89,7 @@ def test_the_grid_grows_where_the_robot_leaves_it_and_keeps_what_it_knew() -> No
 
 
 def test_a_bump_stays_marked_however_often_the_place_looks_free() -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.mark_obstacle(1.0, 0.0, Pose(0.5, 0.0))
     for _ in range(10):
         grid.observe(wall_ahead(4.0), CAMERA, Pose(0, 0))
@@ -100,7 +99,7 @@ def test_a_bump_stays_marked_however_often_the_place_looks_free() -> None:
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(depth_images, poses), min_size=1, max_size=3))
 def test_the_robot_s_own_cell_is_never_an_obstacle(looks: list[tuple[npt.NDArray[np.float32], Pose]]) -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     for depth, pose in looks:
         grid.observe(depth, CAMERA, pose)
         assert said_at(grid, *pose.position) != OCCUPIED
@@ -111,7 +110,7 @@ def test_the_robot_s_own_cell_is_never_an_obstacle(looks: list[tuple[npt.NDArray
 def test_a_bump_never_marks_the_robot_s_own_cell(
     depth: npt.NDArray[np.float32], pose: Pose, ahead_m: float, aside_m: float
 ) -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(depth, CAMERA, pose)
     grid.mark_obstacle(*pose.compose(Pose(ahead_m, aside_m)).position, pose)
     assert said_at(grid, *pose.position) != OCCUPIED
@@ -122,7 +121,7 @@ def test_a_bump_never_marks_the_robot_s_own_cell(
 def test_an_image_without_valid_depth_changes_nothing(
     depth: npt.NDArray[np.float32], pose: Pose, elsewhere: Pose
 ) -> None:
-    grid = OccupancyMap(VLVSettings())
+    grid = OccupancyMap()
     grid.observe(depth, CAMERA, pose)
     before = grid.grid_map()
     grid.observe(np.full((48, 64), np.nan, np.float32), CAMERA, elsewhere)
@@ -134,7 +133,7 @@ def test_an_image_without_valid_depth_changes_nothing(
 @settings(deadline=None, max_examples=40)
 @given(depth_images, poses, st.integers(0, 2**32 - 1))
 def test_losing_pixels_never_adds_an_obstacle(depth: npt.NDArray[np.float32], pose: Pose, seed: int) -> None:
-    whole, holed = OccupancyMap(VLVSettings()), OccupancyMap(VLVSettings())
+    whole, holed = OccupancyMap(), OccupancyMap()
     whole.observe(depth, CAMERA, pose)
     fewer = np.where(np.random.default_rng(seed).random(depth.shape) < 0.5, depth, np.float32(np.nan))
     holed.observe(fewer, CAMERA, pose)

@@ -1,0 +1,205 @@
+"""A scan: a robot is driven through a place, and depth and odometry become its map."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.protocol.actions import Action
+from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import StartingPosition
+from vsnbench.robots.contract import CarriedInPlay, MadeReady, Robot
+from vsnbench.runner.depth_guard import look_ahead
+from vsnbench.runner.stopping import Stopped, Stopping
+from vsnbench.sensing.occupancy_map import MappingSettings, OccupancyMap
+from vsnbench.sensing.plan_grid import FREE, PlanGrid
+
+RANGE_M: Final = 4.0
+"""Farther depth is too rough for a wall's place."""
+TOP_M: Final = 1.8
+"""Higher points are no wall: lintels, lamps. As high as this, walls are seen above furniture."""
+MOST_ACTIONS: Final = 100_000
+_KEPT_EVERY: Final = 20
+"""Actions after which the map so far is kept."""
+_MOST_FAILURES: Final = 3
+"""So many movements in a row that fail end a scan."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScanState:
+    """What a driver knows when it is asked for the next action."""
+
+    map: OccupancyMap
+    pose: Pose
+    """Where the robot stands on the map."""
+    actions: int
+    refused: bool
+    """Whether the last action was a forward move that was refused or fell short."""
+    note: str
+    """What happened to the last action, where it was not simply done."""
+
+    @property
+    def seen_free_m2(self) -> float:
+        """Floor that was seen to be free."""
+        return float(np.count_nonzero(self.map.cells() == FREE)) * self.map.resolution_m**2
+
+
+class Driver(Protocol):
+    """Whoever says where the robot goes."""
+
+    def next(self, state: ScanState) -> Action | None:
+        """Return the next action, a movement; None ends the scan."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ScanResult:
+    """What a scan left."""
+
+    grid: PlanGrid
+    actions: int
+    seen_free_m2: float
+    stopped: Stopped | None
+    """What ended it before its driver did."""
+
+
+class Scan:
+    """One drive of one robot; what was mapped is kept on every way out."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        start: StartingPosition,
+        parameters: ProtocolParameters,
+        stop: Stopping,
+        *,
+        resolution_m: float = 0.05,
+        seed: int = 0,
+    ) -> None:
+        """Prepare a scan whose map lies in the frame in which `start` is given.
+
+        Args:
+            robot: with a depth camera.
+            start: where it stands, or is put.
+            parameters: how far it moves and turns, and the depth guard.
+            stop: who may end it.
+            resolution_m: side of a cell.
+            seed: of a simulated robot's noise.
+
+        Raises:
+            RobotError: the robot measures no depth.
+        """
+        if Sensor.DEPTH not in robot.sensors:
+            raise RobotError(f"robot {robot.identity.profile.name} has no depth camera, and a scan needs one")
+        profile = robot.identity.profile
+        self._robot, self._start, self._parameters, self._stop = robot, start, parameters, stop
+        self._settings = MappingSettings(
+            resolution_m=resolution_m,
+            range_m=min(RANGE_M, profile.camera.depth_max_m),
+            obstacle_top_m=TOP_M,
+            robot_radius_m=profile.base.radius_m,
+        )
+        self._map = OccupancyMap(self._settings)
+        self._seed = seed
+        self._actions = 0
+
+    def run(
+        self,
+        driver: Driver,
+        kept: Callable[[PlanGrid], object],
+        told: Callable[[ScanState], None],
+        most_actions: int = MOST_ACTIONS,
+    ) -> ScanResult:
+        """Drive until the driver or somebody else ends it.
+
+        Args:
+            driver: says where to go.
+            kept: takes the map so far every now and then, and at the end.
+            told: is told of every look.
+            most_actions: it ends after so many.
+
+        Raises:
+            RobotError: the robot cannot go on; the map so far was kept.
+        """
+        stopped: Stopped | None = None
+        try:
+            with self._stop.interruptible():
+                self._begin()
+            self._drive(driver, kept, told, most_actions)
+        except Stopped as acted:
+            stopped = acted
+        finally:
+            self._robot.halt()
+            if self._map.known.any():
+                kept(self.grid())
+        state = ScanState(self._map, Pose(0.0, 0.0), self._actions, False, "")
+        return ScanResult(self.grid(), self._actions, state.seen_free_m2, stopped)
+
+    def grid(self) -> PlanGrid:
+        """Return the map so far, cut to what is known."""
+        drawn = self._map.grid_map()
+        corner = self._start.pose.compose(Pose(drawn.origin_x_m, drawn.origin_y_m))
+        return PlanGrid(drawn.cells, drawn.resolution_m, corner)
+
+    def _begin(self) -> None:
+        if isinstance(self._robot, MadeReady):
+            self._robot.make_ready()
+        if isinstance(self._robot, CarriedInPlay) and self._robot.is_carried_in_play:
+            self._robot.carry(self._start, self._seed)
+        self._robot.begin(self._start, self._seed)
+
+    def _drive(
+        self,
+        driver: Driver,
+        kept: Callable[[PlanGrid], object],
+        told: Callable[[ScanState], None],
+        most_actions: int,
+    ) -> None:
+        refused, note, failures = False, "", 0
+        while True:
+            with self._stop.interruptible():
+                observation = self._robot.observe()
+                pose = self._look(observation)
+                state = ScanState(self._map, pose, self._actions, refused, note)
+                told(state)
+                action = driver.next(state)
+                if action is None or self._actions >= most_actions:
+                    return
+                refused, note = self._move(action, observation, pose)
+            failures = failures + 1 if note and not refused else 0
+            if failures >= _MOST_FAILURES:
+                raise RobotError(f"the scan ended after {failures} movements that failed: {note}")
+            self._actions += 1
+            if self._actions % _KEPT_EVERY == 0:
+                kept(self.grid())
+
+    def _look(self, observation: Observation) -> Pose:
+        """Draw what is seen into the map, and return from where."""
+        depth_m = observation.depth_m
+        if depth_m is None:
+            raise SensorLostError("no depth image in this observation")
+        pose = observation.pose
+        self._map.observe(depth_m, observation.camera, pose)
+        return pose
+
+    def _move(self, action: Action, observation: Observation, pose: Pose) -> tuple[bool, str]:
+        """Carry out an action, unless the depth guard refuses it; return whether it fell short, and what to say."""
+        profile = self._robot.identity.profile
+        if action is Action.MOVE_FORWARD:
+            guard = look_ahead(observation, profile.base, self._parameters.depth_guard)
+            if guard.blocked:
+                return True, f"refused: {guard.words}"
+        result = self._robot.execute(action)
+        if result.completed:
+            return False, ""
+        if result.sensor_lost:
+            raise SensorLostError(result.failure)
+        words = result.failure or (f"touched {result.collision.touched}" if result.collision else "it fell short")
+        if action is Action.MOVE_FORWARD and result.collision:
+            ahead = pose.compose(Pose(profile.base.radius_m + self._settings.resolution_m, 0.0))
+            self._map.mark_obstacle(ahead.x_m, ahead.y_m, pose)
+        return action is Action.MOVE_FORWARD, words
