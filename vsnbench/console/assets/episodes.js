@@ -62,7 +62,14 @@ function line(one, holder) {
   if (one.undo_s > 0) {
     const undo = element("button", { type: "button", class: "button", "data-undo": true, onclick: () => act(card, () => post("/undo", { episode: one.episode, seen: one.seen }), holder) }, "Undo");
     buttons.append(undo);
-    setTimeout(() => { undo.remove(); }, one.undo_s * 1000);
+    const until = performance.now() + one.undo_s * 1000; // seconds from the run: no phone's clock is asked
+    const count = () => {
+      const left = Math.ceil((until - performance.now()) / 1000);
+      if (left <= 0) return undo.remove();
+      undo.textContent = `Undo (${left} s)`;
+      setTimeout(count, 250);
+    };
+    count();
   }
   if (one.episode === asked) buttons.append(element("p", { class: "dim small" }, "asked about above"));
   else if (one.can_be_judged) {
@@ -74,6 +81,7 @@ function line(one, holder) {
 
 function form(card, one, holder) {
   open = one.episode;
+  card.querySelector(":scope > .row").hidden = true;
   const close = () => { open = 0; last = ""; refresh(holder); };
   const made = judgingForm(one.case, {
     kept: one.outcome === "unjudged" ? `said-of-${one.episode}` : `amend-${one.episode}-${one.seen}`,
