@@ -4,10 +4,17 @@ import signal
 
 import pytest
 
-from tests.processes import wait_until
-from tests.ros2.graph import HERE, live_graph
+from tests.processes import Process, wait_until
+from tests.ros2.graph import HERE, Graph2, live_graph
 
 pytestmark = pytest.mark.ros2
+
+
+def serve(graph: Graph2, base: str) -> Process:
+    """Start a base on its dock that does as its name says, and wait until it serves."""
+    process = graph.start(HERE / "nodes" / "dock.py", base)
+    wait_until(lambda: "up" in process.output, "the action is served", 100)
+    return process
 
 
 @pytest.mark.parametrize(
@@ -20,7 +27,7 @@ pytestmark = pytest.mark.ros2
 )
 def test_what_the_base_does_is_said(tmp_path, base: str, code: int, says: str) -> None:
     with live_graph(tmp_path) as graph:
-        graph.start(HERE / "nodes" / "dock.py", base)
+        serve(graph, base)
         undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
         assert undock.wait(100) == code, undock.output
         assert says in undock.output
@@ -29,7 +36,7 @@ def test_what_the_base_does_is_said(tmp_path, base: str, code: int, says: str) -
 
 def test_a_base_that_hangs_is_asked_no_longer_after_an_interrupt(tmp_path) -> None:
     with live_graph(tmp_path) as graph:
-        base = graph.start(HERE / "nodes" / "dock.py", "hangs")
+        base = serve(graph, "hangs")
         undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
         wait_until(lambda: "asked" in base.output or undock.popen.poll() is not None, "the base is asked", 100)
         undock.signal(signal.SIGINT)
