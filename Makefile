@@ -7,10 +7,10 @@ DEMO_RESULTS ?= demo-results
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 
-.PHONY: help demo test check check-fast fmt fuzz bench docs docs-site weights setup setup-test clean
+.PHONY: help demo test test-ros1 test-ros2 check check-fast fmt fuzz bench docs docs-site weights setup setup-test clean
 
 help: ## Show this help.
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 setup:
 	@scripts/setup.sh run
@@ -26,7 +26,13 @@ demo: setup ## Set up and run the main job in the embedded apartment, then repor
 
 test: setup-test check ## Set up and pass every check and test: under 20 minutes on two cores.
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not ros and not ros2"
+	@echo "ROS 1 and ROS 2 side by side, for they mostly wait: each shows its tests when it is done"
+	$(MAKE) --no-print-directory --jobs 2 --output-sync=target --keep-going test-ros1 test-ros2
+
+test-ros1: setup-test ## The tests that need ROS 1 alone.
 	$(BIN)/python -m pytest -m ros
+
+test-ros2: setup-test ## The tests that need ROS 2 alone.
 	.venv-ros2/bin/python -m pytest -m ros2 tests/ros2
 
 check: setup-test ## Lint, format check and types.

@@ -221,6 +221,7 @@ def driver(url: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root, env=environment)
 
 
+@pytest.mark.slow
 def test_three_drivers_that_start_on_an_empty_record_and_are_killed_run_every_trial_once(url: str) -> None:
     drivers = [driver(url) for _ in range(3)]
     for killed in drivers[:2]:

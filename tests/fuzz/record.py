@@ -37,7 +37,7 @@ VERBS: tuple[tuple[str, ...], ...] = (
 class RecordTarget:
     """The SQLite database, and what lies beside it."""
 
-    in_suite: ClassVar[int] = 300
+    in_suite: ClassVar[int] = 80
 
     def __init__(self, home: Path) -> None:
         from tests.viewer.synthetic_episode import record

@@ -26,6 +26,7 @@ class Target(Protocol):
     """A loader; made once in a folder of its own."""
 
     in_suite: ClassVar[int]
+    """Inputs in a run of the tests, for some seconds; `make fuzz` takes more."""
 
     def __init__(self, home: Path) -> None: ...
 
@@ -36,7 +37,7 @@ class Target(Protocol):
 class _SettingsFile(ABC):
     """A YAML file behind a function that reads it."""
 
-    in_suite: ClassVar[int] = 400
+    in_suite: ClassVar[int] = 200
     files: ClassVar[tuple[Path | str, ...]]
 
     def __init__(self, home: Path) -> None:
@@ -211,7 +212,7 @@ class DatabaseURLTarget:
 class HabitatTarget:
     """`import habitat`."""
 
-    in_suite: ClassVar[int] = 300
+    in_suite: ClassVar[int] = 100
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -239,7 +240,7 @@ class HabitatTarget:
 class UpstreamLogTarget:
     """`import ros4vsn`: the log and its pictures."""
 
-    in_suite: ClassVar[int] = 300
+    in_suite: ClassVar[int] = 100
 
     def __init__(self, home: Path) -> None:
         self.home = home

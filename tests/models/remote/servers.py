@@ -23,7 +23,7 @@ from vsnbench.protocol.pose import Pose
 
 ROOT = Path(__file__).resolve().parents[3]
 STUB = Path(vsnbench_policy.__file__)
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 CARD = {"name": "scripted", "goals": None, "sensors": ["rgb"], "settings": {}, "deterministic": True}
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.5)
 
