@@ -145,8 +145,7 @@ class ValueTarget(_Checkpoint):
         import torch
 
         shapes = json.loads((DATA / "vlv" / "shapes.json").read_text())
-        # One number stands for all of a tensor's, also in the file, which is 48 MB otherwise.
-        return {name: torch.ones((), dtype=torch.float16).expand(shape) for name, shape in shapes.items()}
+        return {name: torch.ones(shape, dtype=torch.float16) for name, shape in shapes.items()}
 
     def as_file(self, state: Mapping[str, Any]) -> Any:
         return {"model_state_dict": dict(state), "epoch": 3}
