@@ -32,9 +32,8 @@ def main() -> int:
     asked = options.parse_args()
     chance = random.Random(asked.seed)
     mishaps = [(screen, one) for screen, of_it in MISHAPS.items() for one in of_it]
-    most = max(2, round(asked.trials * 0.8))
-    mishaps = (mishaps * (1 + most // len(mishaps)))[: max(most, len(mishaps) if asked.trials >= 25 else 0)]
     chance.shuffle(mishaps)
+    mishaps = mishaps[: max(3, asked.trials)]
     with ExitStack() as stack:
         directory = asked.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         directory.mkdir(parents=True, exist_ok=asked.keep is None)

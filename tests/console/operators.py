@@ -99,13 +99,19 @@ class Operators:
         name = moment or screen.name
         here = (name, screen.episode, self.run.kills)
         waiting = [one for one in self.mishaps if one[0] == name]
-        if not waiting or here in self._met or self.chance.random() < 0.3:
+        if not waiting or here in self._met or not (name in ("sign-in", "finish") or self._is_time()):
             return None
         self._met.add(here)
         self.mishaps.remove(waiting[0])
         self.happened[" ".join(waiting[0])] += 1
         self.tell(f"#{screen.episode}, {len(self.said)} judgements: {' '.join(waiting[0])}")
         return waiting[0][1]
+
+    def _is_time(self) -> bool:
+        """Whether as much has happened as is due: mishaps are spread over the trials."""
+        judged = self.run.rows("SELECT COUNT(*) FROM episode WHERE state = 'judged'")[0][0]
+        happened = self.happened.total()
+        return happened <= (happened + len(self.mishaps)) * (judged + 0.5) / self.run.trials
 
     def _happens(self, phone: Phone, mishap: Mishap, screen: Screen) -> None:
         said = None
@@ -119,13 +125,20 @@ class Operators:
             phone.page.reload()
             phone.page.wait_for_selector("#link.up")
         else:
-            phone.leave_network()
-            self._press_into_the_void(phone, screen, said)
-            phone.return_to_network(cut=self.chance.random() < 0.5)
+            with self._without_network(phone):
+                self._press_into_the_void(phone, screen, said)
         now = phone.screen()
         if said and now.name == "judging" and now.episode == screen.episode:
             kept = phone.typed("#judging")
             assert kept == typed, (mishap, kept, typed)
+
+    @contextmanager
+    def _without_network(self, phone: Phone) -> Iterator[None]:
+        try:
+            phone.leave_network()
+            yield
+        finally:
+            phone.return_to_network(cut=self.chance.random() < 0.5)
 
     def _press_into_the_void(self, phone: Phone, screen: Screen, said: Said | None) -> None:
         """Press what can be pressed without a network; the page must say that nobody heard."""
@@ -150,7 +163,7 @@ class Operators:
     def _place(self, phone: Phone, screen: Screen, *, both: bool) -> None:
         if screen.busy:
             phone.page.wait_for_timeout(50)
-        elif any(one[0] == "looked" for one in self.mishaps) or self.chance.random() < 0.1:
+        elif self.chance.random() < 0.1 or (self._is_time() and any(one[0] == "looked" for one in self.mishaps)):
             phone.page.click("#check")
             phone.page.wait_for_selector("#moved, #go:not([disabled])")
         elif self.chance.random() < 0.03:
@@ -215,8 +228,8 @@ class Operators:
             if (mishap := self._mishap(screen, "confirming")) is not None:
                 phone.page.wait_for_timeout(self.chance.uniform(0, 30))
                 if mishap == "offline":
-                    phone.leave_network()
-                    phone.return_to_network(cut=self.chance.random() < 0.5)
+                    with self._without_network(phone):
+                        pass
                 elif mishap == "kill":
                     self._kill()
                 else:

@@ -106,13 +106,13 @@ class Phone:
         """Lose the network, and wait until the page says so."""
         self.page.context.set_offline(True)
         self.relay.stall()
-        self.page.wait_for_selector("#offline", state="visible")
+        self.page.wait_for_selector("#link.down")
 
     def return_to_network(self, *, cut: bool) -> None:
         """Have it again; what was under way is lost where connections were `cut`."""
         self.relay.mend(cut=cut)
         self.page.context.set_offline(False)
-        self.page.wait_for_selector("#offline", state="hidden")
+        self.page.wait_for_selector("#link.up")
 
     def click_at(self, selector: str, moment_ms: float) -> None:
         """Press a button at a moment of this machine's clock, and do not wait for it."""

@@ -1,0 +1,152 @@
+"""Broken requests for a page, drawn from chance: none of them is one that a phone's owner would mean."""
+
+import json
+import random
+import threading
+from typing import Any
+from urllib.parse import urlsplit
+
+from tests.console.browser import Browser
+
+PATHS = (
+    *("/", "/state", "/plan.svg", "/picture", "/sign-in", "/answer", "/judge", "/stop", "/pause", "/wish", "/live"),
+    *(
+        "/placing/seen",
+        "/placing/../..",
+        "/episodes",
+        "/episodes/1/frames/1",
+        "/episodes/-1/frames/99999999999999999999",
+    ),
+    *("/summary", "/amend", "/undo", "/assets/operator.js", "/assets/../gate.py", "/assets/%2e%2e/gate.py", "//", "*"),
+    *("/?token=", "/?token=%ff%fe", "/x\x00y", "/" + "a" * 9000, "http://evil.example/state", "/../../etc/passwd"),
+)
+METHODS = ("GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "TRACE", "CONNECT", "PATCH", "get", "G\x00T", "X" * 300)
+VALUES: tuple[Any, ...] = (
+    *(None, -1, 1, 2**40, 1.5, 1e308, "go", "skip", "end", "x" * 600, [], {}, True, "\u202e\ud7ff", "0.5", {"a": [1]}),
+    *("' OR 1=1 --", "<script>", "\x00", "84", "no", "look", "turn"),
+)
+NAMES = ("question", "said", "episode", "seen", "touched", "distance", "void", "sure", "name", "what", "note", "felt")
+CHANGES = ("/stop", "/pause", "/live")
+"""What a phone may do at any moment: here it is asked for without the page's proof, or the cookie, alone."""
+
+
+class Requests:
+    """Draws requests; from any thread."""
+
+    def __init__(self, browser: Browser, chance: random.Random) -> None:
+        self._browser = browser
+        self._chance = chance
+        self._lock = threading.Lock()
+        self._host = urlsplit(browser.address).netloc
+
+    def one(self) -> tuple[bytes, str]:
+        """Return the bytes of a request, and how it ends: `whole`, or `cut` in the midst of it."""
+        with self._lock:
+            return self._one()
+
+    def _one(self) -> tuple[bytes, str]:
+        chance = self._chance
+        path, method = chance.choice(PATHS), chance.choices(METHODS, [8, 14, *[1] * (len(METHODS) - 2)])[0]
+        meant = path in CHANGES
+        if path == "/live" and chance.random() < 0.7:
+            return self._socket(), chance.choice(["whole", "cut"])
+        body = self._body()
+        lines = [f"{method} {path} HTTP/{chance.choice(['1.1', '1.1', '1.1', '1.0', '2.0', '9'])}"]
+        lines += self._host_lines() + self._cookie_lines() + self._origin_lines(meant=meant)
+        kind = chance.choice(
+            ["application/json", "application/json", "text/plain", "", "multipart/form-data; boundary=x"]
+        )
+        lines += [f"Content-Type: {kind}"] if kind else []
+        lines += self._length_lines(body)
+        lines += chance.choices(
+            [
+                [],
+                ["Expect: 100-continue"],
+                ["Range: bytes=0-1"],
+                ["X: " + "y" * chance.randrange(20_000)],
+                ["Bad Header: 1"],
+            ],
+            [12, 1, 1, 1, 1],
+        )[0]
+        lines.append("Connection: close")
+        sent = "\r\n".join(lines).encode("utf-8", "surrogatepass") + b"\r\n\r\n" + body
+        if chance.random() < 0.1:
+            return sent[: chance.randrange(1, len(sent))], "cut"
+        if chance.random() < 0.03:
+            return chance.randbytes(chance.randrange(1, 3000)), "whole"
+        return sent, "whole"
+
+    def _host_lines(self) -> list[str]:
+        port = self._host.rpartition(":")[2]
+        other = [
+            ["Host: evil.example"],
+            [f"Host: evil.example:{port}"],
+            [],
+            [f"Host: {self._host}"] * 2,
+            ["Host: 127.0.0.1"],
+        ]
+        return self._chance.choices([[f"Host: {self._host}"], *other], [12, 1, 1, 1, 1, 1])[0]
+
+    def _cookie_lines(self) -> list[str]:
+        name, _, value = self._browser.cookie.partition("=")
+        content, _, signature = value.partition(".")
+        wrong = [
+            *(f"{name}={content}.{'0' * 64}", f"{name}={content}", f"{name}=.{signature}", f"{name}={'A' * 5000}.x"),
+            *(f"{name}=\u00e9.\u00e9", "=;=;=", f"{name}={content}.{signature}x", "a" * 9000),
+        ]
+        chosen = self._chance.choices([self._browser.cookie, "", *wrong], [10, 3, *[1] * len(wrong)])[0]
+        return [f"Cookie: {chosen}"] if chosen else []
+
+    def _origin_lines(self, *, meant: bool) -> list[str]:
+        own, proof = f"http://{self._host}", self._browser.proof
+        origins = self._chance.choices([own, "http://evil.example", "null", "", own + ".evil"], [10, 1, 1, 1, 1])[0]
+        proofs = ["0" * 64, "", proof[:-1], "\u00e9" * 64]
+        shown = self._chance.choice(proofs) if meant or self._chance.random() < 0.2 else proof
+        return [*([f"Origin: {origins}"] if origins else []), f"X-Vsnbench-Proof: {shown}"]
+
+    def _length_lines(self, body: bytes) -> list[str]:
+        right = [f"Content-Length: {len(body)}"]
+        wrong = [[f"Content-Length: {len(body) + 9}"], ["Content-Length: -1"], ["Content-Length: abc"], [], right * 2]
+        wrong += [
+            ["Transfer-Encoding: chunked"],
+            ["Content-Length: 99999999999999"],
+            [*right, "Transfer-Encoding: chunked"],
+        ]
+        return self._chance.choices([right, *wrong], [24, *[1] * len(wrong)])[0]
+
+    def _body(self) -> bytes:
+        chance = self._chance
+        draw = chance.random()
+        if draw < 0.6:
+            said = {chance.choice(NAMES): chance.choice(VALUES) for _ in range(chance.randrange(5))}
+            said["question"] = chance.choice([*VALUES, chance.randrange(2**31)])
+            if "episode" in said or chance.random() < 0.5:
+                said["episode"] = chance.choice([999, -1, "1", None, 2**31, 2**63])
+            return json.dumps(said).encode()
+        if draw < 0.7:
+            return b"[" * chance.randrange(1, 50_000)
+        if draw < 0.75:
+            return b'{"name": "' + b"x" * chance.randrange(200_000) + b'"}'
+        return chance.randbytes(chance.randrange(400)) if draw < 0.9 else b""
+
+    def _socket(self) -> bytes:
+        """Return the opening of a web socket and frames that nobody would send."""
+        chance = self._chance
+        key = chance.choice(["dGhlIHNhbXBsZSBub25jZQ==", "", "x", "\u00e9"])
+        lines = ["GET /live HTTP/1.1", *self._host_lines(), *self._cookie_lines(), *self._origin_lines(meant=True)]
+        version = chance.choice(["13", "13", "8", ""])
+        lines += ["Upgrade: websocket", "Connection: Upgrade", f"Sec-WebSocket-Key: {key}"]
+        lines.append(f"Sec-WebSocket-Version: {version}")
+        frames = b"".join(self._frame() for _ in range(chance.randrange(6)))
+        return "\r\n".join(lines).encode("utf-8") + b"\r\n\r\n" + frames
+
+    def _frame(self) -> bytes:
+        chance = self._chance
+        content = chance.choice(
+            [b"{}", b"[1]", b'{"beat": "x"}', b'{"beat": 1}', b"\xff\xfe", b"", b"{" * 100, b"null"]
+        )
+        mask = bytes(4)
+        head = bytes([chance.choice([0x81, 0x82, 0x88, 0x89, 0x80, 0x0F, 0xFF])])
+        if chance.random() < 0.2:
+            return head + bytes([0x80 | 127]) + (2**40).to_bytes(8, "big") + mask
+        return head + bytes([0x80 | len(content)]) + mask + content
