@@ -84,18 +84,23 @@ class OperatorPage:
 
 def told_at_the_terminal(server: WebServer, *, to_be_scanned: bool) -> str:
     """Return where the page is, with a code for a phone's camera where a phone can reach it."""
-    import segno
-
     lines = [f"[bold]console[/bold]  {server.addresses[0]}"]
     if to_be_scanned:
-        import io
-
-        drawn = io.StringIO()
-        segno.make(server.addresses[0], micro=False).terminal(drawn, compact=True)
-        lines.append(drawn.getvalue())
+        lines.append(code_to_be_scanned(server.addresses[0]))
         if server.scheme == "http":
             lines.append("[dim]anybody on this network can read along: --console-certificate turns TLS on[/dim]")
     return "\n".join(lines)
+
+
+def code_to_be_scanned(address: str) -> str:
+    """Return an address as lines of a terminal that a phone's camera reads: half blocks, what is lit is paper."""
+    import io
+
+    import segno
+
+    drawn = io.StringIO()
+    segno.make(address, micro=False).terminal(drawn, compact=True)
+    return drawn.getvalue()
 
 
 class _Pages:
