@@ -40,8 +40,9 @@ class Server:
         result = SimpleNamespace(is_docked=self.is_docked)
         return Future() if self.silent else said(SimpleNamespace(status=self.status, result=result))
 
-    def cancel_goal_async(self) -> None:
+    def cancel_goal_async(self) -> "Future[object]":
         self.cancelled.append(True)
+        return said(None)
 
 
 def test_a_base_that_leaves_its_dock_is_no_error() -> None:
@@ -90,3 +91,24 @@ def test_a_dock_is_no_fault_until_somebody_says_that_the_robot_stands_on_it() ->
         "vsnbench ros2 undock --robot create3@b"
     )
     assert dock_of(load_profile("stretch")).advice == "push it off by hand"
+
+
+def test_what_is_interrupted_before_the_base_has_answered_is_taken_back_when_it_does() -> None:
+    server, answer, waited = Server(), Future(), []
+
+    class Interrupted(Future):
+        """An answer that comes after the interrupt."""
+
+        def add_done_callback(self, call) -> None:
+            waited.append(call)
+            if len(waited) == 1:
+                raise KeyboardInterrupt
+            answer.add_done_callback(call)
+            answer.set_result(server)
+
+        def result(self, timeout=None):
+            return answer.result(timeout)
+
+    with pytest.raises(KeyboardInterrupt):
+        carry_out(SimpleNamespace(send_goal_async=lambda _goal: Interrupted()), None, "/undock")
+    assert server.cancelled

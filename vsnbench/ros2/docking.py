@@ -4,6 +4,7 @@
 hint. Of its types this reads DockStatus.is_docked, and of the action Undock the result's is_docked; the goal is empty.
 """
 
+import contextlib
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 UNDOCK_S = 60.0
 """A Create 3 drives backwards off its dock and turns round; it takes some ten seconds."""
 _ANSWER_S = 10.0
+_TAKE_BACK_S = 3.0
 _SUCCEEDED = 4
 """action_msgs/GoalStatus.STATUS_SUCCEEDED."""
 _CHARGING = 1
@@ -107,16 +109,25 @@ def carry_out(client: Any, goal: Any, name: str, timeout_s: float = UNDOCK_S) ->
     Raises:
         RobotError: the base refused, failed, or took too long.
     """
-    handle = _await(client.send_goal_async(goal), _ANSWER_S, f"{name} does not answer")
-    if not handle.accepted:
-        raise RobotError(f"{name} was refused", advice="does the robot stand on its dock? if not, it is ready")
+    asked = client.send_goal_async(goal)
     try:
+        handle = _await(asked, _ANSWER_S, f"{name} does not answer")
+        if not handle.accepted:
+            raise RobotError(f"{name} was refused", advice="does the robot stand on its dock? if not, it is ready")
         done = _await(handle.get_result_async(), timeout_s, f"{name} has not ended after {timeout_s:.0f} s")
     except BaseException:
-        handle.cancel_goal_async()
+        _take_back(asked)
         raise
     if done.status != _SUCCEEDED or done.result.is_docked:
         raise RobotError(f"{name} failed, the base still stands on its dock", advice="push it off by hand")
+
+
+def _take_back(asked: Any) -> None:
+    """Cancel a goal, also one whose answer is still on its way, and see that the base has heard it."""
+    with contextlib.suppress(RobotError):
+        handle = _await(asked, _TAKE_BACK_S, "")
+        if handle.accepted:
+            _await(handle.cancel_goal_async(), _TAKE_BACK_S, "")
 
 
 def _await(future: Any, timeout_s: float, otherwise: str) -> Any:
