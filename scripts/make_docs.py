@@ -1,4 +1,5 @@
-"""Remakes what in docs/ is made by the program itself: the commands, the interface, the schema and the figures.
+"""Remakes what in docs/ is made by the program itself: the commands, the interface, the schema, the
+table of mistakes and the figures.
 
 usage: python scripts/make_docs.py [OUTPUT]   (docs/ when absent)
 
@@ -14,6 +15,7 @@ sys.path.insert(0, str(ROOT))
 
 from scripts import command_outputs  # noqa: E402 - found from any directory only now
 from scripts.api_page import api_page  # noqa: E402 - found from any directory only now
+from scripts.mistakes_page import mistakes_page  # noqa: E402 - found from any directory only now
 from scripts.schema_page import schema_page  # noqa: E402 - found from any directory only now
 
 LOOK_WIDTH_PX = 1400
@@ -78,6 +80,7 @@ def main(docs: Path) -> None:
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
+    (docs / "survey-mistakes.md").write_text(mistakes_page(), encoding="utf-8")
     draw_figures(docs / "figures")
     command_outputs.main()
 

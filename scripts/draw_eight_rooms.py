@@ -1,0 +1,195 @@
+"""Draws a flat of eight rooms in the site editor's page with mouse and keyboard, and counts what it took.
+
+usage: python scripts/draw_eight_rooms.py OUTPUT.yaml [--flat scripts/eight_rooms.yaml]
+
+The map under the plan is made from the flat (`sites export --map`); walls are traced over it from end to end, doors
+and windows are clicked onto them, furniture comes from the palette and gets its numbers typed, starts too. Prints the
+clock's time, and what a person would need by the keystroke-level model (Card, Moran and Newell 1980): 1.1 s to point,
+0.2 s to click, 0.28 s a key, 0.4 s to change between mouse and keyboard, 1.35 s to think before every thing. That is
+somebody who knows the page and reads every number off a list; measuring the flat is not in it.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Page, sync_playwright
+
+from vsnbench.console.plan_underlay import Underlay
+from vsnbench.console.session_key import SessionKey
+from vsnbench.console.site_editor import MOST_BODY_BYTES, SiteEditor
+from vsnbench.console.web_server import WebServer
+from vsnbench.protocol.site import Site, SiteObject, load_site
+from vsnbench.robots.profiles import load_profile
+
+Point = tuple[float, float]
+POINT_S, CLICK_S, KEY_S, HAND_S, THINK_S = 1.1, 0.2, 0.28, 0.4, 1.35
+PATIENCE_MS = 240_000
+
+
+@dataclass
+class Effort:
+    """What was done, in the units of the keystroke-level model."""
+
+    clicks: int = 0
+    keys: int = 0
+    things: int = 0
+    hands: int = 0
+
+    @property
+    def minutes(self) -> float:
+        """Of a person, by the model."""
+        seconds = self.clicks * (POINT_S + CLICK_S) + self.keys * KEY_S + self.hands * HAND_S + self.things * THINK_S
+        return seconds / 60
+
+
+class Drawing:
+    """The page, as a person has it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.effort = page, Effort()
+
+    def pixels(self, at: Point) -> Point:
+        """Return where a place of the plan is on the screen."""
+        plan = self.page.locator("#plan")
+        left, top, width, height = (float(part) for part in (plan.get_attribute("viewBox") or "").split())
+        box = plan.bounding_box()
+        if box is None:
+            raise SystemExit("the page shows no plan")
+        scale = max(width / box["width"], height / box["height"])
+        x = box["x"] + box["width"] / 2 + (at[0] - left - width / 2) / scale
+        return x, box["y"] + box["height"] / 2 + (-at[1] - top - height / 2) / scale
+
+    def tool(self, name: str) -> None:
+        """Take a tool."""
+        self.press(f"#tools [data-tool={name}]")
+
+    def press(self, selector: str) -> None:
+        """Click something of the page."""
+        self.page.click(selector)
+        self.effort.clicks += 1
+
+    def click(self, *places: Point) -> None:
+        """Click places of the plan."""
+        for place in places:
+            self.page.mouse.click(*self.pixels(place))
+            self.effort.clicks += 1
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+        self.page.keyboard.press(name)
+        self.effort.keys += 1
+        self.effort.hands += 2
+
+    def type(self, field: str, value: Any, shown: Any = None) -> None:
+        """Type a field's value, where it is not there already."""
+        words = f"{value:g}" if isinstance(value, int | float) else str(value)
+        entry = self.page.locator(f"#field-{field}")
+        if entry.input_value() in (words, str(shown)):
+            return
+        entry.fill(words)
+        entry.press("Enter")
+        self.effort.clicks += 1
+        self.effort.keys += len(words) + 1
+        self.effort.hands += 2
+
+    def choose(self, field: str, value: str) -> None:
+        """Choose a field's value from its list."""
+        self.page.select_option(f"#field-{field}", value)
+        self.effort.clicks += 2
+
+    def draw(self, flat: Site) -> None:
+        """Draw everything."""
+        self.press("#reject-lines")  # walls are traced: proposals of furniture would have to be looked at one by one
+        for wall in flat.walls:
+            self.effort.things += 1
+            self.tool("wall")
+            self.click(wall.start, wall.end)
+            self.key("Escape")
+        for room in flat.rooms:
+            self.effort.things += 1
+            self.tool("room")
+            self.click(*room.polygon)
+            self.key("Enter")
+            self.type("name", room.name)
+            if room.floor != "wood":
+                self.choose("floor", room.floor)
+        for kind, openings in (("door", flat.doors), ("window", flat.windows)):
+            for opening in openings:
+                self.effort.things += 1
+                self.tool(kind)
+                (x0, y0), (x1, y1) = opening.start, opening.end
+                self.click(((x0 + x1) / 2, (y0 + y1) / 2))
+                if kind == "door":
+                    self.type("name", opening.name)  # type: ignore[union-attr]
+                if getattr(opening, "closed", False):
+                    self.choose("closed", "yes")
+        for thing in flat.objects:
+            self.effort.things += 1
+            self.place(thing)
+        for start in flat.starts:
+            self.effort.things += 1
+            self.tool("start")
+            self.click(start.position)
+            self.type("x-m", start.position[0])
+            self.type("y-m", start.position[1])
+            self.type("heading_deg", start.heading_deg)
+
+    def place(self, thing: SiteObject) -> None:
+        """Put a thing where it stands, and type its numbers."""
+        self.tool(thing.category)
+        self.click(thing.position)
+        for name, value in (
+            ("x-m", thing.position[0]),
+            ("y-m", thing.position[1]),
+            ("heading_deg", thing.heading_deg),
+            *zip(("depth-m", "width-m", "height-m"), thing.size_m, strict=True),
+            ("elevation_m", thing.elevation_m),
+        ):
+            self.type(name, value)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--flat", type=Path, default=Path(__file__).with_name("eight_rooms.yaml"))
+    parser.add_argument("--picture", type=Path, help="write a screenshot of the page at the end")
+    asked = parser.parse_args()
+    if asked.output.exists():
+        raise SystemExit(f"{asked.output} is there already")
+    vsnbench = [sys.executable, "-m", "vsnbench.cli.main"]
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        path = Path(folder) / "map.yaml"
+        subprocess.run([*vsnbench, "sites", "export", str(asked.flat), "--map", str(path)], check=True)
+        editor = SiteEditor(asked.output, load_profile("turtlebot2"), Underlay.of_file(path))
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        with WebServer(editor.app(), SessionKey.new(), most_body_bytes=MOST_BODY_BYTES) as server:
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.set_default_timeout(PATIENCE_MS)
+            page.goto(server.addresses[0])
+            page.wait_for_selector("body[data-open=yes]")
+            drawing, began_s = Drawing(page), time.monotonic()
+            drawing.draw(load_site(asked.flat))
+            drawing.press("#save")
+            page.get_by_text(": saved", exact=False).first.wait_for()
+            took_s = time.monotonic() - began_s
+            page.wait_for_selector("body[data-checked=yes]")
+            print(page.locator("#counted").inner_text())
+            if asked.picture:
+                page.screenshot(path=asked.picture)
+        browser.close()
+    done = drawing.effort
+    print(f"{done.things} things, {done.clicks} clicks, {done.keys} keys: {took_s / 60:.1f} min by this script's clock")
+    print(f"a person who knows the page: about {done.minutes:.0f} min by the keystroke-level model")
+    typed = len("".join(line for line in asked.flat.read_text(encoding="utf-8").splitlines()))
+    print(f"the same as YAML: {typed} characters, {typed * KEY_S / 60:.0f} min of typing at the same pace")
+    sys.exit(subprocess.run([*vsnbench, "sites", "check", str(asked.output)], check=False).returncode)
+
+
+if __name__ == "__main__":
+    main()
