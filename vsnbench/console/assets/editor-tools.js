@@ -50,9 +50,10 @@ export class Tools {
     const of = event.target.dataset?.of?.split(" ");
     if (plan.onPoint) { plan.onPoint(at); return; }
     if (of?.[0] === "lines" && this.tool === "choose") { plan.onLine(Number(of[1]), event.shiftKey); return; }
-    if (handle && model.entry()) { this.drag = { kind: "handle", handle, group: Symbol(handle) }; return; }
+    // Before the handles of what is chosen: a new room begins in the corner of the one that was just drawn.
     if (this.tool === "wall") { this.#corner(at); return; }
     if (this.tool === "room") { this.#roomCorner(at); return; }
+    if (handle && model.entry()) { this.drag = { kind: "handle", handle, group: Symbol(handle) }; return; }
     if (this.tool !== "choose") { this.#put(at); return; }
     if (of) {
       model.choose([of[0], Number(of[1])]);
