@@ -74,7 +74,7 @@ def _placing(desk: Desk) -> dict[str, Any]:
         "determined": measured.determined if measured else False,
         "wants_turn": measured.wants_turn if measured else False,
         "arrows": [[arrow.direction.value, arrow.words] for arrow in measured.arrows]
-        if measured and not measured.wants_turn
+        if measured and measured.advice and not measured.wants_turn
         else [],
         "stands": _pose(measured.pose) if measured and measured.determined else None,
         "picture": look is not None and look.rgb is not None,
