@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
+from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium_page
 from tests.console.browser import Browser
 from vsnbench.console.plan_underlay import Underlay
@@ -161,3 +162,12 @@ def test_a_flat_is_drawn_from_a_robots_map_with_mouse_and_keyboard(tmp_path: Pat
     assert site.starts[0].heading_deg == 90
     (sofa,) = site.objects
     assert (sofa.position[0], sofa.heading_deg) == (1.5, 15)
+
+
+@pytest.mark.browser
+def test_everybody_can_read_the_page(site_file: Path) -> None:
+    with served(site_file) as server, chromium_page(1280, 800) as page:
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(server.addresses[0])
+        page.wait_for_selector("body[data-open=yes]")
+        assert accessibility_findings(page) == []

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
+from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium_page
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
@@ -184,3 +185,16 @@ def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) ->
     assert strip_of(tmp_path / "results" / "other", "../episodes/000001") is None
     assert strip_of(tmp_path / "results", "") is None
     assert strip_of(tmp_path / "results", "episodes/000002") is None
+
+
+@pytest.mark.browser
+def test_everybody_can_read_the_page_and_sort_it_by_keyboard(page: Path) -> None:
+    with chromium_page(1280, 900) as browser:
+        browser.goto(page.as_uri())
+        browser.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true })")
+        assert accessibility_findings(browser) == []
+        browser.locator("#episode-table thead button").nth(6).focus()
+        browser.keyboard.press("Enter")
+        heading = browser.locator("#episode-table th").nth(7)
+        assert heading.get_attribute("aria-sort") == "ascending"
+        assert heading.locator("button").evaluate("button => getComputedStyle(button).outlineStyle") != "none"

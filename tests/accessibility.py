@@ -1,0 +1,28 @@
+"""A page as people with other eyes and hands have it: axe-core's findings, on a phone, a tablet and a desk."""
+
+from importlib.resources import files
+
+from playwright.sync_api import Page
+
+LOOKS = ((390, "light"), (390, "dark"), (820, "light"), (1280, "dark"))
+"""Width in pixels, and what the machine asks for: every width, and both schemes; colours do not depend on the width."""
+_AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+_SCHEME = """scheme => {
+  const theme = document.documentElement.dataset.theme;
+  if (theme && theme !== scheme) document.getElementById("theme").click();
+}"""
+_RUN = """async () => (await axe.run({ resultTypes: ["violations"] })).violations
+  .filter(each => each.impact !== "minor")
+  .map(each => `${each.impact} ${each.id}: ${each.nodes.slice(0, 3).map(node => node.target.join(" ")).join(", ")}`)"""
+
+
+def accessibility_findings(page: Page) -> list[str]:
+    """Return what axe-core finds wrong with a page as it stands, beyond what is minor, each with where it is seen."""
+    page.evaluate(_AXE)
+    found = []
+    for width, scheme in LOOKS:
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+        page.evaluate(_SCHEME, scheme)
+        found += [f"{width} px {scheme}: {one}" for one in page.evaluate(_RUN)]
+    return found
