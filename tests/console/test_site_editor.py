@@ -140,6 +140,8 @@ def test_a_flat_is_drawn_from_a_robots_map_with_mouse_and_keyboard(tmp_path: Pat
         drawn.click((0, 0), (4, 0), (4, 5), (0, 5))
         page.keyboard.press("Enter")
         drawn.field("name", "hall")
+        drawn.click((4, 0), (6, 0), (6, 5), (4, 5))  # from a corner of the one that is chosen
+        page.keyboard.press("Enter")
         drawn.tool("start")
         drawn.click((2.5, 2.2))
         drawn.field("heading_deg", "90")
@@ -156,7 +158,7 @@ def test_a_flat_is_drawn_from_a_robots_map_with_mouse_and_keyboard(tmp_path: Pat
         page.locator("#findings button").first.click()
     assert problems == []
     site = load_site(path)
-    assert [room.shape.area for room in site.rooms] == [pytest.approx(20, abs=0.5)]
+    assert [room.shape.area for room in site.rooms] == [pytest.approx(20, abs=0.5), pytest.approx(10, abs=0.5)]
     assert len(site.walls) >= 4
     assert [door.clear_width_m for door in site.doors] == [pytest.approx(0.8, abs=0.06)]
     assert site.starts[0].heading_deg == 90

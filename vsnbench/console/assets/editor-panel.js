@@ -17,6 +17,8 @@ function make(kind, fields, parent) {
   return element;
 }
 
+const counted = (number, what) => `${number} ${what}${number === 1 ? "" : "s"}`;
+
 export class Panel {
   constructor(model, plan, state) {
     Object.assign(this, { model, plan, state });
@@ -136,7 +138,7 @@ export class Panel {
   showFindings(findings) {
     const list = document.getElementById("findings");
     const errors = findings.filter((finding) => finding.severity === "error").length;
-    document.getElementById("counted").textContent = findings.length ? `${errors} errors, ${findings.length - errors} warnings for ${this.state.robot.name}` : `nothing to complain about for ${this.state.robot.name}`;
+    document.getElementById("counted").textContent = findings.length ? `${counted(errors, "error")}, ${counted(findings.length - errors, "warning")} for ${this.state.robot.name}` : `nothing to complain about for ${this.state.robot.name}`;
     list.replaceChildren();
     for (const finding of findings) {
       const button = make("button", { type: "button", className: finding.severity, textContent: `${finding.severity}: ${finding.message}` }, make("li", {}, list));
