@@ -11,8 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tests.accessibility import accessibility_findings
-from tests.cli.chromium import chromium_page
 from tests.console.browser import Browser
 from tests.database.records_of_a_lab import begun, cell, plan, run, stopped
 from vsnbench.console.operator_page import OperatorPage, code_to_be_scanned
@@ -252,20 +250,3 @@ def test_whatever_is_thrown_at_it_nothing_starts_and_nothing_breaks(session: Ses
         assert question.reply is None or question.reply.said is Choice.LATER
     assert not session.desk.driving
     assert anna.ask("GET", "/state").status == 200
-
-
-@pytest.mark.browser
-def test_everybody_can_read_the_page_and_sign_in_by_keyboard(session: Session) -> None:
-    with chromium_page(390, 844) as page:
-        page.set_default_timeout(120_000)
-        page.goto(session.address)
-        page.wait_for_selector("#name")
-        assert accessibility_findings(page) == [], "signing in"
-        page.locator("#name").focus()
-        page.keyboard.type("Anna")
-        page.keyboard.press("Enter")
-        with session.desk.ask(Asks.PLACE):
-            page.wait_for_selector("#go:not([disabled])")
-            page.locator("#episodes-card summary").press("Enter")
-            page.wait_for_selector("#episodes .episode")
-            assert accessibility_findings(page) == [], "placing"
