@@ -4,6 +4,7 @@ import math
 import os
 import pty
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from vsnbench.sensing.plan_grid import OCCUPIED, PlanGrid
 
 PARAMETERS = ProtocolParameters()
 SITE = load_site("apartment")
-STATE = ScanState(OccupancyMap(), Pose(0, 0), 0, False, "")
+STATE = ScanState(OccupancyMap(), Pose(0, 0), 0, False, False, "")
 
 
 @pytest.fixture
@@ -103,6 +104,12 @@ def test_a_script_says_each_action_and_how_often() -> None:
     actions = list(iter(lambda: script.next(STATE), None))
     forward, back = Action.MOVE_FORWARD, Action.MOVE_BACKWARD
     assert actions == [forward, forward, Action.TURN_LEFT, back, Action.TURN_RIGHT]
+
+
+def test_a_script_ends_where_the_robot_touched_something() -> None:
+    script = Script("forward 3", "drive.txt", PARAMETERS)
+    assert script.next(STATE) is Action.MOVE_FORWARD
+    assert script.next(replace(STATE, refused=True, collided=True)) is None
 
 
 @pytest.mark.parametrize(

@@ -39,13 +39,20 @@ class ScanState:
     actions: int
     refused: bool
     """Whether the last action was a forward move that was refused or fell short."""
+    collided: bool
+    """Whether the robot touched something in the last action."""
     note: str
     """What happened to the last action, where it was not simply done."""
 
     @property
     def seen_free_m2(self) -> float:
         """Floor that was seen to be free."""
-        return float(np.count_nonzero(self.map.cells() == FREE)) * self.map.resolution_m**2
+        return seen_free_m2(self.map)
+
+
+def seen_free_m2(seen: OccupancyMap) -> float:
+    """Return how much floor a map knows to be free."""
+    return float(np.count_nonzero(seen.cells() == FREE)) * seen.resolution_m**2
 
 
 class Driver(Protocol):
@@ -136,8 +143,7 @@ class Scan:
             self._robot.halt()
             if self._map.known.any():
                 kept(self.grid())
-        state = ScanState(self._map, Pose(0.0, 0.0), self._actions, False, "")
-        return ScanResult(self.grid(), self._actions, state.seen_free_m2, stopped)
+        return ScanResult(self.grid(), self._actions, seen_free_m2(self._map), stopped)
 
     def grid(self) -> PlanGrid:
         """Return the map so far, cut to what is known."""
@@ -159,17 +165,17 @@ class Scan:
         told: Callable[[ScanState], None],
         most_actions: int,
     ) -> None:
-        refused, note, failures = False, "", 0
+        refused, collided, note, failures = False, False, "", 0
         while True:
             with self._stop.interruptible():
                 observation = self._robot.observe()
                 pose = self._look(observation)
-                state = ScanState(self._map, pose, self._actions, refused, note)
+                state = ScanState(self._map, pose, self._actions, refused, collided, note)
                 told(state)
                 action = driver.next(state)
                 if action is None or self._actions >= most_actions:
                     return
-                refused, note = self._move(action, observation, pose)
+                refused, collided, note = self._move(action, observation, pose)
             failures = failures + 1 if note and not refused else 0
             if failures >= _MOST_FAILURES:
                 raise RobotError(f"the scan ended after {failures} movements that failed: {note}")
@@ -186,20 +192,24 @@ class Scan:
         self._map.observe(depth_m, observation.camera, pose)
         return pose
 
-    def _move(self, action: Action, observation: Observation, pose: Pose) -> tuple[bool, str]:
-        """Carry out an action, unless the depth guard refuses it; return whether it fell short, and what to say."""
+    def _move(self, action: Action, observation: Observation, pose: Pose) -> tuple[bool, bool, str]:
+        """Carry out an action, unless the depth guard refuses it.
+
+        Returns:
+            Whether it fell short, whether it touched something, and what to say.
+        """
         profile = self._robot.identity.profile
         if action is Action.MOVE_FORWARD:
             guard = look_ahead(observation, profile.base, self._parameters.depth_guard)
             if guard.blocked:
-                return True, f"refused: {guard.words}"
+                return True, False, f"refused: {guard.words}"
         result = self._robot.execute(action)
         if result.completed:
-            return False, ""
+            return False, result.collision is not None, ""
         if result.sensor_lost:
             raise SensorLostError(result.failure)
         words = result.failure or (f"touched {result.collision.touched}" if result.collision else "it fell short")
         if action is Action.MOVE_FORWARD and result.collision:
             ahead = pose.compose(Pose(profile.base.radius_m + self._settings.resolution_m, 0.0))
             self._map.mark_obstacle(ahead.x_m, ahead.y_m, pose)
-        return action is Action.MOVE_FORWARD, words
+        return action is Action.MOVE_FORWARD, result.collision is not None, words

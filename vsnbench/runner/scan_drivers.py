@@ -86,9 +86,9 @@ class Script:
             raise UsageError(f"{path} has more than {_MOST_CHARACTERS:,} characters")
         return cls(text, str(path), parameters)
 
-    def next(self, state: ScanState) -> Action | None:  # noqa: ARG002 - a script looks at nothing
-        """Return the next action of the script."""
-        return self._left.popleft() if self._left else None
+    def next(self, state: ScanState) -> Action | None:
+        """Return the next action of the script; None at its end, and where the robot touched something."""
+        return self._left.popleft() if self._left and not state.collided else None
 
 
 class Explorer:
