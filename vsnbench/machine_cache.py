@@ -4,14 +4,17 @@ A cache is never needed: where it cannot be read or written, or holds anything b
 again and nobody is told. Nothing in it is run, and `rm -r ~/.cache/vsnbench` is always safe.
 """
 
+import fcntl
 import hashlib
 import io
 import logging
 import os
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +26,7 @@ logger = logging.getLogger(__name__)
 
 _MOST_FILES = 200
 """Of one kind; the ones not used for longest make room."""
+_PATIENCE_S = 60.0
 _MOST_BYTES = 256 * 2**20
 
 
@@ -53,7 +57,7 @@ def code_key(*files: str) -> str:
 def kept_array(
     kind: str, key: str, dtype: npt.DTypeLike, shape: tuple[int, ...], make: Callable[[], npt.NDArray[Any]]
 ) -> npt.NDArray[Any]:
-    """Return an array from the cache, or make it and keep it.
+    """Return an array from the cache, or make it and keep it; of several processes one makes it, and the others wait.
 
     Args:
         kind: what it is; a folder of the cache.
@@ -62,13 +66,47 @@ def kept_array(
         shape: its shape, likewise.
         make: works it out.
     """
-    path = cache_directory() / kind / f"{key}.npy"
-    found = _read(path)
-    if found is not None and (found.dtype, found.shape) == (np.dtype(dtype), shape):
+    found = found_array(kind, key, dtype, shape)
+    if found is not None:
         return found
-    made = make()
-    _keep(path, made)
-    return made
+    path = cache_directory() / kind / f"{key}.npy"
+    with _one_at_a_time(path.parent):
+        found = found_array(kind, key, dtype, shape)
+        if found is None:
+            found = make()
+            _keep(path, found)
+    return found
+
+
+def found_array(kind: str, key: str, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
+    """Return an array from the cache; None where it is not there, or is not what it should be."""
+    found = _read(cache_directory() / kind / f"{key}.npy")
+    return found if found is not None and (found.dtype, found.shape) == (np.dtype(dtype), shape) else None
+
+
+@contextmanager
+def _one_at_a_time(directory: Path) -> Iterator[None]:
+    """Hold a folder of the cache, for which others wait a while; without one to write to, nobody waits."""
+    with ExitStack() as stack:
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(directory.with_name(f".{directory.name}.lock").open("a"))
+        except OSError as error:
+            logger.debug("no cache: %s", error)
+        else:
+            give_up_s = time.monotonic() + _PATIENCE_S
+            while not _locked(lock) and time.monotonic() < give_up_s:
+                time.sleep(0.05)
+        yield
+
+
+def _locked(lock: IO[str]) -> bool:
+    """Try to hold a lock, which goes with the process."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 def _read(path: Path) -> npt.NDArray[Any] | None:

@@ -17,7 +17,7 @@ from vsnbench.errors import UsageError
 from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import ModelCard, Policy, SurveyedPolicy
 from vsnbench.models.identity import code_of, files_handed_over
-from vsnbench.models.registry import create_policy
+from vsnbench.models.registry import create_policy, keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.models.timed import timed
 from vsnbench.protocol.observation import Sensor
@@ -52,6 +52,13 @@ class BenchPlan:
     """Run the model in a process of its own."""
     kept: Kept = Kept.FULL
     """What is kept of the episodes that are run on it; no result depends on it."""
+
+    def for_elsewhere(self, card: ModelCard) -> "BenchPlan":
+        """Return the plan for other machines: a model that chooses its runtime by measuring runs the one of `card`."""
+        runtime = card.runs_on.get("runtime")
+        if runtime is None or "runtime" not in keywords_of(locate(self.model)[1]):
+            return self
+        return replace(self, model_options={**self.model_options, "runtime": runtime})
 
 
 @dataclass(frozen=True, slots=True)

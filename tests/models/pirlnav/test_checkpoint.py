@@ -14,6 +14,7 @@ from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.models.pirlnav.network import expected_shapes
 from vsnbench.models.pirlnav.policy import PIRLNav
+from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
@@ -80,8 +81,7 @@ def full_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator
 def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> None:
     path = full_checkpoint
     assert path.stat().st_size == pytest.approx(196e6, rel=0.01)
-    policy = PIRLNav(path, device="cpu")
-    assert policy.chosen.runtime == "onnxruntime"
+    policy = PIRLNav(path, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), device="cpu")
     assert policy.chosen.agreement is not None
     assert policy.chosen.agreement.largest_difference < 1e-4
     assert policy.card.weights_label == "full.ckpt, RL fine-tuned, 301.99 M steps"

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import shutil
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from tests.models.pirlnav.conftest import Recording
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import Policy
 from vsnbench.models.pirlnav import acceleration
+from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
@@ -25,6 +27,7 @@ from vsnbench.protocol.pose import Pose
 
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
 EAGER = PIRLNavSettings(runtime=Runtime.TORCH)
+EXPORTED = PIRLNavSettings(runtime=Runtime.ONNXRUNTIME)
 
 
 def look(recording: Recording, step: int, pose: Pose | None = None) -> Observation:
@@ -269,12 +272,35 @@ def test_the_graph_is_exported_once_for_the_same_weights(
     tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
+    assert PIRLNav(small_checkpoint, EXPORTED, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
     (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
     assert graph.name.startswith("pirlnav-df429dd5ffb1d535")
     written = graph.stat().st_mtime_ns
     PIRLNav(small_checkpoint, None, "cpu")
     assert graph.stat().st_mtime_ns == written
+
+
+def test_the_engine_that_is_faster_here_runs_and_every_process_keeps_to_it(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    measured = [(1.0, 2.0), (2.0, 1.0)]
+    monkeypatch.setattr(acceleration, "_step_times_s", lambda *_: np.array(measured.pop(0)))
+    for _ in range(2):
+        assert PIRLNav(small_checkpoint, None, "cpu").card.runs_on["runtime"] == "torch"
+    assert PIRLNav(small_checkpoint, None, "cpu", "onnxruntime").card.runs_on["runtime"] == "onnxruntime"
+    assert len(measured) == 1
+    shutil.rmtree(tmp_path / "vsnbench" / "engines")
+    assert PIRLNav(small_checkpoint, None, "cpu").card.runs_on["runtime"] == "onnxruntime"
+
+
+def test_both_engines_are_timed(small_checkpoint: Path) -> None:
+    checkpoint = read_checkpoint(small_checkpoint)
+    engines = [acceleration.choose_engine(checkpoint, settings, "cpu").engine for settings in (EAGER, EXPORTED)]
+    times_s = acceleration._step_times_s(engines, checkpoint)
+    assert times_s.shape == (2,)
+    assert np.isfinite(times_s).all()
+    assert (times_s > 0).all()
 
 
 def test_a_spoilt_graph_in_the_cache_is_exported_anew(
@@ -284,7 +310,7 @@ def test_a_spoilt_graph_in_the_cache_is_exported_anew(
     PIRLNav(small_checkpoint, None, "cpu")
     (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
     graph.write_bytes(b"spoilt")
-    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
+    assert PIRLNav(small_checkpoint, EXPORTED, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
 
 
 def test_a_graph_of_other_weights_is_noticed_and_not_used(
@@ -293,8 +319,6 @@ def test_a_graph_of_other_weights_is_noticed_and_not_used(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     sizes = PIRLNav.check(small_checkpoint, EAGER, "cpu")
     assert sizes.parity is None
-    from vsnbench.models.pirlnav.checkpoint import read_checkpoint
-
     other = write_checkpoint(tmp_path / "other.ckpt", read_checkpoint(small_checkpoint).architecture)
     PIRLNav(other, None, "cpu")
     (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()

@@ -3,13 +3,20 @@
 import importlib.util
 import logging
 import os
+import platform
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import torch
 
 from vsnbench.errors import ModelError, UsageError
+from vsnbench.machine_cache import found_array, kept_array, key_of
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
-from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agreement, Engine, compare
+from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agreement, Engine, compare, synthetic_steps
 from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
@@ -85,7 +92,45 @@ def _on_cpu(
     agreement = compare(reference, candidate, checkpoint.architecture, SINGLE_TOLERANCE)
     if not agreement.holds:
         return _reference_only(reference, _disagreement(candidate, agreement))
+    if settings.runtime is Runtime.AUTO and _is_slower(candidate, reference, checkpoint, threads):
+        logger.info("PyTorch is the faster one on this machine, so onnxruntime is not used")
+        return _reference_only(reference)
     return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, agreement)
+
+
+def _is_slower(candidate: Engine, reference: Engine, checkpoint: Checkpoint, threads: int) -> bool:
+    """Return whether the reference takes a step in less time here: measured once a machine, and then kept to.
+
+    Every process of this machine answers the same, since the last bits of logits are an engine's own. Where the answer
+    cannot be kept, it is no.
+    """
+    key = key_of(checkpoint.sha256, _processor(), threads, reference.label, candidate.label)
+    place = ("engines", key, np.float64, (2,))
+    kept_array(*place, lambda: _step_times_s((reference, candidate), checkpoint))
+    times_s = found_array(*place)
+    return times_s is not None and bool(times_s[0] < times_s[1])
+
+
+def _step_times_s(engines: Sequence[Engine], checkpoint: Checkpoint) -> npt.NDArray[np.float64]:
+    """Return the shortest time of a step of each engine, taken by turns."""
+    steps = synthetic_steps(checkpoint.architecture)
+    best_s = np.full(len(engines), np.inf)
+    for step in steps[:1] * 2 + steps:
+        for number, engine in enumerate(engines):
+            began_s = time.perf_counter()
+            engine.step(step)
+            best_s[number] = min(best_s[number], time.perf_counter() - began_s)
+    return best_s
+
+
+def _processor() -> str:
+    """Return what the processor calls itself."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    named = sorted({line for line in lines if line.startswith(("model name", "flags", "Features", "CPU part"))})
+    return "\n".join(named) or f"{platform.machine()} {platform.processor()}"
 
 
 def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | str:

@@ -20,7 +20,7 @@ from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
-from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings
+from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
 from vsnbench.models.torch_runtime import require_torch
 from vsnbench.models.weights import embedded_weights, find_weights
 from vsnbench.protocol.actions import Action
@@ -66,6 +66,7 @@ class PIRLNav:
         weights: str | Path | None = None,
         model_config: str | Path | PIRLNavSettings | None = None,
         device: str = "auto",
+        runtime: str | None = None,
     ) -> None:
         """Load a checkpoint and make the network ready.
 
@@ -74,6 +75,7 @@ class PIRLNav:
                 embedded weights stand in where there is none.
             model_config: a YAML file of `PIRLNavSettings`, or the settings themselves.
             device: auto, cpu, cuda or mps.
+            runtime: in place of the settings' own; so that workers on other machines run what the first one does.
 
         Raises:
             UsageError: a setting is unknown or does not fit.
@@ -85,6 +87,8 @@ class PIRLNav:
         from vsnbench.models.pirlnav.acceleration import choose_engine
 
         settings = _settings_from(model_config)
+        if runtime is not None:
+            settings = settings.model_copy(update={"runtime": Runtime(runtime)})
         checkpoint = _checkpoint_at(weights)
         self.chosen = choose_engine(checkpoint, settings, device)
         logger.info("PIRLNav runs on %s", self.chosen.engine.label)

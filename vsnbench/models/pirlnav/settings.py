@@ -27,7 +27,7 @@ class Runtime(StrEnum):
     """What runs the network."""
 
     AUTO = "auto"
-    """onnxruntime on a CPU where it is installed, else PyTorch."""
+    """On a CPU the faster of onnxruntime, where it is installed, and PyTorch: measured once a machine."""
     TORCH = "torch"
     ONNXRUNTIME = "onnxruntime"
 

@@ -16,7 +16,7 @@ import uuid
 import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -104,6 +104,8 @@ class RayTasks:
             self._run = self._ray.remote(**options)(run_task)
             self._parcel = _Parcel(str(uuid.uuid4()), (self._ray.put(shipped),), shlex.join(sys.argv))
             self.description = self._first_bench(options)
+            alike = ShippedPlan.of(plan.for_elsewhere(self.description.card))
+            self._parcel = replace(self._parcel, shipped=(self._ray.put(alike),))
             self._at_once = self._places(gpus_each) if workers is None else workers
         except BaseException:
             self.cancel()
