@@ -1,6 +1,6 @@
 """Kills workers, drivers and a node of a cluster at random while campaigns run, and looks whether anything was lost.
 
-python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL: 10 minutes
+python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL, all along it
 python scripts/kill_workers.py drivers --kills 10      the driver, which the same command goes on after: 4 minutes
 python scripts/kill_workers.py node                    a node of a Ray cluster of two: 4 minutes
 
@@ -26,6 +26,8 @@ import psutil
 
 WORKER = "vsnbench.runner.pool.worker"
 PYTHON = [sys.executable, "-m"]
+GOALS = 7
+"""Of the apartment, where the campaigns run."""
 
 
 def campaign(results: Path, *words: str) -> list[str]:
@@ -50,34 +52,44 @@ def an_episode_runs(results: Path) -> bool:
     return False
 
 
-def kill_workers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
+def kill_workers(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
+    """Kill at random, spread over the trials: the campaign goes on between two kills however slow the machine is."""
     killed, code = 0, 1
     while code != 0:
         process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
         while process.poll() is None:
-            time.sleep(every_s * chance.uniform(0.1, 1.9))
+            time.sleep(asked.within_s * chance.random())
             alive = workers_of(psutil.Process(process.pid))
-            if killed < kills and alive and an_episode_runs(results):
+            if killed < asked.kills and is_due(killed, results, asked) and alive and an_episode_runs(results):
                 with suppress(psutil.Error):
                     chance.choice(alive).kill()
                     killed += 1
         code = process.wait()
         print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged", flush=True)
+    if killed < asked.kills:
+        sys.exit(f"the campaign ended after {killed} kills")
 
 
-def kill_drivers(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
-    for number in range(1, kills + 1):
+def is_due(killed: int, results: Path, asked: argparse.Namespace) -> bool:
+    """Whether the campaign is as far on as the next kill is in the row of them."""
+    return judged(results) * asked.kills >= GOALS * asked.starts * killed
+
+
+def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
+    for killed in range(asked.kills):
         process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
-        while process.poll() is None and not workers_at_it(process, results):
+        while process.poll() is None and not (is_due(killed, results, asked) and workers_at_it(process, results)):
             time.sleep(0.05)
-        time.sleep(every_s * chance.uniform(0.0, 1.0))
-        orphans = workers_of(psutil.Process(process.pid)) if process.poll() is None else []
+        time.sleep(asked.within_s * chance.random())
+        if process.poll() is not None:
+            sys.exit(f"the campaign ended after {killed} kills")
+        orphans = workers_of(psutil.Process(process.pid))
         process.kill()
         process.wait()
         _, alive = psutil.wait_procs(orphans, timeout=10)
         if left := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
             sys.exit(f"workers outlived their driver: {left}")
-        print(f"driver {number} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
+        print(f"driver {killed + 1} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
     subprocess.run(campaign(results, *words), check=True, stderr=subprocess.DEVNULL)
 
 
@@ -90,8 +102,8 @@ def workers_at_it(process: "subprocess.Popen[bytes]", results: Path) -> bool:
     return False
 
 
-def kill_node(results: Path, words: list[str], kills: int, every_s: float, chance: random.Random) -> None:
-    del kills, chance
+def kill_node(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
+    del asked, chance
     ports = [port() for _ in range(2)]
     token = secrets.token_hex(16)
     known = os.environ | {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": token, "RAY_USAGE_STATS_ENABLED": "0"}
@@ -107,7 +119,7 @@ def kill_node(results: Path, words: list[str], kills: int, every_s: float, chanc
         words = [*words, "--cluster", f"ray://127.0.0.1:{ports[1]}"]
         process = subprocess.Popen(campaign(results, *words), env=known)
         while process.poll() is None and judged(results) < 5:
-            time.sleep(every_s / 10)
+            time.sleep(0.5)
         grown = [one for one in ours(token) if one not in before and of_node(one, node)]
         for one in grown:
             with suppress(psutil.Error):
@@ -180,7 +192,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("what", choices=["workers", "drivers", "node"])
     parser.add_argument("--kills", type=int, default=10)
-    parser.add_argument("--every-s", type=float, default=5.0, help="pause between two kills, on average")
+    parser.add_argument("--within-s", type=float, default=1.0, help="how much of chance is in a kill's moment")
     parser.add_argument("--starts", type=int, default=15)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
@@ -190,10 +202,10 @@ def main() -> None:
     kill = {"workers": kill_workers, "drivers": kill_drivers, "node": kill_node}[asked.what]
     with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as there:
         results = Path(there)
-        kill(results, words, asked.kills, asked.every_s, random.Random(asked.seed))
+        kill(results, words, asked, random.Random(asked.seed))
         # A run that finds nothing to do clears away what the last kill left.
         subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)
-        look(results, trials=7 * asked.starts)
+        look(results, trials=GOALS * asked.starts)
 
 
 if __name__ == "__main__":
