@@ -20,7 +20,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.console.operators import MISHAPS, faults, operators_at
+from tests.console.faults import faults
+from tests.console.operators import MISHAPS, operators_at
 from tests.console.rehearsal import Rehearsal
 
 

@@ -5,7 +5,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from datetime import timedelta
 from typing import Literal
 
 from playwright.sync_api import Error
@@ -52,6 +51,8 @@ class Operators:
         self.stopped = 0
         """Episodes that a phone said were ended by its STOP."""
         self._driven: set[int] = set()
+        for phone in phones:
+            phone.thumb_ms = 5_000  # what is there to press may go: the other phone was first, so look again
         self._met: set[tuple[str, int, int]] = set()
 
     def attend(self) -> None:
@@ -69,6 +70,7 @@ class Operators:
             except Error as error:
                 if not gone(error) and self.run.code is None:
                     raise
+                self.tell(f"{phone.name}, {last[1].name if last else 'at first'}: {str(error).splitlines()[:3]}")
             assert time.monotonic() - moved < PATIENCE_S, f"nothing moves: {last}; {self.run.log.read_text()[-2000:]}"
 
     def _at(self, phone: Phone, screen: Screen) -> None:
@@ -86,7 +88,7 @@ class Operators:
             "finish": lambda: self._finish(phone, screen),
         }
         if screen.asked:
-            phone.page.click("#ask [value=yes]")
+            phone.press("#ask [value=yes]")
         elif screen.cut or screen.name not in acts:
             phone.page.wait_for_timeout(50)
         elif screen.unjudged and not screen.busy and screen.name in ("placing", "finish"):
@@ -143,7 +145,7 @@ class Operators:
     def _press_into_the_void(self, phone: Phone, screen: Screen, said: Said | None) -> None:
         """Press what can be pressed without a network; the page must say that nobody heard."""
         if screen.name in ("placing", "looked") and not screen.busy:
-            phone.page.click("#go")
+            phone.press("#go")
         elif screen.name == "judging" and said:
             phone.confirm("#judging", said)
         elif screen.name == "driving":
@@ -164,14 +166,14 @@ class Operators:
         if screen.busy:
             phone.page.wait_for_timeout(50)
         elif self.chance.random() < 0.1 or (self._is_time() and any(one[0] == "looked" for one in self.mishaps)):
-            phone.page.click("#check")
-            phone.page.wait_for_selector("#moved, #go:not([disabled])")
+            phone.press("#check")
+            phone.page.wait_for_selector("#moved:visible, #go:not([disabled]):visible")
         elif self.chance.random() < 0.03:
-            phone.page.click("#skip")
+            phone.press("#skip")
         elif self.chance.random() < 0.03:
-            phone.page.click("#pause")
+            phone.press("#pause")
             phone.page.wait_for_selector("#go[disabled]")
-            phone.page.click("#pause")
+            phone.press("#pause")
             phone.page.wait_for_selector("#go:not([disabled])")
         else:
             self._go(phone, screen, both=both)
@@ -180,7 +182,7 @@ class Operators:
         if both:
             self._at_once(dict.fromkeys(self.phones, "#go"))
         else:
-            phone.page.click("#go")
+            phone.press("#go")
         self._until_other(phone, screen)
 
     def _drive(self, phone: Phone) -> None:
@@ -218,7 +220,7 @@ class Operators:
             button = "#judging .judging-form "
             self._at_once({one: button + ("[data-void]" if w.void else "button.go") for one, w in words.items()})
         elif self.chance.random() < 0.05:
-            phone.page.click("#judging [data-later]")
+            phone.press("#judging [data-later]")
         else:
             said = self._word()
             if self.chance.random() < 0.1 and not (said.touched or said.void):
@@ -247,21 +249,21 @@ class Operators:
         """Judge what awaits it in the list below; sometimes undo it at once, or correct it."""
         said, within = self._word(), f".episode[data-episode='{episode}']"
         if not phone.page.locator(f"{within} [data-amend]").is_visible():
-            phone.page.click("#episodes-card summary")
+            phone.press("#episodes-card summary")
         if not phone.page.locator(f"{within} .judging-form").is_visible():
-            phone.page.click(f"{within} [data-amend]")
+            phone.press(f"{within} [data-amend]")
         phone.fill_judgement(within, said)
         phone.confirm(within, said)
         self._sure_or_gone(phone, f"{within} .judging-form")
         if self.chance.random() < 0.3 and phone.page.locator(f"{within} [data-undo]").is_visible():
-            phone.page.click(f"{within} [data-undo]")
+            phone.press(f"{within} [data-undo]")
             phone.page.wait_for_selector(f"{within} [data-amend]:has-text('Judge')")
 
     def _sure_or_gone(self, phone: Phone, selector: str) -> None:
         """Say yes where it is asked whether somebody is sure, until a form is gone or says why not."""
         phone.page.wait_for_selector(f"#ask[open], body:not(:has({selector})), {selector} .words:not([hidden])")
         if phone.screen().asked:
-            phone.page.click("#ask [value=yes]")
+            phone.press("#ask [value=yes]")
             phone.page.wait_for_selector(f"body:not(:has({selector})), {selector} .words:not([hidden])")
 
     def _until_other(self, phone: Phone, screen: Screen) -> None:
@@ -276,8 +278,8 @@ class Operators:
         self.phones[0].page.wait_for_timeout(400)
 
     def _finish(self, phone: Phone, screen: Screen) -> None:
-        phone.page.click("#finish-end")
-        phone.page.click("#ask [value=yes]")
+        phone.press("#finish-end")
+        phone.press("#ask [value=yes]")
         wait_until(lambda: self.run.code is not None or phone.page.wait_for_timeout(50), "the session ends")
 
 
@@ -294,57 +296,3 @@ def operators_at(rehearsal: Rehearsal, chance: random.Random, mishaps: list[tupl
         names = ("Anna", "Ben")
         phones = [phone_in(browser, *one, address) for one in zip(names, hosts, relays, strict=True)]
         yield Operators(rehearsal, phones, chance, mishaps)
-
-
-def faults(people: Operators) -> list[str]:
-    """Return everything that is not as it must be, by the record and by what the phones saw."""
-    run, phones = people.run, people.phones
-    found = []
-    results = dict(run.rows("SELECT trial_id, COUNT(*) FROM episode WHERE state = 'judged' GROUP BY trial_id"))
-    planned = [number for (number,) in run.rows("SELECT trial_id FROM study_trial")]
-    if sorted(results) != sorted(planned) or set(results.values()) != {1}:
-        found.append(f"{len(results)} of {len(planned)} trials have a result, {max(results.values())} the most")
-    if len(planned) != run.trials:
-        found.append(f"{len(planned)} trials were planned, not {run.trials}")
-    states = {state for (state,) in run.rows("SELECT DISTINCT state FROM episode")}
-    if states - {"judged", "void"}:
-        found.append(f"left in the record: {states}")
-    found += _lost_or_twice(people)
-    for phone in phones:
-        found += [f"{phone.name}: {error}" for error in phone.errors]
-        found += [f"{phone.name} asked {address}" for address in phone.elsewhere]
-        found += [f"{phone.name} was told: {said!r}" for said in phone.relay.heard]
-        if TELLING.search(phone.told_of_cookies()):
-            found.append(f"a cookie of {phone.name} names an arm")
-    if TELLING.search(run.log.read_bytes()):
-        found.append("the terminal names an arm")
-    return found
-
-
-def _lost_or_twice(people: Operators) -> list[str]:
-    found = []
-    query = "SELECT note, author, success, distance_m, created_at FROM verdict WHERE source = 'person'"
-    kept: dict[str, list[tuple]] = {}
-    for note, *rest in people.run.rows(query):
-        kept.setdefault(note, []).append(tuple(rest))
-    words = {said.note: said for said in people.said}
-    found += [f"nobody said {note!r}" for note in kept.keys() - words.keys()]
-    found += [f"{note!r} is there {len(rows)} times" for note, rows in kept.items() if len(rows) > 1]
-    for phone in people.phones:
-        for asked in phone.asked:
-            if asked.path not in ("/judge", "/amend") or asked.status != 200:
-                continue
-            note = asked.body["note"]
-            if note not in kept:
-                found.append(f"lost: {asked}")
-                continue
-            author, success, _, at = kept[note][0]
-            if author != phone.name or success != words[note].success:
-                found.append(f"{asked} became {kept[note][0]}")
-            since, until = asked.at - timedelta(seconds=1), asked.answered_at + timedelta(seconds=1)
-            if not f"{since:%Y-%m-%d %H:%M:%S}" <= str(at) <= f"{until:%Y-%m-%d %H:%M:%S.%f}":
-                found.append(f"{asked} is of {at}")
-    by_a_button = "SELECT COUNT(*) FROM event WHERE kind = 'intervention' AND text LIKE 'stopped with the page%'"
-    if people.run.rows(by_a_button)[0][0] < people.stopped:
-        found.append("a STOP that a phone confirmed is not in the record")
-    return found

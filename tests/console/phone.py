@@ -79,6 +79,8 @@ class Phone:
     """What went wrong in the page's own scripts."""
     elsewhere: list[str] = field(default_factory=list)
     """What it asked of anybody but the run."""
+    thumb_ms: int = PATIENCE_MS
+    """How long a thumb waits for what it wants to press."""
     _open: dict[Request, Asked] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -114,6 +116,10 @@ class Phone:
         self.page.context.set_offline(False)
         self.page.wait_for_selector("#link.up")
 
+    def press(self, selector: str) -> None:
+        """Press what is to be seen."""
+        self.page.click(selector, timeout=self.thumb_ms)
+
     def click_at(self, selector: str, moment_ms: float) -> None:
         """Press a button at a moment of this machine's clock, and do not wait for it."""
         self.page.evaluate(
@@ -125,20 +131,21 @@ class Phone:
         """Fill the form in which an episode is judged, but for the last button."""
         form = self.page.locator(f"{within} .judging-form")
         if said.void:
-            form.locator("details:not([open]) summary").first.click()
-            form.locator("[data-name=void]").fill(said.void)
+            if not form.locator("[data-name=void]").is_visible():
+                form.locator("details summary").click(timeout=self.thumb_ms)
+            form.locator("[data-name=void]").fill(said.void, timeout=self.thumb_ms)
             return
-        form.locator(f"[data-touched={'yes' if said.touched else 'no'}]").click()
+        form.locator(f"[data-touched={'yes' if said.touched else 'no'}]").click(timeout=self.thumb_ms)
         if said.touched:
-            form.locator("[data-name=what]").fill(said.touched)
+            form.locator("[data-name=what]").fill(said.touched, timeout=self.thumb_ms)
         elif form.locator("[data-name=distance]").is_visible():
-            form.locator("[data-name=distance]").fill(said.distance)
-        form.locator("[data-name=note]").fill(said.note)
+            form.locator("[data-name=distance]").fill(said.distance, timeout=self.thumb_ms)
+        form.locator("[data-name=note]").fill(said.note, timeout=self.thumb_ms)
 
     def confirm(self, within: str, said: "Said") -> None:
         """Press the last button of the form."""
         button = "[data-void]" if said.void else "button.go"
-        self.page.click(f"{within} .judging-form {button}")
+        self.press(f"{within} .judging-form {button}")
 
     def typed(self, within: str) -> dict[str, str]:
         """Return what stands in the form."""

@@ -1,0 +1,215 @@
+"""From a thumb on the page's STOP to zero velocity on the wire, over a real ROS network, in the midst of a movement.
+
+    python benchmarks/stop_from_page.py --stops 100
+    python benchmarks/stop_from_page.py --stops 100 --delay 200        # the page's network holds each byte 200 ms
+    .venv-ros2/bin/python benchmarks/stop_from_page.py --ros ros2
+
+`vsnbench ros1 simulate` plays a robot in an empty hall, `vsnbench run --console` drives it, and a Chromium at phone
+size presses Go and STOP at a random moment of a movement, one trial after another. The time runs from the browser's own
+stamp of the press to the zero command that a node of its own hears, after which none moves, and to the odometry at
+rest. A press between two movements does not count. The delay is a relay between browser and run that holds every byte
+back, each way. Bar: 0.3 s over the network, and the delay of the way there. Exits with 1 where a stop took longer.
+"""
+
+import argparse
+import os
+import random
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from tests.console.phone import Phone, chromium_of_phones, phone_in
+from tests.console.rehearsal import quiet_port, wait_until
+from tests.console.tcp_relay import TcpRelay
+
+HALL = """
+name: hall
+rooms: [{name: hall, polygon: [[-25, -25], [25, -25], [25, 25], [-25, 25]]}]
+walls:
+- {start: [-25, -25], end: [25, -25]}
+- {start: [25, -25], end: [25, 25]}
+- {start: [25, 25], end: [-25, 25]}
+- {start: [-25, 25], end: [-25, -25]}
+objects: [{id: chair-1, category: chair, position: [20, 20], size_m: [0.5, 0.5, 0.9]}]
+starts: [{number: 1, position: [-20, 0], heading_deg: 17}]
+"""
+LISTENER = Path(__file__).with_name("nodes") / "velocity_listener.py"
+PROFILES = {"ros1": "turtlebot2", "ros2": "turtlebot4"}
+AT_REST = 0.01
+"""|m/s| + |rad/s| of an odometry that stands."""
+BAR_S = 0.3
+STAMP = """() => document.getElementById("stop").addEventListener("pointerdown",
+  (event) => { window.pressed = (performance.timeOrigin + event.timeStamp) / 1000; }, { capture: true })"""
+
+
+@dataclass
+class Listener:
+    """What a node of its own hears."""
+
+    process: "subprocess.Popen[str]"
+    commands: list[tuple[float, float]] = field(default_factory=list)
+    odometry: list[tuple[float, float]] = field(default_factory=list)
+
+    def read(self) -> None:
+        """Keep what it writes, until it ends."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            at, what, speed = line.split()
+            kept = self.commands if what == "command" else self.odometry
+            kept.append((float(at), float(speed)))
+
+    @property
+    def speed(self) -> float:
+        return self.odometry[-1][1] if self.odometry else 0.0
+
+
+@dataclass(frozen=True)
+class Halt:
+    """One press."""
+
+    to_zero_s: float
+    to_rest_s: float
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--stops", type=int, default=100)
+    options.add_argument("--delay", type=float, default=0.0, metavar="MS", help="of the page's network, each way")
+    options.add_argument("--ros", choices=PROFILES, default="ros1")
+    options.add_argument("--seed", type=int, default=1)
+    asked = options.parse_args()
+    with ExitStack() as stack:
+        halts = measured(stack, asked.ros, asked.stops, asked.delay / 1000, random.Random(asked.seed))
+    zero, rest = sorted(one.to_zero_s for one in halts), sorted(one.to_rest_s for one in halts)
+    print("| network | stops | zero velocity: median | 95 % | worst | at rest: median | 95 % | worst | load |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    network = f"{asked.ros}, {asked.delay:.0f} ms each way"
+    print(f"| {network} | {len(halts)} | {line(zero)} | {line(rest)} | {os.getloadavg()[1]:.1f} |")
+    return 0 if zero[-1] < BAR_S + asked.delay / 1000 else 1
+
+
+def line(times_s: list[float]) -> str:
+    """Return median, 95 % and worst in milliseconds."""
+    of = (statistics.median(times_s), times_s[min(len(times_s) - 1, round(0.95 * len(times_s)))], times_s[-1])
+    return " | ".join(f"{one * 1000:.0f} ms" for one in of)
+
+
+def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: random.Random) -> list[Halt]:
+    """Bring everything up, and stop the robot so many times."""
+    directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+    port, master = quiet_port(chance), quiet_port(chance)
+    os.environ.update(
+        ROS_MASTER_URI=f"http://127.0.0.1:{master}",
+        ROS_IP="127.0.0.1",
+        ROS_HOME=str(directory),
+        ROS_LOG_DIR=str(directory),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        ROS_DOMAIN_ID=str(chance.randrange(20, 100)),
+        PYTHONPATH=str(Path(__file__).resolve().parent.parent),
+    )
+    profile, hall, log = directory / "robot.yaml", directory / "hall.yaml", directory / "log"
+    hall.write_text(HALL)
+    profile.write_text(with_small_camera(PROFILES[ros], ros))
+    sink = stack.enter_context(log.open("w"))
+
+    def start(*words: object, **how: object) -> "subprocess.Popen[str]":
+        started = subprocess.Popen([sys.executable, *map(str, words)], stderr=sink, text=True, **how)
+        stack.callback(started.wait)
+        stack.callback(started.terminate)
+        return started
+
+    if ros == "ros1":
+        import shutil
+
+        from vsnbench.ros1.master import Master
+
+        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+        start(rosmaster, "--core", "-p", master, stdout=sink)
+        Master.from_environment().wait(60)
+    vsnbench = ("-m", "vsnbench.cli.main")
+    start(*vsnbench, ros, "simulate", "--site", hall, "--robot", profile, stdout=sink)
+    start(*vsnbench, ros, "discrete-move", "--robot", profile, stdout=sink)
+    listener = Listener(start(LISTENER, ros, profile, stdout=subprocess.PIPE))
+    threading.Thread(target=listener.read, daemon=True).start()
+    wait_until(lambda: listener.odometry, "the base speaks")
+    words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--record", "numbers")
+    run = start(
+        *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, "--console-port", port),
+        stdout=sink,
+        stdin=subprocess.DEVNULL,
+    )
+    wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the page is served")
+    address = re.search(r"http://\S+token=\S+", log.read_text())
+    assert address is not None, log.read_text()
+    relay = stack.enter_context(TcpRelay(port, delay_s))
+    browser = stack.enter_context(chromium_of_phones(("127.0.0.1", relay, port)))
+    phone = phone_in(browser, "Anna", "127.0.0.1", relay, address[0])
+    phone.page.goto(phone.address)
+    phone.page.wait_for_selector("#sign-in:not([hidden])")
+    phone.sign_in()
+    phone.page.evaluate(STAMP)
+    halts: list[Halt] = []
+    while len(halts) < stops:
+        if (halt := one_stop(phone, listener, chance, log)) is not None:
+            halts.append(halt)
+    return halts
+
+
+def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path) -> Halt | None:
+    """Press Go, and STOP at a random moment; None where the robot was not told to move then."""
+    page = phone.page
+    page.click("#go", timeout=120_000)
+    page.wait_for_selector("#stop", state="visible")
+    wait_until(lambda: listener.speed > 5 * AT_REST, f"it moves: {log.read_text()[-500:]}")
+    time.sleep(chance.uniform(0.1, 1.2))
+    wait_until(lambda: listener.speed > 5 * AT_REST, "it moves")
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.up()
+    page.wait_for_selector("#go", state="visible", timeout=120_000)
+    pressed = float(page.evaluate("window.pressed")) - clock_ahead_s(page)
+    if max((one for one in listener.commands if one[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
+        return None
+    return Halt(first_after(listener.commands, pressed) - pressed, first_after(listener.odometry, pressed) - pressed)
+
+
+def first_after(heard: list[tuple[float, float]], since: float) -> float:
+    """Return when the first message of standing came after the last one of moving."""
+    later = [one for one in heard if one[0] >= since]
+    last = max((number for number, (_, speed) in enumerate(later) if speed > AT_REST), default=-1)
+    return later[last + 1][0]
+
+
+def clock_ahead_s(page: object) -> float:
+    """Return how far the browser's clock is ahead of this process's."""
+    tries = []
+    for _ in range(5):
+        before = time.time()
+        there = page.evaluate("(performance.timeOrigin + performance.now()) / 1000")  # type: ignore[attr-defined]
+        after = time.time()
+        tries.append((after - before, there - (before + after) / 2))
+    return min(tries)[1]
+
+
+def with_small_camera(name: str, ros: str) -> str:
+    """Return a profile whose camera costs next to nothing: pictures are not what is measured here."""
+    from vsnbench.robots.profiles import embedded_profiles
+
+    text = embedded_profiles()[name].read_text()
+    text = re.sub(r"width: \d+", "width: 64", re.sub(r"height: \d+", "height: 48", text))
+    return re.sub(rf"kind: {ros}", f"kind: {ros}\n  camera_rate_hz: 10", text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
