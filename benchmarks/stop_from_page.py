@@ -159,15 +159,19 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
     phone.page.evaluate(STAMP)
     halts: list[Halt] = []
     while len(halts) < stops:
+        phone.page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
+        if phone.screen().name == "finish":  # a trial that ended by itself, say with a wheel drop
+            break
         if (halt := one_stop(phone, listener, chance, log)) is not None:
             halts.append(halt)
+            print(f"{len(halts)}: {halt.to_zero_s * 1000:.0f} ms, {halt.to_rest_s * 1000:.0f} ms", file=sys.stderr)
     return halts
 
 
 def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path) -> Halt | None:
     """Press Go, and STOP at a random moment; None where the robot was not told to move then."""
     page = phone.page
-    page.click("#go", timeout=120_000)
+    page.click("#go")
     page.wait_for_selector("#stop", state="visible")
     wait_until(lambda: listener.speed > 5 * AT_REST, f"it moves: {log.read_text()[-500:]}")
     time.sleep(chance.uniform(0.1, 1.2))
@@ -177,7 +181,7 @@ def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path)
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.down()
     page.mouse.up()
-    page.wait_for_selector("#go", state="visible", timeout=120_000)
+    page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
     pressed = float(page.evaluate("window.pressed")) - clock_ahead_s(page)
     if max((one for one in listener.commands if one[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
         return None

@@ -4,6 +4,8 @@ import { get, post } from "./link.js";
 import { element, judgingForm, strip } from "./judging.js";
 
 let open = 0;
+let openSeen = 0;
+let sending = false;
 let last = "";
 let busy = false;
 let again = false;
@@ -27,10 +29,16 @@ async function refresh(holder) {
   try {
     const { episodes } = await get("/episodes");
     const text = JSON.stringify([episodes, asked]);
+    const overtaken = episodes.find((one) => one.episode === open && one.seen !== openSeen && !sending);
+    if (overtaken) open = 0; // a form that can no longer be sent would hide all that comes after it
     remind(holder.closest("details"), episodes.filter((one) => one.outcome === "unjudged" && one.episode !== asked).length);
     if (text !== last && !open) {
       last = text;
       holder.replaceChildren(...(episodes.length ? episodes.map((one) => line(one, holder)) : [element("p", { class: "dim" }, "none yet")]));
+      if (overtaken) {
+        const words = `${overtaken.author || "somebody"} judged it meanwhile: what was typed here was not sent`;
+        holder.querySelector(`[data-episode="${overtaken.episode}"]`)?.append(element("p", { class: "words", role: "alert" }, words));
+      }
     }
   } catch {
     // the next state asks again
@@ -80,13 +88,21 @@ function line(one, holder) {
 }
 
 function form(card, one, holder) {
-  open = one.episode;
+  [open, openSeen] = [one.episode, one.seen];
   card.querySelector(":scope > .row").hidden = true;
   const close = () => { open = 0; last = ""; refresh(holder); };
   const made = judgingForm(one.case, {
     kept: one.outcome === "unjudged" ? `said-of-${one.episode}` : `amend-${one.episode}-${one.seen}`,
     reason: one.outcome !== "unjudged",
-    send: async (word) => { await post("/amend", { episode: one.episode, seen: one.seen, ...word }); close(); },
+    send: async (word) => {
+      sending = true;
+      try {
+        await post("/amend", { episode: one.episode, seen: one.seen, ...word });
+        close();
+      } finally {
+        sending = false;
+      }
+    },
     later: null,
   });
   card.append(strip(one.episode, one.case.actions), made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));

@@ -50,9 +50,9 @@ function render() {
   show("trial", signedIn && !!trial && (placing || driving));
   if (trial) {
     at("trial-number").textContent = `#${trial.episode} · ${trial.driven_by} · ${state.done + 1} of ${state.trials}`;
-    at("trial-goal").textContent = `${trial.goal} from mark ${trial.start}`;
+    at("trial-goal").textContent = `Goal: ${trial.goal}, from mark ${trial.start}`;
     const [x, y] = trial.pose;
-    at("trial-where").textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
+    at("trial-where").textContent = `${asks === "place" ? "Put the robot at " : ""}x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
   }
   at("trial-problem").textContent = question?.problem ? `Not yet: ${question.problem}` : "";
   show("trial-problem", !!question?.problem);
@@ -92,7 +92,7 @@ function renderJudging(visible) {
   judged = key;
   const [theCase, question] = [state.case, state.question.number];
   at("judging").replaceChildren(
-    element("p", { class: "dim small" }, `#${theCase.episode} · ended with ${theCase.ended_with.replace("_", " ")} after ${theCase.actions} actions`),
+    element("p", { class: "dim small" }, `#${theCase.episode} · ${theCase.ended_with === "stop" ? "the model said STOP" : `ended with ${theCase.ended_with.replace("_", " ")}`} after ${theCase.actions} actions`),
     element("h2", {}, "What happened?"),
     strip(theCase.episode, theCase.actions),
     element("p", { class: "verdict" }, `Proposed: ${theCase.proposal}`),
