@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from tests.models.looks import look
 from vsnbench.cli.sites import app
+from vsnbench.exchange.site_file import write_site
 from vsnbench.models.oracle import Oracle
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.camera import Camera
@@ -25,7 +26,6 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.physics import Physics
 from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.twins.generate import ROBOT_RADIUS_M, SEEDS, Split, generate_site, split_of
-from vsnbench.simulator.twins.site_file import write_site
 from vsnbench.simulator.twins.variation import CameraVariation, Lighting
 
 SAMPLE = [*range(10), *range(1_000, 1_010), *range(10_000, 10_010)]

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli import site_scan
+from vsnbench.cli import site_exchange, site_scan
 from vsnbench.cli.output import Json, print_files, print_json
 
 app = typer.Typer(
@@ -18,6 +18,8 @@ app = typer.Typer(
     vsnbench sites draw apartment --output plan.svg
     vsnbench sites look apartment --output look.png
     vsnbench sites generate --seed 7 --output flat.yaml
+    vsnbench sites export my-flat.yaml --geojson flat.geojson
+    vsnbench sites import flat.geojson --output copy.yaml
     vsnbench sites scan --robot turtlebot2 --output map.yaml
     vsnbench sites edit my-flat.yaml --underlay map.yaml
     """,
@@ -227,8 +229,8 @@ def generate(
     from pathlib import Path
 
     from vsnbench.errors import UsageError
+    from vsnbench.exchange.site_file import site_yaml, write_site
     from vsnbench.simulator.twins.generate import generate_site
-    from vsnbench.simulator.twins.site_file import site_yaml, write_site
 
     path = Path(output or f"twin-{seed}.yaml")
     if output != "-" and path.suffix not in (".yaml", ".yml"):
@@ -288,32 +290,8 @@ def edit(
             typer.echo("")
 
 
-@app.command("export")
-def export_site(
-    site_name: SiteArgument,
-    output: Annotated[str, typer.Option("--map", help="Write a ROS map here: a map.yaml, its PGM beside it.")],
-    resolution: Annotated[float, typer.Option(min=0.005, max=1.0, help="Side of a cell, metres.")] = 0.05,
-    furniture: Annotated[bool, typer.Option(help="Draw what stands there too.")] = True,
-    as_json: Json = False,
-) -> None:
-    """Write a site as a map that ROS's map_server reads.
-
-    vsnbench sites export apartment --map apartment-map.yaml
-    """
-    from pathlib import Path
-
-    from vsnbench.errors import UsageError
-    from vsnbench.exchange.ros_map import write_ros_map
-    from vsnbench.exchange.site_map import map_of_site
-    from vsnbench.protocol.site import load_site
-
-    path = Path(output)
-    if path.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"cannot write a map to {path}", advice="name a file that ends in .yaml")
-    written = write_ros_map(map_of_site(load_site(site_name), resolution, furniture=furniture), path)
-    print_files(written, as_json=as_json)
-
-
+app.command("export")(site_exchange.export_site)
+app.command("import")(site_exchange.import_site)
 app.command("scan")(site_scan.command)
 
 

@@ -1,4 +1,4 @@
-"""Writes a site as the YAML file that `load_site` reads back to the same content."""
+"""Writes a site, or a draft of one, as the YAML file that `load_site` reads back to the same content."""
 
 from pathlib import Path
 from typing import Any
@@ -9,14 +9,18 @@ from vsnbench.errors import SiteError
 from vsnbench.protocol.site import Site
 from vsnbench.whole_files import write_whole
 
+_FRAME = "metres, x to the right, y up on the plan, headings counter-clockwise."
 
-def site_yaml(site: Site) -> str:
+
+def site_yaml(site: Site, made_by: str = "sites generate") -> str:
     """Return a site as YAML text: one line for each wall, door, object and starting position."""
-    content = site.model_dump(mode="json", exclude_defaults=True)
+    return draft_yaml(site.model_dump(mode="json", exclude_defaults=True), made_by)
+
+
+def draft_yaml(content: dict[str, Any], made_by: str) -> str:
+    """Return the plain values of a site as YAML text; lists may be missing or empty, `made_by` is the verb."""
     head = {key: content[key] for key in ("name", "title", "ceiling_height_m") if key in content}
-    lines = [
-        "# Made by `vsnbench sites generate`; metres, x to the right, y up on the plan, headings counter-clockwise.\n"
-    ]
+    lines = [f"# Made by `vsnbench {made_by}`; {_FRAME}\n"]
     lines.append(yaml.safe_dump(head, sort_keys=False, allow_unicode=True))
     for part in ("rooms", "walls", "doors", "windows", "objects", "starts"):
         if content.get(part):
