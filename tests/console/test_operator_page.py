@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from tests.accessibility import accessibility_findings
+from tests.cli.chromium import chromium_page
 from tests.console.browser import Browser
 from tests.database.records_of_a_lab import begun, cell, plan, run, stopped
 from vsnbench.console.operator_page import OperatorPage, code_to_be_scanned
@@ -250,3 +252,40 @@ def test_whatever_is_thrown_at_it_nothing_starts_and_nothing_breaks(session: Ses
         assert question.reply is None or question.reply.said is Choice.LATER
     assert not session.desk.driving
     assert anna.ask("GET", "/state").status == 200
+
+
+@pytest.mark.browser
+def test_everybody_can_read_the_page_and_work_it_by_keyboard_alone(session: Session) -> None:
+    with chromium_page(390, 844) as page:
+        page.set_default_timeout(120_000)
+        page.goto(session.address)
+        page.wait_for_selector("#name")
+        assert accessibility_findings(page) == [], "signing in"
+        page.keyboard.press("Tab")
+        page.keyboard.type("Anna")
+        page.keyboard.press("Enter")
+        with session.desk.ask(Asks.PLACE) as question:
+            page.wait_for_selector("#go:not([disabled])")
+            page.wait_for_selector("#episodes .episode button")  # it has opened: one awaits a judgement
+            assert accessibility_findings(page) == [], "placing"
+            reached: list[str] = []
+            while "SUMMARY" not in reached and len(reached) < 30:
+                page.keyboard.press("Tab")
+                held = page.locator(":focus")
+                assert held.evaluate("each => getComputedStyle(each).outlineStyle") == "solid", (
+                    "where it is can be seen"
+                )
+                reached.append(held.evaluate("each => each.id || each.tagName"))
+            assert reached[-5:] == ["go", "skip", "pause", "end", "SUMMARY"]
+            page.locator("#go").press("Enter")
+            page.wait_for_selector("#stop:focus")
+        assert question.reply is not None
+        assert accessibility_findings(page) == [], "driving"
+        page.keyboard.press("Enter")
+        page.get_by_text("stopped: the episode ends here").wait_for()
+        assert session.halts[-1] == "halt"
+        session.desk.driving = False
+        session.desk.board.episode_ended(ended_of(session))
+        with session.desk.ask(Asks.JUDGE):
+            page.wait_for_selector("#judging form")
+            assert accessibility_findings(page) == [], "judging"

@@ -70,7 +70,7 @@ function render() {
   at("driving-actions").textContent = trial ? `${state.actions} of ${trial.most_actions} actions` : "";
   at("driving-steps").textContent = state.steps.map(([name, blocked]) => (blocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
-  show("stop-bar", signedIn && (driving || looking === "turn"));
+  showStop(signedIn && (driving || looking === "turn"));
   show("finish", signedIn && asks === "finish");
   show("waiting", signedIn && !question && !driving);
   at("waiting-words").textContent = "The run is getting ready: nothing is asked right now.";
@@ -79,6 +79,14 @@ function render() {
   renderJudging(signedIn && asks === "judge");
   renderPicture(signedIn && (driving || placing));
   show("episodes-card", signedIn);
+}
+
+function showStop(visible) {
+  const appears = visible && at("stop-bar").hidden;
+  show("stop-bar", visible);
+  // Go has gone from under whoever works by keyboard: STOP takes its place, unless something is being typed.
+  const held = document.activeElement;
+  if (appears && (!held || held === document.body || !held.checkVisibility())) at("stop").focus({ preventScroll: true });
 }
 
 function renderJudging(visible) {
@@ -183,7 +191,8 @@ const stop = () => {
   });
 };
 at("stop").addEventListener("pointerdown", stop);
-at("stop").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") stop(); });
+// A key that is still held from Go is no new word.
+at("stop").addEventListener("keydown", (event) => { if (!event.repeat && (event.key === "Enter" || event.key === " ")) stop(); });
 setInterval(() => {
   if (state?.driving && state.for_s !== null) {
     at("driving-for").textContent = `${Math.round(state.for_s + (performance.now() - heardAt) / 1000)} s`;
