@@ -85,6 +85,7 @@ def import_site(
     write_whole(path, draft_yaml(read.content, "sites import").encode(), SiteError)
     print_files([path], as_json=as_json, lacks=list(read.lacks), left_out=read.left_out)
     if read.left_out:
-        typer.echo(f"{read.left_out} shapes are in no group for rooms, walls and so on: left out", err=True)
+        shapes = "a shape is" if read.left_out == 1 else f"{read.left_out} shapes are"
+        typer.echo(f"left out: {shapes} in no group for rooms, walls and so on", err=True)
     if read.lacks:
         typer.echo(f"a draft, without {', '.join(read.lacks)}: vsnbench sites edit {path}", err=True)

@@ -18,12 +18,16 @@ UNIT = "data-metres-per-unit"
 _TEXTS: Final = {"name", "title", "id", "category", "model", "color", "floor", "floor_color", "note"}
 _STYLES: Final = {
     "room": "fill:#f4efe6;stroke:none",
-    "wall": "fill:none;stroke:#333333",
+    "wall": "fill:none;stroke:#333333;stroke-linecap:square",
     "door": "fill:none;stroke:#c8813a;stroke-width:0.06",
     "window": "fill:none;stroke:#5aa0d8;stroke-width:0.06",
     "object": "fill:#cccccc;fill-opacity:0.7;stroke:#555555;stroke-width:0.01",
-    "start": "fill:none;stroke:#b01050;stroke-width:0.05",
+    "start": "fill:none;stroke:#b01050;stroke-width:0.05;marker-start:url(#stands)",
 }
+_STANDS = (
+    '<defs><marker id="stands" viewBox="-1 -1 2 2" markerWidth="3" markerHeight="3">'
+    '<circle r="1" style="fill:#b01050;stroke:none"/></marker></defs>'
+)
 _GOAL_STYLE = "fill:#9ccf9c;fill-opacity:0.8;stroke:#2f6f2f;stroke-width:0.015"
 _LOOK_M = 0.35
 _MARGIN_M = 0.5
@@ -47,6 +51,7 @@ def site_svg(site: Site) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>',
         root,
         f"<title>{escape(site.title or site.name)}, 1:50</title>",
+        _STANDS,
         '<g transform="scale(1,-1)">',
     ]
     for kind, group in KINDS.items():
