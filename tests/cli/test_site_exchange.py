@@ -43,4 +43,11 @@ def test_a_draft_says_what_it_lacks_and_a_bad_file_leaves_nothing(
     assert refused.code == 1
     assert refused.err.startswith("vsnbench: error: bad.geojson is no JSON")
     assert refused.err.count("\n") == 1
+    content["features"][0]["properties"]["name"] = "n" * 2_000_001
+    Path("bad.geojson").write_text(json.dumps(content), encoding="utf-8")
+    refused = vsnbench(monkeypatch, capsys, "sites", "import", "bad.geojson")
+    assert (refused.code, refused.err) == (
+        1,
+        "vsnbench: error: bad.geojson makes a site file of more than 2,000,000 characters\n",
+    )
     assert not Path("bad.yaml").exists()

@@ -122,6 +122,9 @@ BAD_GEOJSON = {
     "more than 200 m from the origin; these look like": changed(
         lambda content: the("start", content)["geometry"].update(coordinates=[4100, 250])
     ),
+    "it has more than 5,000 things": changed(
+        lambda content: the("wall", content)["geometry"].update(coordinates=[[0, 0], [1, 1]] * 2501)
+    ),
     "is longer than 4,000,000 characters": " " * 4_000_001,
 }
 

@@ -74,6 +74,7 @@ def import_site(
     from vsnbench.errors import SiteError, UsageError
     from vsnbench.exchange.site_drawing import read_drawing
     from vsnbench.exchange.site_file import draft_yaml
+    from vsnbench.protocol.settings_file import MOST_CHARACTERS
     from vsnbench.whole_files import write_whole
 
     path = output or drawing.with_suffix(".yaml")
@@ -82,7 +83,10 @@ def import_site(
     if path.exists():
         raise UsageError(f"{path} is there already", advice="name another file with --output")
     read = read_drawing(drawing, path.stem, metres_per_unit)
-    write_whole(path, draft_yaml(read.content, "sites import").encode(), SiteError)
+    text = draft_yaml(read.content, "sites import")
+    if len(text) > MOST_CHARACTERS:
+        raise SiteError(f"{drawing} makes a site file of more than {MOST_CHARACTERS:,} characters")
+    write_whole(path, text.encode(), SiteError)
     print_files([path], as_json=as_json, lacks=list(read.lacks), left_out=read.left_out)
     if read.left_out:
         shapes = "a shape is" if read.left_out == 1 else f"{read.left_out} shapes are"

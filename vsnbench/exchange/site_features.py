@@ -32,7 +32,8 @@ KINDS: Final = {
 HEAD: Final = ("name", "title", "ceiling_height_m")
 OUTLINE: Final = "outline"
 """Property of an object whose outline was surveyed: it is no box, even where it looks like one."""
-MOST_FEATURES = 20_000
+MOST_FEATURES = 5_000
+"""So many things with so many corners stay within what a site file may hold."""
 MOST_CORNERS = 50_000
 MOST_CHARACTERS = 4_000_000
 """Longer files are refused unread: a flat has some 30,000."""
@@ -96,6 +97,8 @@ def content_of(features: Iterable[Feature], head: Content, origin: str) -> tuple
         for entry in _entries(feature, f"{origin}: {feature.where}", len(entries) + 1):
             origins[KINDS[feature.kind], len(entries)] = feature.where
             entries.append(entry)
+        if len(origins) > MOST_FEATURES:
+            raise SiteError(f"{origin}: it has more than {MOST_FEATURES:,} things")
     lacks: list[str] = []
     try:
         Site.model_validate(content, context={CHECKING: True})

@@ -11,13 +11,14 @@ from typing import Final, NoReturn
 from xml.parsers.expat import ExpatError, ParserCreate
 
 from vsnbench.errors import SiteError
-from vsnbench.exchange.site_features import MOST_FEATURES, Point
+from vsnbench.exchange.site_features import Point
 
 Matrix = tuple[float, float, float, float, float, float]
 """a b c d e f of SVG: x' = a x + c y + e, y' = b x + d y + f."""
 
 _SAME: Final[Matrix] = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 _DEEPEST = 64
+_MOST_ELEMENTS = 20_000
 _LONGEST_TRANSFORM = 1000
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _TRANSFORM = re.compile(r"\s*,?\s*([a-zA-Z]+)\s*\(([^)]*)\)\s*")
@@ -95,8 +96,8 @@ class _Reader:
         self._count += 1
         if not self._open:
             self._begin(name, given)
-        if len(self._open) >= _DEEPEST or self._count > MOST_FEATURES:
-            self._refuse(f"it has more than {MOST_FEATURES:,} elements, or is nested deeper than {_DEEPEST}")
+        if len(self._open) >= _DEEPEST or self._count > _MOST_ELEMENTS:
+            self._refuse(f"it has more than {_MOST_ELEMENTS:,} elements, or is nested deeper than {_DEEPEST}")
         around = self._open[-1] if self._open else _Open(_SAME, None, False)
         matrix = _times(around.matrix, self._transform(given.get("transform", "")))
         labels = [given.get("data-kind"), given.get("id"), *(v for k, v in given.items() if k.endswith(" label"))]
