@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
     from vsnbench.database.migrate import SchemaState
 
 HERE = Path(__file__).parent
+
+settings.register_profile("same", derandomize=True)
+"""Generated examples are the same in every run, so that what passes here passes elsewhere; `HYPOTHESIS_PROFILE=default`
+draws new ones."""
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {

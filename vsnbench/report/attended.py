@@ -86,9 +86,11 @@ def read_attended(engine: Engine, record: Record) -> Attended | None:
             .order_by(Session.began_at, Session.id)
         ).all()
         acted = connection.execute(select(Event.episode_id, Event.author).where(Event.kind == INTERVENTION)).all()
+    judged_by, overruled = _judged(engine)
+    if len(rows) < 2 and not acted and not judged_by:
+        return None
     known = dict(zip(record.episodes["episode"].tolist(), record.episodes["session"].tolist(), strict=True))
     interventions = [(known[episode], author) for episode, author in acted if episode in known]
-    judged_by, overruled = _judged(engine)
     sessions = tuple(_session(record, row, sum(session == row.id for session, _ in interventions)) for row in rows)
     counted = record.counted()
     judges = counted["episode"].map(judged_by)
