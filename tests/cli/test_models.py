@@ -73,7 +73,7 @@ def test_only_what_the_command_line_has_is_shown_as_an_option(
     assert vsnbench(monkeypatch, "models", "show", "pirlnav", "--json") == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["options"] == ["--weights", "--model-config", "--device"]
-    assert shown["keywords"] == {"weights": "None", "model_config": "None", "device": "'auto'"}
+    assert shown["keywords"] == {"weights": "None", "model_config": "None", "device": "'auto'", "runtime": "None"}
     assert vsnbench(monkeypatch, "run", "--model", "forward", "--goal", "chair", "--weights", "x.pt") == 2
     refused = "model forward takes no --weights; it takes no options, and in Python look_ahead_m, half_width_m"
     assert refused in capsys.readouterr().err

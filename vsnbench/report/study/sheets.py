@@ -9,7 +9,7 @@ from vsnbench.report.sheets import UNKNOWN, Cell, Column, Row, Sheet, count, of,
 from vsnbench.report.study.findings import StudyFindings
 from vsnbench.report.study.primary import Answer
 from vsnbench.report.verdicts import compared
-from vsnbench.statistics.drift import trend
+from vsnbench.statistics.drift import Trend, trend
 from vsnbench.study.file import Rate
 
 EXPLORATORY = "Exploratory: "
@@ -151,16 +151,18 @@ def _drift(found: StudyFindings) -> Sheet:
         parts += [(f"run by {operator}", [one for one in done if one.operator == operator])]
     columns = (Column("trials", number=False), Column("successes"), Column("SR %"))
     rows = tuple(row(word(name), _share(own), percent(_rate(own), 1)) for name, own in parts)
-    note = f"Time, arm for arm and goal for goal: p {compared(_over_time(done))}, exact. Not asked beforehand."
+    over_time = _over_time(done)
+    how = "exact" if over_time.exact else "by the normal distribution"
+    note = f"Time, arm for arm and goal for goal: p {compared(over_time.p)}, {how}. Not asked beforehand."
     return Sheet("drift", f"{EXPLORATORY}success over time and by operator, all arms", columns, rows, (note,))
 
 
-def _over_time(done: Sequence[StudyTrialStanding]) -> float:
-    """Return the chance of success and time having nothing to do with each other."""
+def _over_time(done: Sequence[StudyTrialStanding]) -> Trend:
+    """Return what is to be said of success and time having nothing to do with each other."""
     strata: dict[tuple[str, str], list[bool]] = {}
     for one in done:
         strata.setdefault((one.arm, one.trial.goal), []).append(bool(one.success))
-    return trend(list(strata.values())).p
+    return trend(list(strata.values()))
 
 
 def _share(own: Sequence[StudyTrialStanding]) -> Cell:
