@@ -122,6 +122,26 @@ def test_many_clients_that_never_finish_a_request_lock_nobody_out(browser: Brows
             one.close()
 
 
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"POST /echo HTTP/1.1\r\nHost: %s\r\nTransfer-Encoding: chunked\r\n\r\nno length\r\n",
+        b"GET / HTTP/1.1\r\nHost: %s\r\nContent-Length: 3\r\n\r\nabc\0\0 is no request\r\n\r\n",
+        b"\0\0 is no request\r\n\r\n",
+    ],
+)
+def test_what_is_no_request_or_breaks_off_into_nonsense_is_no_word_on_the_terminal(
+    browser: Browser, sent: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    host, _, port = browser.host.partition(":")
+    with socket.create_connection((host, int(port)), timeout=20) as one:
+        one.sendall(sent.replace(b"%s", browser.host.encode()))
+        heard = b"".join(iter(lambda: one.recv(4096), b""))
+    assert heard.startswith(b"HTTP/1.1 4")
+    assert browser.ask("GET", "/").status == 200
+    assert [record.getMessage() for record in caplog.records] == []
+
+
 def test_a_web_socket_needs_the_cookie_and_this_pages_origin(browser: Browser) -> None:
     host, _, port = browser.host.partition(":")
     connection = http.client.HTTPConnection(host, int(port), timeout=20)

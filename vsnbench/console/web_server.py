@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
+import h11
 import psutil
 import uvicorn
 from starlette.types import ASGIApp
@@ -69,6 +70,16 @@ def _protocol(connections: _Connections) -> type[H11Protocol]:
             if self.client is not None:
                 connections.came(self.client, transport)
                 self.loop.call_later(REQUEST_TIMEOUT_S, connections.too_slow, self.client)
+
+        def send_400_response(self, msg: str) -> None:
+            """Answer what is no HTTP; where a request breaks off into it, in place of the page."""
+            if self.cycle is not None:
+                self.cycle.disconnected = True
+                self.cycle.message_event.set()
+            try:
+                super().send_400_response(msg)
+            except h11.LocalProtocolError:  # the page's answer is on its way
+                self.transport.close()
 
         def connection_lost(self, exc: Exception | None) -> None:
             if self.client is not None:
@@ -134,6 +145,8 @@ class WebServer:
             ws_per_message_deflate=False,
             lifespan="off",
             log_config=None,
+            # What strangers send is not told on the terminal at which a person is asked something.
+            log_level="error",
             access_log=False,
             proxy_headers=False,
             server_header=False,
