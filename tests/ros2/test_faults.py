@@ -84,22 +84,6 @@ def test_a_camera_that_fails_is_named_while_the_robot_stands(rig, fault, said) -
     assert stands_since(rig.robot) is not None or "moves" not in rig.robot.output
 
 
-@pytest.mark.parametrize("rig", ["beside the base"], indirect=True)  # elsewhere there is none to be killed
-def test_a_discrete_move_that_is_killed_is_missed_and_one_that_is_started_again_moves(rig) -> None:
-    rig.client("begin")
-    future = rig.moving("MOVE_FORWARD")
-    kill_s = time.monotonic()
-    rig.node.popen.kill()
-    stood_s = rig.stood_after(kill_s)
-    result = future.result(PATIENCE_S)
-    row(rig, "discrete_move killed", stood_s, result["failure"])
-    assert "has not steered for 3 s" in result["failure"]
-    assert stood_s < AT_REST_S
-    rig.node = start_discrete_move(rig.graph)
-    rig.client("begin")
-    assert rig.client("execute", "TURN_LEFT")["failure"] == ""
-
-
 def test_a_workstation_that_is_stopped_is_missed(rig) -> None:
     """By the node beside the base, or by the base, whose limit is that of a Create 3 and a Stretch."""
     rig.client("begin")
@@ -117,6 +101,24 @@ def test_a_workstation_that_is_stopped_is_missed(rig) -> None:
     assert stood_s < AT_REST_S
     if rig.node is not None:
         assert "the caller went away" in result["failure"]
+
+
+@pytest.mark.parametrize("rig", ["beside the base"], indirect=True)  # elsewhere there is none to be killed
+def test_a_discrete_move_that_is_killed_is_missed_and_one_that_is_started_again_moves(rig) -> None:
+    """After those that only stop: where all is on one machine, a killed process may hold up a base that shares memory
+    with it, some 2 s, once in twenty times."""
+    rig.client("begin")
+    future = rig.moving("MOVE_FORWARD")
+    kill_s = time.monotonic()
+    rig.node.popen.kill()
+    stood_s = rig.stood_after(kill_s)
+    result = future.result(PATIENCE_S)
+    row(rig, "discrete_move killed", stood_s, result["failure"])
+    assert "has not steered for 3 s" in result["failure"]
+    assert stood_s < AT_REST_S
+    rig.node = start_discrete_move(rig.graph)
+    rig.client("begin")
+    assert rig.client("execute", "TURN_LEFT")["failure"] == ""
 
 
 def test_a_workstation_that_is_killed_is_missed(rig) -> None:
