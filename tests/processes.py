@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,15 +64,16 @@ class Process:
 
 
 @dataclass
-class ProcessGroup:
+class ProcessGroup(ABC):
     """Processes that share an environment; ended together, and what they said is shown."""
 
     directory: Path
     processes: list[Process] = field(default_factory=list, kw_only=True)
 
     @property
+    @abstractmethod
     def environment(self) -> dict[str, str]:
-        raise NotImplementedError
+        """What its processes have in their environment."""
 
     def launch(self, words: list[str], environment: dict[str, str], stdin: int = subprocess.DEVNULL) -> Process:
         """Start a program, with more environment than all have."""
