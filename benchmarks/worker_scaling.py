@@ -6,11 +6,16 @@ python benchmarks/worker_scaling.py --record lean        without Rerun's copies;
 python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
 
 Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
+
+What a campaign costs all processors together is printed beside its wall time: where two workers keep two cores busy
+from the first second to the last, they need half of that and no less, so one worker's wall time over half of that is
+what no arrangement of the same work can pass.
 """
 
 import argparse
 import hashlib
 import os
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -28,15 +33,21 @@ STORY = """
 """
 
 
-def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, int, str]:
-    """Run a campaign; return its wall time in seconds, its actions, and the hash of all that happened in it."""
+def processor_s() -> float:
+    """Return the processor time of every child so far that has ended, theirs included."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
+
+
+def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, float, int, str]:
+    """Run a campaign; return its wall and its processor time in seconds, its actions, and the hash of all it did."""
     words = ["run", "--model", model, "--goal", goal, "--record", kept, *where, "--results", str(results)]
-    began = time.perf_counter()
+    began, spent_s = time.perf_counter(), processor_s()
     subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], check=True, stderr=subprocess.DEVNULL)
-    taken_s = time.perf_counter() - began
+    taken_s, spent_s = time.perf_counter() - began, processor_s() - spent_s
     with closing(sqlite3.connect(results / "vsnbench.db")) as connection:
         steps = connection.execute(STORY).fetchall()
-    return taken_s, len(steps), hashlib.sha256(repr(steps).encode()).hexdigest()
+    return taken_s, spent_s, len(steps), hashlib.sha256(repr(steps).encode()).hexdigest()
 
 
 def main() -> None:
@@ -57,12 +68,12 @@ def main() -> None:
         alone_s = 0.0
         for way in ways:
             with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as there:
-                taken_s, actions, story = campaign(model, asked.goal, asked.record, way, Path(there))
+                taken_s, spent_s, actions, story = campaign(model, asked.goal, asked.record, way, Path(there))
             alone_s = alone_s or taken_s
             seen.add(story)
             print(
-                f"{model:8} {' '.join(way):32} {taken_s:6.1f} s  {actions / taken_s:5.1f} actions/s  "
-                f"{alone_s / taken_s:.2f} times  {story[:12]}",
+                f"{model:8} {' '.join(way):32} {taken_s:6.1f} s, {spent_s:6.1f} s of processor  "
+                f"{actions / taken_s:5.1f} actions/s  {alone_s / taken_s:.2f} times  {story[:12]}",
                 flush=True,
             )
         if len(seen) > 1:
