@@ -20,6 +20,7 @@ from vsnbench.database.episode_entries import INTERVENTION
 from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
 from vsnbench.database_url import sqlite_url
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.record.results import ResultsDirectory
@@ -68,6 +69,8 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
             *(journal, results, (campaign.id,), "lab"),
             glimpse=lambda: camera[0] if camera else None,
         )
+        batteries = [Battery(0.84), Battery(0.71)]
+        desk.board.read_battery = lambda: batteries.pop(0) if len(batteries) > 1 else batteries[0]
         desk.attends(occasion.halt, lambda request: halts.append(request.words))
         parameters = ProtocolParameters()
         desk.board.trial_begins(
@@ -200,6 +203,7 @@ def test_the_session_says_at_its_end_what_it_was(session: Session) -> None:
     session.journal.add_event(INTERVENTION, "taken off the carpet", author="Anna", episode_id=1)
     rows = dict(session.browser("Anna").ask("GET", "/summary").json["rows"])
     assert (rows["episodes"], rows["await a judgement"], rows["interventions"]) == ("1", "1", "1")
+    assert rows["battery"] == "84% to 71%"
 
 
 def test_the_picture_is_what_the_camera_sees_now_while_the_robot_drives_and_the_last_action_s_else(

@@ -73,6 +73,13 @@ def test_a_profile_of_the_older_form_is_the_same_robot() -> None:
     assert profile.sha256 == load_profile("turtlebot2").sha256
 
 
+def test_a_robot_is_known_again_that_a_record_knew_before_its_battery_was_read() -> None:
+    older = "\n".join(line for line in TURTLEBOT2.splitlines() if "battery" not in line)
+    assert older != TURTLEBOT2.rstrip("\n")
+    known = "8e520b9cdb3ae97f59e8c396156fefb69694d5f67075bbb87164e749d48f09f6"
+    assert parse_profile(older, origin="older.yaml").sha256 == load_profile("turtlebot2").sha256 == known
+
+
 def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
     content = load_profile("turtlebot2").content()
     names = content.pop("interface")

@@ -14,6 +14,7 @@ import pytest
 from tests.runner.stand_ins import APARTMENT, NOBODY, PLAN, PROFILE, QuietDisplay, ScriptedPolicy, StandInRobot
 from vsnbench.errors import NotPlacedError, RecordError, RobotError, SensorLostError
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
@@ -70,6 +71,19 @@ def test_the_robot_is_put_at_the_start_with_the_seed_of_the_trial() -> None:
     robot = StandInRobot()
     run(robot, [Action.STOP], MemoryRecorder())
     assert robot.begun_with == (1, 7)
+
+
+def test_what_the_base_says_of_its_battery_is_kept_at_the_beginning_and_where_it_changed_at_the_end() -> None:
+    def events(*shares: float) -> list[tuple[str, str]]:
+        said = [Battery(share) for share in shares]
+        robot, recorder = StandInRobot(), MemoryRecorder()
+        robot.battery = lambda: said.pop(0) if said else None
+        run(robot, [Action.STOP], recorder)
+        return recorder.events
+
+    assert events(0.84, 0.71) == [("battery", "84%"), ("battery", "71%")]
+    assert events(0.84, 0.84) == [("battery", "84%")]
+    assert events() == []
 
 
 def test_stop_ends_the_episode_and_is_counted_recorded_and_judged() -> None:

@@ -8,7 +8,7 @@ from tests.simulator.places import square_room, turtlebot2
 from vsnbench.motion.controller import Command
 from vsnbench.protocol.site import SiteObject
 from vsnbench.simulator.noise import NoiseSettings
-from vsnbench.simulator.robot_player import RobotPlayer, SimulationOptions
+from vsnbench.simulator.robot_player import BATTERY_FULL_H, RobotPlayer, SimulationOptions, battery_share
 
 ROOM = square_room(
     6.0, SiteObject(id="bed-1", category="bed", position=(1.0, 1.0), size_m=(1.0, 1.0, 0.5)), start=(4.0, 4.0)
@@ -32,14 +32,28 @@ def outlet() -> Outlet:
 
 @pytest.fixture
 def player(outlet: Outlet) -> RobotPlayer:
-    options = SimulationOptions(noise=NoiseSettings(), command_lag_s=0.1)
+    return played(outlet)
+
+
+def played(outlet: Outlet, *, pretend_real: bool = False) -> RobotPlayer:
+    options = SimulationOptions(noise=NoiseSettings(), command_lag_s=0.1, pretend_real=pretend_real)
     return RobotPlayer(ROOM, turtlebot2(), options, outlet, 30.0, 0.6)
 
 
-def test_it_is_lifted_and_put_down_where_it_is_asked_to(player: RobotPlayer, outlet: Outlet) -> None:
+def test_it_stands_where_it_is_asked_to_and_nobody_has_lifted_it(player: RobotPlayer, outlet: Outlet) -> None:
     assert player.put_down(3.0, 4.0, 1.0, -7) == ""
     assert (player._base.pose.position, player._base.pose.heading_rad) == ((3.0, 4.0), 1.0)
+    assert outlet.lifted == [], "a wheel drop that comes late would end the episode"
+
+
+def test_a_pretended_person_lifts_it_and_puts_it_down(outlet: Outlet) -> None:
+    assert played(outlet, pretend_real=True).put_down(3.0, 4.0, 1.0, -7) == ""
     assert outlet.lifted == [True, False]
+
+
+def test_its_battery_goes_down_and_never_below_nothing() -> None:
+    shares = [battery_share(hours * 3600) for hours in (0, 1, 100)]
+    assert shares == [0.9, pytest.approx(0.9 - 1 / BATTERY_FULL_H), 0.0]
 
 
 def test_what_it_touches_there_is_said(player: RobotPlayer) -> None:

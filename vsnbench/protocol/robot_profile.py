@@ -48,6 +48,10 @@ class Interface(BaseModel):
     kind: str
 
 
+_NOT_WHAT_IT_IS = ("kind", "battery", "battery_type")
+"""Fields of a ROS 1 interface that the older form had not: they change nothing that a robot does."""
+
+
 class RobotProfile(BaseModel):
     """One kind of robot, complete."""
 
@@ -96,6 +100,6 @@ class RobotProfile(BaseModel):
             content["interface"].pop("namespace", None)
         if self.interface is not None and self.interface.kind == "ros1":
             names = content.pop("interface")
-            content["ros"] = {name: value for name, value in names.items() if name != "kind"}
+            content["ros"] = {name: value for name, value in names.items() if name not in _NOT_WHAT_IT_IS}
         text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()

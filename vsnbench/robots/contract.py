@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.observation import Observation, Sensor
@@ -112,6 +113,25 @@ class CarriedInPlay(PlacedByHand, Protocol):
             RobotError: it cannot stand there.
         """
         ...
+
+
+ReadBattery = Callable[[], Battery | None]
+"""Returns what a base said of its battery last, from any thread; None while it has said nothing."""
+
+
+@runtime_checkable
+class BatteryPowered(Robot, Protocol):
+    """A robot whose base may say how full its battery is."""
+
+    @property
+    def battery(self) -> ReadBattery:
+        """Returns what it said last; None where it has said nothing, or never does."""
+        ...
+
+
+def battery_of(robot: Robot) -> ReadBattery:
+    """Return how to ask a robot for its battery; one that says nothing of it always answers None."""
+    return robot.battery if isinstance(robot, BatteryPowered) else lambda: None
 
 
 Glimpse = Callable[[], npt.NDArray[np.uint8] | None]

@@ -77,7 +77,7 @@ INTERFACE_KINDS: Mapping[str, InterfaceKind] = {
         _connect_ros1,
         _check_up_ros1,
         bumpers=("bumper",),
-        topics=(*_SHARED_TOPICS, "cliff", "wheel_drop"),
+        topics=(*_SHARED_TOPICS, "cliff", "wheel_drop", "battery"),
     ),
     ROS2: InterfaceKind(
         "over ROS 2",

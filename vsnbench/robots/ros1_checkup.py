@@ -14,6 +14,7 @@ from vsnbench.errors import RobotError
 from vsnbench.motion.law import ideal_duration_s
 from vsnbench.motion.settings import MotionSettings
 from vsnbench.protocol.actions import Action
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.robots.image_checkup import image_results
@@ -69,6 +70,7 @@ def check_ros_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[Ch
         state, types = master.state(), master.topic_types()
         yield from _topic_results(profile, state, types, heard)
         yield from image_results(profile, heard, lambda kind, data: message_class(kind)().deserialize(data))
+        yield from _battery_results(profile, heard)
         yield from clock_results(profile, heard, _remote_nodes(master, state))
         yield from _service_results(profile, master)
         if move:
@@ -89,6 +91,7 @@ def _topics(profile: RobotProfile) -> list[tuple[str, str]]:
         (names.bumper, names.bumper_type),
         (names.cliff, names.cliff_type),
         (names.wheel_drop, names.wheel_drop_type),
+        (names.battery, names.battery_type),
     ]
     return [(topic, kind) for topic, kind in wanted if topic]
 
@@ -157,6 +160,25 @@ def _topic_results(
             )
         else:
             yield rate_result(topic, kind, heard[topic], rates[topic])
+
+
+def _battery_results(profile: RobotProfile, heard: dict[str, Heard]) -> Iterator[CheckResult]:
+    """Say how full the battery is, where the base says so."""
+    from vsnbench.ros1.battery import battery_in
+    from vsnbench.ros1.topic_listener import message_class
+
+    names = ros1_interface(profile)
+    if names.battery and heard[names.battery].messages:
+        said = battery_in(message_class(names.battery_type)().deserialize(heard[names.battery].messages[-1]))
+        if said is not None:
+            yield battery_result(said)
+
+
+def battery_result(battery: Battery) -> CheckResult:
+    """Say how full the battery is, and whether to charge it."""
+    if battery.is_low:
+        return CheckResult("battery", Health.WARNING, battery.words, "charge it before a session")
+    return CheckResult("battery", Health.OK, battery.words)
 
 
 def rate_result(topic: str, kind: str, heard: Heard, expected_hz: float) -> CheckResult:

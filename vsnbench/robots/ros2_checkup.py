@@ -9,12 +9,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RobotError
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.robots.check_result import CheckResult, Health
 from vsnbench.robots.image_checkup import image_results
 from vsnbench.robots.interface_kinds import connect
-from vsnbench.robots.ros1_checkup import clock_results, judge_turn, rate_result
+from vsnbench.robots.ros1_checkup import battery_result, clock_results, judge_turn, rate_result
 from vsnbench.robots.ros_start import Patience, wait_until_ready
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph_check import command_fault, hash_fault, incompatibility, listeners, type_fault
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from vsnbench.sensing.heard import Heard
 
 LISTEN_S = 2.0
-_LOW_BATTERY = 0.25
 
 
 def check_ros2_robot(profile: RobotProfile, *, move: bool = False) -> Iterator[CheckResult]:
@@ -165,14 +165,13 @@ def _base_results(
         from vsnbench.ros2.topic_listener import message_of
 
         state = message_of("sensor_msgs/BatteryState", heard[names.battery].messages[-1])
-        share = f"{state.percentage:.0%}" if state.percentage == state.percentage else f"{state.voltage:.1f} V"
+        said = Battery.reported(state.percentage, state.voltage)
         if dock.is_charging and dock.is_docked is None:
             advice = f"a docked base does not turn: {dock.advice}"
-            yield CheckResult("battery", Health.WARNING, f"{share}, charging: is it on its dock?", advice)
-        elif state.percentage < _LOW_BATTERY:
-            yield CheckResult("battery", Health.WARNING, share, "charge it before a session")
-        else:
-            yield CheckResult("battery", Health.OK, share)
+            words = f"{said.words}, charging" if said else "charging"
+            yield CheckResult("battery", Health.WARNING, f"{words}: is it on its dock?", advice)
+        elif said is not None:
+            yield battery_result(said)
     if dock.fault is not None:
         yield CheckResult("dock", Health.FAILED, dock.fault.statement, dock.advice)
     elif dock.is_docked is not None:

@@ -45,6 +45,8 @@ class RobotLink(Protocol):
     """`ros1` or `ros2`: the kind of the robot's identity."""
     image_turns: int
     """Quarter turns clockwise that set an image upright."""
+    tells_of_lifting: bool
+    """Whether the base has a topic on which it says that its wheels hang in the air."""
     names: Any
     """The interface of the profile, with names as the network has them; see RobotTopics."""
 

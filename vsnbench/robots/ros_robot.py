@@ -23,6 +23,7 @@ from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import RobotIdentity, SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import StartingPosition
+from vsnbench.robots.contract import ReadBattery
 from vsnbench.robots.interface_kinds import connect
 from vsnbench.robots.ros_camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
 from vsnbench.robots.ros_conditions import await_account, conditions_of, require_same_conditions
@@ -96,6 +97,7 @@ class RosRobot:
             self.needs_a_person = self._simulation is None or self.is_carried_in_play
             self._camera = RosCamera(self._link, profile)
             self.glimpse = self._camera.glimpse
+            self.battery: ReadBattery = lambda: self._link.snapshot().battery
             frames = self._camera.depth_frames
             self.conditions: Mapping[str, Any] = conditions_of(self._link, self._simulation, frames)
         except BaseException:
@@ -228,9 +230,8 @@ class RosRobot:
         now = self._link.snapshot()
         if not self.needs_a_person:
             if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
-                raise SensorLostError(
-                    "the simulator is silent", advice=f"is vsnbench {self._link.kind} simulate running?"
-                )
+                advice = f"is vsnbench {self._link.kind} simulate running?"
+                raise SensorLostError("the simulator is silent", advice=advice)
             return Fix(now.truth.payload, PoseSource.SIMULATED)
         assert self._start is not None  # noqa: S101  # _require_begun
         return Fix(self._start.compose(self._relative(now)), PoseSource.ESTIMATED)

@@ -12,6 +12,7 @@ from vsnbench.errors import NoAnswerError, NotPlacedError, RobotError, SensorLos
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.ros_link import RobotLink
 from vsnbench.sensing.camera_images import MotionEnd
+from vsnbench.sensing.discrete_mover import Hazard
 from vsnbench.sensing.robot_reports import RobotSnapshot
 
 logger = logging.getLogger(__name__)
@@ -97,7 +98,20 @@ def have_it_carried(link: RobotLink, start: StartingPosition, seed: int, patienc
     Raises:
         RobotError: it cannot stand there, or the simulator does not answer.
     """
-    patience.insist_on(lambda: _put(link, start, seed, patience))
+
+    def carry() -> None:
+        link.clear_events()
+        _put(link, start, seed, patience)
+        # The base tells of the lifting beside the answer: what came late would end the next movement, or forbid it.
+        if link.tells_of_lifting and not link.wait_for(_was_put_down, 2.0):
+            logger.warning("the base has said nothing of its wheels while it was carried")
+
+    patience.insist_on(carry)
+
+
+def _was_put_down(now: RobotSnapshot) -> bool:
+    lifted = any(hazard is Hazard.WHEEL_DROP for hazard, _ in now.hazard_events)
+    return lifted and not any(hazard is Hazard.WHEEL_DROP for hazard, _ in now.pressed)
 
 
 def _put(link: RobotLink, start: StartingPosition, seed: int, patience: Patience) -> None:

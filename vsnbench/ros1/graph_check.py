@@ -69,7 +69,7 @@ def _published_twice(names: Ros1Interface, state: SystemState) -> list[GraphFaul
     faults = []
     for topic in (
         *(names.odometry, names.color, names.color_info, names.depth, names.depth_info),
-        *(names.bumper, names.cliff, names.wheel_drop),
+        *(names.bumper, names.cliff, names.wheel_drop, names.battery),
     ):
         nodes = sorted(set(state.publishers.get(topic, []))) if topic else []
         if len(nodes) > 1:

@@ -28,6 +28,8 @@ class Ros1Interface(Interface):
     cliff_type: Literal["kobuki_msgs/CliffEvent", "std_msgs/Bool"] = "kobuki_msgs/CliffEvent"
     wheel_drop: RosName = ""
     wheel_drop_type: Literal["kobuki_msgs/WheelDropEvent", "std_msgs/Bool"] = "kobuki_msgs/WheelDropEvent"
+    battery: RosName = ""
+    battery_type: Literal["kobuki_msgs/SensorState", "sensor_msgs/BatteryState"] = "kobuki_msgs/SensorState"
     color: RosName = Field(default="/camera/color/image_raw", min_length=1)
     color_info: RosName = "/camera/color/camera_info"
     depth: RosName = "/camera/depth/image_raw"

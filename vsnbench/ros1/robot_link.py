@@ -20,6 +20,7 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import ROS1
 from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.ros1.battery import subscribe_battery
 from vsnbench.ros1.hazard_events import subscribe_hazard
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master
@@ -55,6 +56,7 @@ class RobotLink:
         self.clear_events = self._reports.clear_events
         self.master: Master = start_node(NODE)
         self.names = names
+        self.tells_of_lifting = bool(names.wheel_drop)
         self.discrete_move = ServiceClient(names.discrete_move, DiscreteServer, self.master, self.master.caller)
         self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master, self.master.caller)
         self._place = ServiceClient(PLACE, PlaceRobot, self.master, self.master.caller)
@@ -165,6 +167,7 @@ class RobotLink:
             self._subscribe_image(names.depth, "depths", names.depth_frames + 2)
         for hazard in Hazard:
             subscribe_hazard(names, hazard, self._reports.take_hazard)
+        subscribe_battery(names, self._reports.take_battery)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
         )

@@ -20,6 +20,7 @@ from vsnbench.motion.controller import Command
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
+from vsnbench.ros1.battery import BATTERY_CLASSES, battery_message
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.master import Master, MasterError
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, PlaceRobot, PlaceRobotResponse, WheelDropEvent
@@ -75,6 +76,7 @@ class SimulatedRobotNode:
         self._wheel_drop = publisher(
             names.wheel_drop, WheelDropEvent if names.wheel_drop_type.startswith("kobuki") else Bool
         )
+        self._battery = publisher(names.battery, BATTERY_CLASSES[names.battery_type], queue=1)
         self._color = publisher(names.color, Image, queue=1)
         self._color_info = publisher(names.color_info, CameraInfo, queue=1)
         self._depth = publisher(names.depth, Image, queue=1)
@@ -102,6 +104,12 @@ class SimulatedRobotNode:
     def _on_place(self, request: Any) -> Any:
         problem = self._player.put_down(request.x, request.y, request.heading, request.seed)
         return PlaceRobotResponse(not problem, problem)
+
+    def tell_battery(self, share: float, stamp_s: float) -> None:
+        """Publish how the battery stands, as the profile's base does; nothing else of a Kobuki's state is told."""
+        if self._battery is not None:
+            stamp = rospy.Time.from_sec(stamp_s)
+            self._battery.publish(battery_message(self._names.battery_type, share, stamp))
 
     def tell_lifted(self, lifted: bool) -> None:
         """Drop the wheels while a person has the robot in hand."""

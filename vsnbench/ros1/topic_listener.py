@@ -11,6 +11,7 @@ import rospy
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image
 
+from vsnbench.ros1.battery import BATTERY_CLASSES
 from vsnbench.ros1.node import start_node
 from vsnbench.sensing.heard import Heard, Hearing
 from vsnbench.sensing.odometry import heading_of_quaternion
@@ -20,6 +21,7 @@ _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
     "sensor_msgs/CameraInfo": CameraInfo,
     "sensor_msgs/Image": Image,
+    **BATTERY_CLASSES,
 }
 
 

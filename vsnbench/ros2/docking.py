@@ -58,8 +58,10 @@ class Dock:
         return ""
 
 
-def subscribe_dock(node: "Ros2Node", names: "Ros2Interface", dock: Dock) -> None:
-    """Tell `dock` all that the base says of it."""
+def subscribe_dock(
+    node: "Ros2Node", names: "Ros2Interface", dock: Dock, also: Callable[[Any], None] = lambda _battery: None
+) -> None:
+    """Tell `dock` all that the base says of it; every sensor_msgs/BatteryState goes to `also`, too."""
     from sensor_msgs.msg import BatteryState
 
     from vsnbench.ros2.node import SENSOR_DATA
@@ -68,7 +70,12 @@ def subscribe_dock(node: "Ros2Node", names: "Ros2Interface", dock: Dock) -> None
     if names.dock and status is not None:
         node.rclpy.create_subscription(status, names.dock, dock.take_status, SENSOR_DATA)
     if names.battery:
-        node.rclpy.create_subscription(BatteryState, names.battery, dock.take_battery, SENSOR_DATA)
+
+        def on_battery(message: Any) -> None:
+            dock.take_battery(message)
+            also(message)
+
+        node.rclpy.create_subscription(BatteryState, names.battery, on_battery, SENSOR_DATA)
 
 
 def undock(node: "Ros2Node", names: "Ros2Interface") -> None:

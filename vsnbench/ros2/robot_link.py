@@ -16,6 +16,7 @@ from std_msgs.msg import String
 from vsnbench.errors import NoAnswerError, RobotError
 from vsnbench.motion.controller import STANDSTILL, Command
 from vsnbench.motion.discrete_move_settings import motion_settings
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import ROS2
@@ -44,6 +45,7 @@ class RobotLink:
     """
 
     kind = ROS2
+    tells_of_lifting = False
 
     def __init__(self, profile: RobotProfile, parameters: ProtocolParameters) -> None:
         self.profile_name = profile.name
@@ -215,7 +217,7 @@ class RobotLink:
         listen(String, self._own(ACCOUNT), lambda message: self._reports.take_account(message.data), LATCHED)
         self.unheard = subscribe_hazards(self.node, names, self._on_hazard)
         self.dock = Dock(self.profile_name, names)
-        subscribe_dock(self.node, names, self.dock)
+        subscribe_dock(self.node, names, self.dock, self._on_battery)
 
     def _subscribe_image(self, topic: str, field: str, most: int) -> None:
         def on_image(data: bytes, info: Any) -> None:
@@ -238,6 +240,9 @@ class RobotLink:
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         self._mover.take_hazard(hazard, sensor, active, where)
         self._reports.take_hazard(hazard, sensor, active, where)
+
+    def _on_battery(self, message: Any) -> None:
+        self._reports.take_battery(Battery.reported(message.percentage, message.voltage))
 
     def _on_truth(self, message: Any) -> None:
         self._reports.take_truth(planar(message), seconds(message.header.stamp))

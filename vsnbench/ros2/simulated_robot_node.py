@@ -4,7 +4,6 @@ Imported only where ROS 2 is installed.
 """
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -40,7 +39,6 @@ from vsnbench.simulator.robot_player import Picture, RobotPlayer, SimulationOpti
 from vsnbench.simulator.simulated_base import Contact
 
 NODE = "simulated_robot"
-_BATTERY_PERIOD_S = 1.0
 
 
 class SimulatedRobotNode:
@@ -51,7 +49,6 @@ class SimulatedRobotNode:
         self._profile = profile
         self._names = ros2_interface(profile)
         self._options = options
-        self._battery_due_s = -math.inf
         self._player = RobotPlayer(
             site, profile, options, self, self._names.camera_rate_hz, self._names.command_timeout_s
         )
@@ -103,15 +100,9 @@ class SimulatedRobotNode:
         return {"problem": self._player.put_down(x_m, y_m, heading_rad, seed)}
 
     def tell_time(self, stamp_s: float) -> None:
-        """Be the graph's clock, where it is simulated; say how the battery stands."""
+        """Be the graph's clock, where it is simulated."""
         if self._clock is not None:
             self._clock.publish(Clock(clock=time_of(stamp_s)))
-        if self._battery is not None and stamp_s >= self._battery_due_s:
-            self._battery_due_s = stamp_s + _BATTERY_PERIOD_S
-            discharging = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-            state = BatteryState(percentage=0.9, present=True, power_supply_status=discharging)
-            state.header.stamp = time_of(stamp_s)
-            self._battery.publish(state)
 
     def tell_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Publish what the base counted."""
@@ -121,6 +112,14 @@ class SimulatedRobotNode:
         """Publish where the robot truly stands, to whoever listens."""
         if self._truth.get_subscription_count():
             self._truth.publish(odometry_message(pose, stamp_s, "site"))
+
+    def tell_battery(self, share: float, stamp_s: float) -> None:
+        """Publish how the battery stands, as a Create 3 does on battery_state."""
+        if self._battery is not None:
+            discharging = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+            state = BatteryState(percentage=share, present=True, power_supply_status=discharging)
+            state.header.stamp = time_of(stamp_s)
+            self._battery.publish(state)
 
     def tell_lifted(self, lifted: bool) -> None:
         """Say nothing: no base of ROS 2 that we know has a topic for its wheels alone."""

@@ -1,5 +1,6 @@
 """Who is there: a person at the terminal where the robot needs one, else nobody; and where progress is shown."""
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -7,16 +8,19 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.database.journal import Journal
+from vsnbench.errors import RecordError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.robots.contract import Glimpse
+from vsnbench.robots.contract import Glimpse, ReadBattery
 from vsnbench.runner.attendant import Attendant, Nobody, Overview
+from vsnbench.runner.board import Board
 from vsnbench.runner.desk import Desk
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.operator import Beside, Operator, require_operator
 from vsnbench.runner.progress import CampaignProgress
+from vsnbench.runner.session_summary import session_words
 from vsnbench.runner.stopping import Stopping
 
 
@@ -50,6 +54,8 @@ class Occasion:
     """So many void episodes one after another end the session: another attempt will mend nothing."""
     glimpse: Glimpse | None = None
     """What the robot's camera sees while it drives; None where it sees between its actions alone."""
+    battery: ReadBattery = lambda: None
+    """What its base says of its battery."""
 
 
 class PageOfADesk(Protocol):
@@ -116,7 +122,16 @@ class TerminalAttendance:
             desk.attends(occasion.halt, occasion.stop.ask)
             desk.board.shows_actions, desk.board.robot_radius_m = not occasion.blind, occasion.robot_radius_m
             desk.board.done, desk.says = occasion.done, progress.say
+            desk.board.read_battery = occasion.battery
+            stack.callback(_say_what_it_was, occasion, desk.board, progress)
             if self.page is not None:
                 progress.console.print(stack.enter_context(self.page.serve(desk, occasion)))
             beside = Beside(occasion.operator, not occasion.needs_a_person, self.page is not None)
             yield Operator(progress, emergency, occasion.stop, desk, beside)
+
+
+def _say_what_it_was(occasion: Occasion, board: Board, progress: CampaignProgress) -> None:
+    """Write the session's summary at the terminal, unless the record cannot be read or has nothing."""
+    with contextlib.suppress(RecordError):
+        if words := session_words(occasion.journal.engine, occasion.campaigns, board):
+            progress.say(words)

@@ -7,10 +7,12 @@ from datetime import UTC, datetime
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.protocol.battery import Battery, course_of
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.wheeling import way_between
+from vsnbench.robots.contract import ReadBattery
 from vsnbench.runner.attendant import EndedEpisode, Upcoming
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.placing import PlacementLook
@@ -64,10 +66,20 @@ class Board:
     """From there to the start of the trial, for whoever wheels it; metres."""
     again: deque[int] = field(default_factory=deque)
     """Trials that are to be run again before any other."""
+    read_battery: ReadBattery = lambda: None
+    """What the base says of its battery now."""
+    battery_at_first: Battery | None = None
+    """What it said when the first trial began."""
+
+    @property
+    def battery_words(self) -> str:
+        """From what to what the battery went since the first trial; empty where the base says nothing of it."""
+        return course_of(self.battery_at_first, self.read_battery())
 
     def trial_begins(self, upcoming: Upcoming) -> None:
         """Show the next trial."""
         plan = upcoming.plan
+        self.battery_at_first = self.battery_at_first or self.read_battery()
         space = free_space(plan.site, self.robot_radius_m)
         self.way = way_between(space, self.left_at, plan.start.pose) if self.left_at else []
         self.upcoming, self.began_at, self.steps = upcoming, None, []

@@ -13,7 +13,6 @@ from vsnbench.database.judging import trial_of
 from vsnbench.database.lifecycle import ENDED, EpisodeState
 from vsnbench.database.queries import episode_details, list_episodes
 from vsnbench.database.read_shapes import EpisodeDetails, EpisodeFilter, EpisodeSummary
-from vsnbench.database.sessions import interventions_in
 from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.record.confined import read_confined
 from vsnbench.record.images import rgb_path
@@ -21,6 +20,7 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.case import Case, Word
 from vsnbench.runner.desk import AnsweredMeanwhileError, Asks, Choice, Desk
+from vsnbench.runner.session_summary import session_summary
 
 KEPT_WITHIN_S = 6.0
 _LOOKS_EVERY_S = 0.02
@@ -134,28 +134,7 @@ class Corrections:
 
     def summary(self) -> list[tuple[str, str]]:
         """Return what a session's end says: names and values, for people."""
-        engine = self._journal.engine
-        found = [
-            one
-            for campaign in self._campaigns
-            for one in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
-            if one.state in ENDED
-        ]
-        judged = [one for one in found if one.state == EpisodeState.JUDGED]
-        hours = sum(one.duration_s or 0.0 for one in found) / 3600
-        kilometres = sum(one.path_length_m or 0.0 for one in found) / 1000
-        rows = [
-            ("episodes", str(len(found))),
-            ("judged", str(len(judged))),
-            ("await a judgement", str(sum(one.state == EpisodeState.AWAITING for one in found))),
-            ("void", str(sum(one.state == EpisodeState.VOID for one in found))),
-            ("interventions", str(interventions_in(engine, self._campaigns))),
-            ("driven", f"{hours:.2f} h, {kilometres:.3f} km"),
-        ]
-        if self._desk.board.shows_actions and judged:
-            successes = sum(bool(one.success) for one in judged)
-            rows.insert(2, ("success so far", f"{successes} of {len(judged)} ({successes / len(judged):.0%})"))
-        return rows
+        return session_summary(self._journal.engine, self._campaigns, self._desk.board)
 
     def _mine(self, number: int) -> EpisodeDetails:
         details = episode_details(self._journal.engine, number)

@@ -16,7 +16,7 @@ from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.protocol.step_record import StepTimings
-from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot
+from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot, battery_of
 from vsnbench.runner.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.placing import PlacementLook, Placing
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
@@ -140,12 +140,14 @@ def run_episode(
     calls = PolicyCalls(policy, stop)
     actions = 0
     recording = False
+    battery = ""
     stopped: Stopped | None = None
     error = ""
     try:
         here, placed = _stand_at_start(robot, plan, recorder, beside, stop)
         recorder.begin(plan, here, placed)
         recording = True
+        battery = _note_battery(robot, recorder)
         with stop.interruptible():
             calls.reset(plan.site, plan.goal, here.pose, robot.identity.profile.base, plan.seed, plan.parameters)
         reason: EndReason | None = None
@@ -183,10 +185,20 @@ def run_episode(
         recorder.event(outcome.verdict.end_reason.value, outcome.error)
     if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:
         recorder.intervention(stopped.request.words, stopped.request.who)
+    if recording:
+        _note_battery(robot, recorder, battery)
     recorder.end(outcome)
     if stopped is not None and ends_session:
         raise StoppedInEpisodeError(stopped.request, outcome) from stopped
     return outcome
+
+
+def _note_battery(robot: Robot, recorder: EpisodeRecorder, before: str = "") -> str:
+    """Keep what the base says of its battery, unless that was just kept; what drifts with it can then be told."""
+    said = battery_of(robot)()
+    if said is not None and said.words != before:
+        recorder.event("battery", said.words)
+    return said.words if said is not None else ""
 
 
 def _stand_at_start(

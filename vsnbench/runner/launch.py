@@ -24,7 +24,7 @@ from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import Kept, ResultsDirectory
-from vsnbench.robots.contract import Glimpse, SeenDriving
+from vsnbench.robots.contract import Glimpse, ReadBattery, SeenDriving, battery_of
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench, tell_of_stand_in
 from vsnbench.runner.leftovers import sweep_results
@@ -192,6 +192,7 @@ def launch(
             provenance.operator,
             most_void=1 if request.fail_fast else VOID_IN_A_ROW,
             glimpse=crew.glimpse,
+            battery=crew.battery,
         )
         keeping = Keeping(campaign, request.results, viewer, provenance.operator)
         result = crew.run(journal, keeping, attendance, occasion)
@@ -229,6 +230,11 @@ class Crew(Protocol):
     @property
     def glimpse(self) -> Glimpse | None:
         """What its robot's camera sees while it drives; None for many robots, and for one that does not say."""
+        ...
+
+    @property
+    def battery(self) -> ReadBattery:
+        """What its robot's base says of its battery."""
         ...
 
     def provenance(self) -> Provenance:
@@ -284,6 +290,7 @@ class _Alone:
         self._bench = bench
         self.description = bench.description
         self.glimpse = bench.robot.glimpse if isinstance(bench.robot, SeenDriving) else None
+        self.battery = battery_of(bench.robot)
 
     def provenance(self) -> Provenance:
         return self._bench.provenance()
@@ -326,7 +333,7 @@ class _Several:
         self._plan = plan
         self._pool = pool
         self.description = pool.description
-        self.glimpse = None
+        self.glimpse, self.battery = None, lambda: None
 
     def provenance(self) -> Provenance:
         return gather_provenance()

@@ -25,7 +25,7 @@ from vsnbench.models.contract import Policy
 from vsnbench.protocol.judge import EndReason, judge
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.robots.contract import Robot, SeenDriving
+from vsnbench.robots.contract import Robot, SeenDriving, battery_of
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.attendant import SessionOverError, TrialSkippedError
 from vsnbench.runner.bench import close_policy
@@ -141,6 +141,7 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
                     provenance.operator,
                     blind,
                     glimpse=robot.glimpse if isinstance(robot, SeenDriving) else None,
+                    battery=battery_of(robot),
                 )
             )
         )

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.harmless_text import error_line
+from vsnbench.protocol.battery import Battery
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_identity import SimulationAccount
 from vsnbench.protocol.robot_profile import RobotProfile
@@ -67,6 +68,8 @@ class RobotSnapshot:
     """When somebody else last commanded a velocity other than zero."""
     driven_by: str = ""
     """The node that did."""
+    battery: Battery | None = None
+    """What the base last said of its battery."""
     sources: Mapping[tuple[str, str], float] = field(default_factory=lambda: MappingProxyType({}))
     """When the last message came by (topic, node), monotonic clock; odometry and images only."""
 
@@ -180,6 +183,11 @@ class RobotReports:
             )
         else:
             self._update(lambda now: {"pressed": now.pressed - {(hazard, sensor)}})
+
+    def take_battery(self, battery: Battery | None) -> None:
+        """Take what the base says of its battery; None says nothing."""
+        if battery is not None and battery != self._snapshot.battery:
+            self._update(lambda _: {"battery": battery})
 
     def take_contact(self, touched: str) -> None:
         """Take what a simulated robot touches; empty for nothing."""

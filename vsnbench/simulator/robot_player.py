@@ -25,6 +25,10 @@ from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_base import Contact, SimulatedBase
 
 _GIVE_UP_CATCHING_UP_S = 0.2
+BATTERY_FULL_H = 3.0
+"""Hours that a played battery lasts, about those of a Kobuki's small one."""
+_BATTERY_AT_FIRST = 0.9
+_BATTERY_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,10 @@ class RobotOutlet(Protocol):
 
     def tell_truth(self, pose: Pose, stamp_s: float) -> None:
         """Where the robot truly stands now."""
+        ...
+
+    def tell_battery(self, share: float, stamp_s: float) -> None:
+        """The base measured its battery: 0 empty, 1 full."""
         ...
 
     def tell_lifted(self, lifted: bool) -> None:
@@ -159,7 +167,10 @@ class RobotPlayer:
             self._base.reset_odometry()
 
     def put_down(self, x_m: float, y_m: float, heading_rad: float, seed: int) -> str:
-        """Do what a person does: lift the robot, put it down there.
+        """Have the robot stand there; where a person is played, too, as one does it: lifted and put down.
+
+        Nobody lifts a robot that no person places: a base's word of it comes on a topic of its own, and where the
+        machine is busy it would come after the episode has begun, and end it.
 
         Args:
             x_m: where, in the site's frame.
@@ -175,7 +186,9 @@ class RobotPlayer:
         except ValueError:
             return "a place needs finite numbers"
         seed = abs(seed)
-        self._outlet.tell_lifted(True)
+        by_hand = self._person is not None
+        if by_hand:
+            self._outlet.tell_lifted(True)
         with self._lock:
             if self._person is not None:
                 pose = self._person.put_down(
@@ -183,13 +196,14 @@ class RobotPlayer:
                 )
             touched = self._base.put_down(pose, seed)
             self._rng = np.random.default_rng(seed)
-        self._outlet.tell_lifted(False)
+        if by_hand:
+            self._outlet.tell_lifted(False)
         return f"it touches {touched} there" if touched else ""
 
     def _run_base(self) -> None:
         """Let time pass at the wanted rate; fall behind rather than rush where the machine is too slow."""
         period_s = CONTROL_PERIOD_S / self._options.rate_factor
-        odometry_due_s = 0.0
+        odometry_due_s = battery_due_s = 0.0
         due_s = time.monotonic()
         while not self._closed.is_set():
             with self._lock:
@@ -201,6 +215,9 @@ class RobotPlayer:
                 odometry_due_s = max(odometry_due_s + 1 / self._odometry_rate_hz, now_s - CONTROL_PERIOD_S)
                 self._outlet.tell_odometry(odometry, stamp_s)
             self._outlet.tell_truth(truth, stamp_s)
+            if now_s >= battery_due_s:
+                battery_due_s = now_s + _BATTERY_PERIOD_S
+                self._outlet.tell_battery(battery_share(now_s), stamp_s)
             if contact != self._felt:
                 self._outlet.tell_contact(self._felt, contact)
                 self._felt = contact
@@ -227,6 +244,11 @@ class RobotPlayer:
             depth_m = noisy_depth(depth_m, frame.rgb, shininess, self._options.noise.depth, self._rng)
         depth_mm = _millimetres(depth_m, self._profile)
         return Picture(self._epoch_s + now_s, frame.rgb, depth_mm, frame.instance.astype(np.uint16))
+
+
+def battery_share(passed_s: float) -> float:
+    """Return how full a played battery is after so many seconds."""
+    return max(_BATTERY_AT_FIRST - passed_s / 3600 / BATTERY_FULL_H, 0.0)
 
 
 def _millimetres(depth_m: npt.NDArray[np.float32], profile: RobotProfile) -> npt.NDArray[np.uint16]:

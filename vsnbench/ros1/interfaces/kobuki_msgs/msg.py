@@ -1,5 +1,6 @@
 """The message types that `rostopic echo` looks for by name."""
 
+from vsnbench.ros1.battery import SensorState
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
 
-__all__ = ["BumperEvent", "CliffEvent", "WheelDropEvent"]
+__all__ = ["BumperEvent", "CliffEvent", "SensorState", "WheelDropEvent"]

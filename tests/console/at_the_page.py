@@ -1,0 +1,112 @@
+"""A person at the page of a run whose robot is played over ROS: places it, says go, watches it drive, judges.
+
+Without a browser: what the page's own scripts ask for is asked for here, by the same requests.
+"""
+
+import hashlib
+import re
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tests.console.browser import Browser
+from tests.processes import Process, wait_until
+from vsnbench.robots.profiles import embedded_profiles
+
+PATIENCE_S = 150.0
+MOST_MENDED = 8
+NAME = "Anna"
+
+
+@dataclass
+class Rehearsal:
+    """What was to be seen at the page."""
+
+    off: list[str] = field(default_factory=list)
+    """How far off the mark it stood, at each look."""
+    arrows: list[Any] = field(default_factory=list)
+    """How to mend that, at the first look."""
+    green: bool = False
+    pictures: dict[int, set[str]] = field(default_factory=lambda: defaultdict(set))
+    """What was seen while it drove, by the actions that had ended by then."""
+    judged: str = ""
+    """What became of the episode by the person's word; empty where it was void."""
+    summary: dict[str, str] = field(default_factory=dict)
+
+
+def written_profile(name: str, directory: Path) -> Path:
+    """Write the profile of a robot whose camera costs little, and return where."""
+    text = embedded_profiles()[name].read_text()
+    text = re.sub(r"width: \d+", "width: 160", re.sub(r"height: \d+", "height: 120", text))
+    text = re.sub(r"(kind: ros\d)", r"\1\n  camera_rate_hz: 10\n  depth_frames: 3", text)
+    path = directory / f"{name}.yaml"
+    path.write_text(text)
+    return path
+
+
+def rehearse(run: Process) -> Rehearsal:
+    """Play the person beside the robot of a run, which has a trial left, to the end of its session."""
+    seen = Rehearsal()
+    anna = _signed_in(run)
+
+    def state() -> Any:
+        assert run.popen.poll() is None, run.output
+        return anna.ask("GET", "/state").json
+
+    def asked(*asks: str) -> Any:
+        found: list[Any] = []
+
+        def is_asked() -> bool:
+            now = state()
+            if now["question"] is not None and now["question"]["asks"] in asks and not now["placing"]["looking"]:
+                found.append(now)
+            return bool(found)
+
+        wait_until(is_asked, f"the page asks to {' or '.join(asks)}", PATIENCE_S)
+        return found[0]
+
+    while not seen.green and len(seen.off) < MOST_MENDED:
+        now = asked("place")
+        anna.post("/wish", question=now["question"]["number"], what="moved")
+        wait_until(lambda before=now: _looked(state(), before), "it has looked", PATIENCE_S)
+        placing = asked("place")["placing"]
+        seen.off.append(placing["problem"] or placing["headline"])
+        seen.arrows = seen.arrows or placing["arrows"]
+        seen.green = placing["green"]
+    said = anna.post("/answer", question=asked("place")["question"]["number"], said="go")
+    assert said.status == 200, said
+    while (now := state())["driving"]:
+        picture = anna.ask("GET", "/picture")
+        if picture.status == 200 and state()["actions"] == now["actions"]:
+            seen.pictures[now["actions"]].add(hashlib.sha256(picture.body).hexdigest())
+        time.sleep(0.05)
+    now = asked("judge", "finish")
+    if now["question"]["asks"] == "judge":
+        case = now["case"]
+        word = {"touched": "no", "distance": f"{case['estimate_m']:.2f}"}
+        judged = anna.post("/judge", question=now["question"]["number"], episode=case["episode"], **word)
+        assert judged.status == 200, judged
+        seen.judged = judged.json["words"]
+        now = asked("finish")
+    seen.summary = dict(anna.ask("GET", "/summary").json["rows"])
+    anna.post("/answer", question=now["question"]["number"], said="end")
+    return seen
+
+
+def _looked(now: Any, before: Any) -> bool:
+    return now["placing"]["seen"] and now["placing"]["key"] != before["placing"]["key"]
+
+
+def _signed_in(run: Process) -> Browser:
+    def address() -> Any:
+        assert run.popen.poll() is None, run.output
+        return re.search(r"http://\S+token=\S+", run.output)
+
+    wait_until(address, "the run says where its page is", PATIENCE_S)
+    anna = Browser(address()[0]).enter()
+    anna.proof = anna.ask("GET", "/state").json["proof"]
+    anna.cookie = anna.post("/sign-in", name=NAME).headers["set-cookie"].partition(";")[0]
+    anna.proof = anna.ask("GET", "/state").json["proof"]
+    return anna
