@@ -9,7 +9,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
 _PURE = {"protocol", "statistics"}
-_MACHINERY = {"motion", "sensing", "simulator", "placement", "ros1", "ros2"}
+_MACHINERY = {"motion", "sensing", "simulator", "placement", "scan_matching", "ros1", "ros2"}
 _RESOURCES = {"models", "robots", "database", "record", "study"}
 
 MAY_IMPORT: dict[str, set[str]] = {
@@ -19,6 +19,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sensing": {"protocol", "motion"},
     "simulator": {"protocol", "motion"},
     "placement": {"protocol", "simulator"},
+    "scan_matching": {"protocol"},
     "ros1": {"protocol", "motion", "sensing", "simulator"},
     "ros2": {"protocol", "motion", "sensing", "simulator"},
     "database": {"protocol"},

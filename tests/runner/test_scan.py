@@ -24,6 +24,7 @@ from vsnbench.runner.scan_keys import Keys
 from vsnbench.runner.stopping import StopAuthor, Stopping, StopRequest
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.sensing.plan_grid import OCCUPIED, PlanGrid
+from vsnbench.simulator.noise import NoiseSettings, OdometryNoise
 
 PARAMETERS = ProtocolParameters()
 SITE = load_site("apartment")
@@ -60,6 +61,24 @@ def test_a_scan_draws_what_it_sees_into_the_sites_frame(robot: SimulatedRobot) -
     seen = (ahead.x_m + far * math.cos(ahead.heading_rad), ahead.y_m + far * math.sin(ahead.heading_rad))
     assert walls_on_the_map(kept[-1], seen) == [True]
     assert result.seen_free_m2 > 3
+
+
+@pytest.mark.slow
+def test_the_walls_say_how_far_odometry_is_off() -> None:
+    profile = load_profile("turtlebot2")
+    small = profile.model_copy(update={"camera": profile.camera.cut_to(160, 120)})
+    noise = NoiseSettings(odometry=OdometryNoise(turn_scale_std=0.02))
+    read = frozenset({Sensor.DEPTH, Sensor.ODOMETRY})
+    start = SITE.start(1)
+    with Stopping() as stop, SimulatedRobot(SITE, small, PARAMETERS, noise, read) as drifting:
+        scan = Scan(drifting, start, PARAMETERS, stop, seed=4)
+        script = Script("around forward 2 around", "drive.txt", PARAMETERS)
+        result = scan.run(script, lambda _: None, lambda _: None)
+        said, true = drifting.observe().pose, drifting.locate().pose.relative_to(start.pose)
+    off_deg = math.degrees(math.remainder(said.heading_rad - true.heading_rad, math.tau))
+    assert abs(off_deg) > 8
+    assert result.drift.heading_deg == pytest.approx(off_deg, abs=1.0)
+    assert result.drift.position == pytest.approx((said.x_m - true.x_m, said.y_m - true.y_m), abs=0.03)
 
 
 def test_what_was_mapped_is_kept_when_somebody_stops_it(robot: SimulatedRobot) -> None:

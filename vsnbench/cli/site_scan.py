@@ -1,5 +1,6 @@
 """`vsnbench sites scan`: drive a robot through a place, and write the map that its depth camera makes of it."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from vsnbench.cli.scan_progress import ScanProgress
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.robots.contract import Robot
-    from vsnbench.runner.scan import Driver
+    from vsnbench.runner.scan import Driver, ScanResult
 
 
 def command(
@@ -98,6 +99,9 @@ def command(
                 "seen_free_m2": round(result.seen_free_m2, 2),
                 "walls": len(walls),
                 "doors": doors,
+                "odometry_off_m": round(math.hypot(*result.drift.position), 3),
+                "odometry_off_deg": round(result.drift.heading_deg, 2),
+                "corrections_refused": result.refused,
                 "stopped": result.stopped.request.words if result.stopped else None,
             }
         )
@@ -106,11 +110,20 @@ def command(
         if result.stopped:
             console.print(f"{result.stopped.request.words}; the map so far is kept")
         console.print(f"{output}, {image}: {result.actions} actions, {result.seen_free_m2:.1f} m² of floor seen")
+        console.print(_drift_in_words(result))
         console.print(
             f"{len(walls)} walls and {doors} doors proposed: vsnbench sites edit lab.yaml --underlay {output}"
         )
     if result.stopped:
         raise typer.Exit(result.stopped.request.exit_code)
+
+
+def _drift_in_words(result: "ScanResult") -> str:
+    off_m, off_deg = math.hypot(*result.drift.position), abs(result.drift.heading_deg)
+    words = f"odometry alone would be {off_m:.2f} m and {off_deg:.1f}° off by now; the walls corrected it"
+    if result.refused:
+        words += f", but for {result.refused} look{'s' if result.refused > 1 else ''} whose correction was implausible"
+    return words
 
 
 @contextmanager

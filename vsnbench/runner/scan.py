@@ -1,4 +1,4 @@
-"""A scan: a robot is driven through a place, and depth and odometry become its map."""
+"""A scan: a robot is driven through a place, and depth and odometry, which the walls correct, become its map."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +10,12 @@ from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.pose import Pose, wrap_angle
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.contract import CarriedInPlay, MadeReady, Robot
 from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.stopping import Stopped, Stopping
+from vsnbench.scan_matching.tracker import WallTracker
 from vsnbench.sensing.occupancy_map import MappingSettings, OccupancyMap
 from vsnbench.sensing.plan_grid import FREE, PlanGrid
 
@@ -72,6 +73,10 @@ class ScanResult:
     seen_free_m2: float
     stopped: Stopped | None
     """What ended it before its driver did."""
+    drift: Pose
+    """How far odometry alone was off in the end, in the map's frame, as the walls say."""
+    refused: int
+    """Looks whose walls asked for a pose that odometry rules out; it was believed."""
 
 
 class Scan:
@@ -111,6 +116,8 @@ class Scan:
             robot_radius_m=profile.base.radius_m,
         )
         self._map = OccupancyMap(self._settings)
+        self._tracker = WallTracker()
+        self._drift, self._refused = Pose(0.0, 0.0), 0
         self._seed = seed
         self._actions = 0
 
@@ -143,7 +150,8 @@ class Scan:
             self._robot.halt()
             if self._map.known.any():
                 kept(self.grid())
-        return ScanResult(self.grid(), self._actions, seen_free_m2(self._map), stopped)
+        free_m2 = seen_free_m2(self._map)
+        return ScanResult(self.grid(), self._actions, free_m2, stopped, self._drift, self._refused)
 
     def grid(self) -> PlanGrid:
         """Return the map so far, cut to what is known."""
@@ -188,7 +196,11 @@ class Scan:
         depth_m = observation.depth_m
         if depth_m is None:
             raise SensorLostError("no depth image in this observation")
-        pose = observation.pose
+        odometry = observation.pose
+        followed = self._tracker.follow(depth_m, observation.camera, odometry)
+        pose, self._refused = followed.pose, self._refused + followed.refused
+        turned_rad = wrap_angle(odometry.heading_rad - pose.heading_rad)
+        self._drift = Pose(odometry.x_m - pose.x_m, odometry.y_m - pose.y_m, turned_rad)
         self._map.observe(depth_m, observation.camera, pose)
         return pose
 
