@@ -21,7 +21,7 @@ import sys
 import tempfile
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from tests.console.phone import Phone, chromium_of_phones, phone_in
 from tests.console.rehearsal import quiet_port, wait_until
 from tests.console.tcp_relay import TcpRelay
+from tests.ros2.graph import Domain
 
 HALL = """
 name: hall
@@ -113,7 +114,7 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
         ROS_HOME=str(directory),
         ROS_LOG_DIR=str(directory),
         ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-        ROS_DOMAIN_ID=str(chance.randrange(20, 100)),
+        ROS_DOMAIN_ID=str(stack.enter_context(closing(Domain())).number),
         PYTHONPATH=str(Path(__file__).resolve().parent.parent),
     )
     profile, hall, log = directory / "robot.yaml", directory / "hall.yaml", directory / "log"

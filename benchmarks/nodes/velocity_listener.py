@@ -32,18 +32,22 @@ def listen(kind: str, profile_name: str) -> None:
         rospy.Subscriber(names.odometry, Odometry, speedometer.tell, queue_size=100, tcp_nodelay=True)
         rospy.spin()
         return
+    from vsnbench.ros2.installation import require_ros2
+
+    require_ros2()
     import rclpy
     from geometry_msgs.msg import Twist, TwistStamped
     from nav_msgs.msg import Odometry
     from rclpy.qos import qos_profile_sensor_data
 
-    from vsnbench.ros2.interface import ros2_interface
+    from vsnbench.ros2.interface import TWIST_STAMPED, ros2_interface
 
     names, speedometer = ros2_interface(profile), Speedometer()
     rclpy.init()
     node = rclpy.create_node("velocity_listener")
-    stamped = "stamped" in str(getattr(names, "command_type", "")).lower()
-    node.create_subscription(TwistStamped if stamped else Twist, names.command, tell_command, 100)
+    kind = TwistStamped if names.command_type == TWIST_STAMPED else Twist
+    # Asks for no more than a sensor's quality, which every sender has.
+    node.create_subscription(kind, names.command, tell_command, qos_profile_sensor_data)
     node.create_subscription(Odometry, names.odometry, speedometer.tell, qos_profile_sensor_data)
     rclpy.spin(node)
 

@@ -35,6 +35,16 @@ class Rehearsal:
     """What became of the episode by the person's word; empty where it was void."""
     summary: dict[str, str] = field(default_factory=dict)
 
+    def check(self, output: str) -> None:
+        """See that it was what a person needs, at the page and at the terminal."""
+        assert "off the mark" in self.off[0], self.off
+        assert self.arrows, "how to mend it"
+        assert self.green, self.off
+        assert max(map(len, self.pictures.values())) >= 3, "the picture goes on in the midst of one movement"
+        assert self.judged.startswith("success"), self.judged
+        assert self.summary["battery"].endswith("%"), self.summary
+        assert f"battery {self.summary['battery']}" in output
+
 
 def written_profile(name: str, directory: Path) -> Path:
     """Write the profile of a robot whose camera costs little, and return where."""

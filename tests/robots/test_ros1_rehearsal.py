@@ -4,7 +4,7 @@ import sqlite3
 
 import pytest
 
-from tests.console.at_the_page import NAME, Rehearsal, rehearse, written_profile
+from tests.console.at_the_page import NAME, rehearse, written_profile
 from tests.ros1.network import live_network, wait_until
 
 pytestmark = pytest.mark.ros
@@ -29,7 +29,7 @@ def test_a_person_at_the_page_places_and_judges_a_robot_that_is_played_over_ros_
             if seen.judged:
                 break
         assert code == 0, run.output
-        check(seen, run.output)
+        seen.check(run.output)
     with sqlite3.connect(tmp_path / "r" / "vsnbench.db") as connection:
         judged = "select source, author, success from verdict where source = 'person'"
         assert connection.execute(judged).fetchall() == [("person", NAME, 1)]
@@ -37,14 +37,3 @@ def test_a_person_at_the_page_places_and_judges_a_robot_that_is_played_over_ros_
         assert connection.execute(f"{placed} where e.state = 'judged'").fetchall() == [(NAME, 1, 1)]
         battery = connection.execute("select text from event where kind = 'battery' order by id").fetchall()
         assert battery[0][0].endswith("%")
-
-
-def check(seen: Rehearsal, output: str) -> None:
-    """See that what was to be seen at the page is what a person needs."""
-    assert "off the mark" in seen.off[0], seen.off
-    assert seen.arrows, "how to mend it"
-    assert seen.green, seen.off
-    assert max(map(len, seen.pictures.values())) >= 3, "the picture goes on in the midst of one movement"
-    assert seen.judged.startswith("success"), seen.judged
-    assert seen.summary["battery"].endswith("%"), seen.summary
-    assert f"battery {seen.summary['battery']}" in output, "the terminal says so, too"
