@@ -15,6 +15,7 @@ let plan = null;
 let judged = "";
 let pictureShown = 0;
 let pictureBusy = false;
+let pictureNext = 0; // the timer that asks for the next one
 
 function show(id, visible) {
   at(id).hidden = !visible;
@@ -115,7 +116,7 @@ function renderJudging(visible) {
 async function renderPicture(visible) {
   show("picture", visible && pictureShown > 0 && state.driving);
   // Where the camera can be looked through while the robot moves, each picture asks for the next one.
-  if (!visible || !state.driving || pictureBusy || (!state.live && state.picture === pictureShown)) return;
+  if (!visible || !state.driving || pictureBusy || pictureNext || (!state.live && state.picture === pictureShown)) return;
   pictureBusy = true;
   try {
     const fetched = await fetch(`/picture?number=${state.picture}`, { cache: "no-store", signal: AbortSignal.timeout(5000) });
@@ -130,7 +131,11 @@ async function renderPicture(visible) {
     // the next state tries again
   } finally {
     pictureBusy = false;
-    if (state.live && state.driving) setTimeout(() => renderPicture(!!state.you), LIVE_EVERY_MS);
+    const next = () => {
+      pictureNext = 0;
+      renderPicture(!!state.you);
+    };
+    if (state.live && state.driving) pictureNext = setTimeout(next, LIVE_EVERY_MS);
   }
 }
 
