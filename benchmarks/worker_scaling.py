@@ -2,7 +2,7 @@
 
 python benchmarks/worker_scaling.py                      105 trials of the oracle and 90 of pirlnav: 12 minutes
 python benchmarks/worker_scaling.py --model oracle       the oracle alone: 4 minutes
-python benchmarks/worker_scaling.py --record lean        without Rerun's copies; numbers: without images
+python benchmarks/worker_scaling.py --record full        with Rerun's copies; numbers: without images; else as usual
 python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
 
 Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
@@ -41,7 +41,8 @@ def processor_s() -> float:
 
 def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, float, int, str]:
     """Run a campaign; return its wall and its processor time in seconds, its actions, and the hash of all it did."""
-    words = ["run", "--model", model, "--goal", goal, "--record", kept, *where, "--results", str(results)]
+    words = ["run", "--model", model, "--goal", goal, *where, "--results", str(results)]
+    words += ["--record", kept] if kept else []
     began, spent_s = time.perf_counter(), processor_s()
     subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], check=True, stderr=subprocess.DEVNULL)
     taken_s, spent_s = time.perf_counter() - began, processor_s() - spent_s
@@ -55,7 +56,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--model", action="append", help="oracle and pirlnav when absent")
     parser.add_argument("--goal", default="all")
-    parser.add_argument("--record", default="full", choices=["full", "lean", "numbers"], help="what is kept")
+    parser.add_argument("--record", default="", choices=["full", "lean", "numbers"], help="what is kept")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--cluster", default="", help="compare a Ray cluster's workers too")
     asked = parser.parse_args()

@@ -15,6 +15,8 @@ from pathlib import Path
 from vsnbench.errors import RecordError, VsnbenchError
 
 PART = ".part"
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+"""A file that was not there: nothing is written through a link that waits under its name."""
 
 
 def part_path(path: Path) -> Path:
@@ -42,9 +44,7 @@ def whole_file(path: Path, error: type[VsnbenchError] = RecordError) -> Iterator
         yield part
         part.replace(path)
     except OSError as refused:
-        raise error(
-            f"cannot write {path}: {refused.strerror or refused}; free some space or look at the permissions"
-        ) from refused
+        raise _refusal(path, refused, error) from refused
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
@@ -56,8 +56,30 @@ def write_whole(path: Path, content: bytes, error: type[VsnbenchError] = RecordE
     Raises:
         VsnbenchError: of the kind `error`, when it cannot be written; nothing is left behind.
     """
-    with whole_file(path, error) as part:
-        part.write_bytes(content)
+    part = os.fspath(part_path(path))
+    try:
+        try:
+            descriptor = os.open(part, _NEW, 0o666)
+        except (FileNotFoundError, FileExistsError):  # no folder yet, or what a process of this number left
+            path.parent.mkdir(parents=True, exist_ok=True)
+            Path(part).unlink(missing_ok=True)
+            descriptor = os.open(part, _NEW, 0o666)
+        try:
+            with os.fdopen(descriptor, "wb", buffering=0) as file:
+                left = memoryview(content)
+                while left:
+                    left = left[file.write(left) :]
+            Path(part).replace(path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                Path(part).unlink(missing_ok=True)
+            raise
+    except OSError as refused:
+        raise _refusal(path, refused, error) from refused
+
+
+def _refusal(path: Path, refused: OSError, error: type[VsnbenchError]) -> VsnbenchError:
+    return error(f"cannot write {path}: {refused.strerror or refused}; free some space or look at the permissions")
 
 
 def sweep_parts(directory: Path, of: str = "*", *, below: bool = False) -> None:

@@ -69,7 +69,7 @@ def test_the_oracle_reaches_its_goal_and_everything_is_recorded(run: Run, tmp_pa
         assert sorted(path.stem for path in (files / "rgb").iterdir()) == [f"{step:04d}" for (step,) in steps]
         assert sorted(path.stem for path in (files / "depth").iterdir()) == [f"{step:04d}" for (step,) in steps]
         assert (files / "trajectory.tum").read_text().count("\n") == len(steps) + 2
-        assert (files / "episode.rrd").stat().st_size > 10_000
+        assert not (files / "episode.rrd").exists(), "nobody stands beside it: the copy is made when one looks"
         assert float(str(path_length_m)) > 0.2
 
 

@@ -1,6 +1,8 @@
 """`vsnbench run --record`: what is kept differs, what happened does not; and who reads it later is told."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,7 +11,8 @@ from tests.cli.test_run import STORY, rows
 from vsnbench.errors import UsageError
 from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.runner.attendance import TerminalAttendance
-from vsnbench.runner.launch import RunRequest, launch
+from vsnbench.runner.launch import launch
+from vsnbench.runner.request import RunRequest
 
 WORDS = ("--model", "oracle", "--goal", "bed", "--starts", "2", "--max-steps", "5", "--workers", "1")
 
@@ -50,6 +53,37 @@ def test_what_is_kept_changes_nothing_that_happened(
     )
     assert report.code == 0
     assert "1 of all keep no images." in (tmp_path / "pages" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("usual", "somebody"),
+    [
+        (Kept.LEAN, {}),
+        (Kept.LEAN, {"robot": "simulated:lola2", "noise": True}),
+        (Kept.FULL, {"attended": True}),
+        (Kept.FULL, {"pretend_real": True}),
+        (Kept.FULL, {"robot": "lola2"}),
+        (Kept.FULL, {"robot": "mylab.robot:Robot"}),
+    ],
+)
+def test_copies_for_rerun_are_made_at_once_only_where_somebody_is_beside_the_robot(
+    usual: Kept, somebody: dict[str, Any]
+) -> None:
+    request = RunRequest("oracle", ("bed",), ResultsDirectory.locate(), **somebody)
+    assert request.keeps is usual
+    assert [replace(request, kept=kept).keeps for kept in Kept] == list(Kept)
+
+
+def test_a_run_says_what_it_keeps(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for words, said in (
+        ((), "--record lean: images are kept"),
+        (("--record", "numbers"), "--record numbers: no images"),
+    ):
+        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
+        assert answer.code == 0
+        assert answer.err.count(said) == 1
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from vsnbench.errors import SiteError
 from vsnbench.protocol.site import load_site
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import TerminalAttendance
-from vsnbench.runner.launch import RunRequest, launch
+from vsnbench.runner.launch import launch
+from vsnbench.runner.request import RunRequest
 
 UNATTENDED = TerminalAttendance(unattended=True)
 

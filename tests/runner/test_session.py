@@ -99,10 +99,12 @@ def drive(
     script: list[Action | Exception],
     starts: int = 1,
     stop: Stopping | None = None,
+    *,
+    beside: bool = True,
 ) -> SessionResult:
     with Journal.open(results.database_url) as journal, stop or Stopping() as stopping:
         campaign = campaign_of(journal, simulated=robot.simulated, starts=starts)
-        target = RecordingTarget(journal, results, "scripted", PROFILE, operator="maria")
+        target = RecordingTarget(journal, results, "scripted", PROFILE, operator="maria", beside=beside)
         return run_session(
             journal,
             campaign,
@@ -256,6 +258,22 @@ def test_fetching_the_robot_from_a_failure_is_noted_once_with_the_episode_that_f
         (1, 1, "maria", "moved by hand after motion_failed"),
         (3, 1, "maria", "collision called: failed: collision: the table (seen by a person)"),
     ]
+
+
+def test_where_no_core_is_left_a_step_is_kept_before_the_next_one_is_sensed_and_by_no_other_thread(
+    results: ResultsDirectory,
+) -> None:
+    kept: list[int] = []
+    threads: set[str] = set()
+
+    def look(_count: int) -> None:
+        kept.append(int(read(results, "SELECT count(*) FROM step")[0][0]))
+        threads.update(thread.name for thread in threading.enumerate())
+
+    script: list[Action | Exception] = [Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP]
+    drive(results, StandInRobot(on_observe=look), Person(), script, beside=False)
+    assert kept == [0, 1, 2]
+    assert not [name for name in threads if name.startswith("recorder")]
 
 
 def test_a_locked_record_is_waited_for_with_the_robot_at_rest(results: ResultsDirectory) -> None:

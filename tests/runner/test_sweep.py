@@ -6,8 +6,8 @@ import pytest
 from vsnbench.database.pace import NO_PACE, Pace
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.record.results import ResultsDirectory
-from vsnbench.runner.launch import RunRequest
 from vsnbench.runner.pool.capacity import WorkersAsked
+from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import named_site
 from vsnbench.runner.sweep import NEXT_STARTUP_S, STARTUP_S, UNKNOWN_PACE_S, cost_of, plan_sweep, read_sites
 

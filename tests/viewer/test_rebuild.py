@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from tests.viewer.synthetic_episode import UUID, entries, header, record, write
+from tests.viewer.synthetic_episode import UUID, entries, header, record
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.protocol.fix import PoseSource
@@ -20,6 +20,7 @@ from vsnbench.record.entries import EndEntry, StepEntry
 from vsnbench.record.images import rgb_path
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.viewer.rebuild import current_recording, recording_fault
+from vsnbench.viewer.recording import EpisodeRecording
 from vsnbench.viewer.replay import read_episode
 
 
@@ -42,10 +43,29 @@ def rows(path: Path) -> Counter[str]:
     return found
 
 
-def test_a_rebuilt_file_holds_what_the_live_one_held(results: ResultsDirectory, tmp_path: Path) -> None:
+def content(path: Path) -> dict[tuple[str, str], list[object]]:
+    """Return by entity and component every value with its step and its robot time, in any order."""
+    found: dict[tuple[str, str], list[object]] = defaultdict(list)
+    for chunk in RrdReader(path).stream().to_chunks():
+        columns = chunk.to_record_batch().to_pydict()
+        times = [columns.get(timeline, [None] * chunk.num_rows) for timeline in ("step", "robot_time")]
+        for name, values in columns.items():
+            if name not in ("step", "robot_time", "log_time", "log_tick") and not name.endswith("RowId"):
+                found[chunk.entity_path, name] += zip(*times, values, strict=True)
+    return {key: sorted(rows, key=str) for key, rows in found.items()}  # how rows are packed into chunks is a clock's
+
+
+def test_a_copy_made_afterwards_is_the_one_that_is_made_while_the_robot_drives(
+    results: ResultsDirectory, tmp_path: Path
+) -> None:
     number = record(results, 5)
-    write(tmp_path / "live.rrd", 5)
-    assert rows(current_recording(results, number)) == rows(tmp_path / "live.rrd")
+    with EpisodeRecording(read_episode(results, number).header, tmp_path / "live.rrd") as live:
+        for entry in entries(5):
+            live.add(entry)
+    was, now = content(tmp_path / "live.rrd"), content(current_recording(results, number))
+    assert {"/camera/rgb", "/camera/depth", "/plan/policy/map", "/decision/text", "/verdict"} <= {key[0] for key in was}
+    assert now.keys() == was.keys()
+    assert [key for key in was if now[key] != was[key]] == [("/__properties", "RecordingInfo:start_time")]
 
 
 def test_a_good_file_is_left_alone(results: ResultsDirectory) -> None:

@@ -130,14 +130,16 @@ def refuse_repeated(root: Any, words: Sequence[str]) -> None:
             )
 
 
-def what_is_kept(given: str, *, live: bool) -> "Kept":
-    """Return what is kept of an episode.
+def what_is_kept(given: str, *, live: bool) -> "Kept | None":
+    """Return what is to be kept of an episode; None where nobody said so.
 
     Raises:
         UsageError: there is no such word, or it does not go with `--live`.
     """
     from vsnbench.record.results import Kept
 
+    if not given:
+        return Kept.FULL if live else None
     if given not in list(Kept):
         raise UsageError(f"--record {given}: say {', '.join(Kept)}")
     if live and given != Kept.FULL:

@@ -26,7 +26,7 @@ from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
     from vsnbench.runner.attendance import Attendance
-    from vsnbench.runner.launch import RunRequest
+    from vsnbench.runner.request import RunRequest
 
 _WHAT = "What to run"
 _HOW = "How"
@@ -214,9 +214,10 @@ def command(
             "--record",
             metavar="full|lean|numbers",
             help="images and Rerun's copies; images; or neither, for simulated sweeps",
+            show_default="full with somebody beside the robot, else lean",
             rich_help_panel=RECORD_PANEL,
         ),
-    ] = "full",
+    ] = "",
     live: Annotated[
         bool, typer.Option("--live", help="show each episode in Rerun as it happens", rich_help_panel=RECORD_PANEL)
     ] = False,
@@ -257,8 +258,8 @@ def command(
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory
     from vsnbench.runner.attendance import TerminalAttendance
-    from vsnbench.runner.launch import RunRequest
     from vsnbench.runner.pool.capacity import WorkersAsked
+    from vsnbench.runner.request import RunRequest
 
     apart = isolate or python is not None or isolate_memory is not None
     elsewhere = apart or model.startswith(("ws://", "wss://"))

@@ -9,7 +9,8 @@ import time
 from rich.console import Console
 from rich.markup import escape
 
-from vsnbench.runner.launch import Launched, RunRequest
+from vsnbench.runner.launch import Launched
+from vsnbench.runner.request import RunRequest
 from vsnbench.runner.stopping import StopAuthor, Stopped
 
 logger = logging.getLogger(__name__)

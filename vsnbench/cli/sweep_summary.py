@@ -14,7 +14,7 @@ from vsnbench.database.pace import NO_PACE, Pace, pace_of
 from vsnbench.database_url import sqlite_path
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import TerminalAttendance
-from vsnbench.runner.launch import RunRequest
+from vsnbench.runner.request import RunRequest
 from vsnbench.runner.stopping import Stopped
 from vsnbench.runner.sweep import Cost, Swept, cost_of, plan_sweep, run_sweep, undone
 from vsnbench.viewer.live import RerunEpisodes
@@ -41,6 +41,7 @@ def sweep_and_tell(
     sweep = plan_sweep(request, models, seeds, sites)
     cost = cost_of(sweep, _pace(request.results))
     console.print(cost_words(cost))
+    console.print(f"[dim]--record {request.keeps}: {request.keeps.words}[/dim]")
     if cost.seconds > LONG_S and sys.stdin.isatty() and not yes and not typer.confirm("Start?", err=True):
         console.print("nothing was run")
         return 1

@@ -1,11 +1,10 @@
-"""An episode as it is written: claimed, placed, begun, its steps, its end and judgements; and a step as it is read."""
+"""An episode as it is written: claimed, placed, begun, its steps, its end and judgements."""
 
-import math
 import uuid
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from functools import cached_property
 
 from sqlalchemy import Connection, Engine, bindparam, delete, insert, select, update
 
@@ -18,28 +17,22 @@ from vsnbench.database.lifecycle import ACTIVE, EpisodeState, advance, lease
 from vsnbench.database.placement_tables import Placement
 from vsnbench.database.read_model import takers
 from vsnbench.database.row_encoding import (
-    Row,
     episode_begin_row,
     episode_end_row,
-    fix_of_columns,
     insert_row,
     measured_row,
-    number,
     placement_row,
-    pose_columns,
-    pose_of_columns,
     text,
     verdict_row,
 )
 from vsnbench.database.sessions import operator_of
-from vsnbench.database.tables import Campaign, Episode, Event, Step, Trial
+from vsnbench.database.step_rows import StepStatements, step_row
+from vsnbench.database.tables import Campaign, Episode, Event, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
 from vsnbench.errors import EpisodeClosedError
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.judge import Verdict
-from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.protocol.step_record import StepRecord, StepTimings
+from vsnbench.protocol.step_record import StepRecord
 
 UNBEGUN = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 
@@ -62,6 +55,10 @@ class EpisodeWriter:
 
     engine: Engine
     _process_id: int
+
+    @cached_property
+    def _steps(self) -> StepStatements:
+        return StepStatements(self.engine)
 
     def claim_next(self, campaign_id: int, trial_ids: Sequence[int]) -> Claim | None:
         """Take the first of these trials that is left, before anybody is asked to wheel a robot to its mark.
@@ -115,14 +112,11 @@ class EpisodeWriter:
         """
         row = step_row(episode_id, step)
         with transaction(self.engine) as connection:
-            running = _MINE_RUNNING.values(lease_until=lease(connection))  # every step is a sign of life
-            mine = connection.execute(running, {"episode": episode_id, "process": self._process_id})
-            if mine.rowcount != 1:
+            if not self._steps.append(connection, self._process_id, row):
                 raise EpisodeClosedError(
                     f"episode {episode_id} does not run here (any more), so its step {step.number} was not recorded: "
                     "another process took this one for dead, or it has ended"
                 )
-            connection.execute(_INSERT_STEP, row)
 
     def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
         """Write an episode's end and the protocol's verdict or proposal, both or neither.
@@ -250,8 +244,6 @@ def release(connection: Connection, episode_id: int) -> bool:
 _MINE = update(Episode).where(
     Episode.id == bindparam("episode"), Episode.process_id == bindparam("process"), Episode.end_reason.is_(None)
 )
-_MINE_RUNNING = _MINE.where(Episode.state == EpisodeState.RUNNING.value)
-_INSERT_STEP = insert(Step)
 
 
 def end_episode(connection: Connection, process_id: int, episode_id: int, end: EpisodeEnd) -> None:
@@ -269,79 +261,3 @@ def end_episode(connection: Connection, process_id: int, episode_id: int, end: E
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
         connection.execute(insert(VerdictTable), row)
-
-
-def step_row(episode_id: int, step: StepRecord) -> Row:
-    """Return the row of a step; one that the guard refused ends where it began."""
-    result = step.result
-    collision = result.collision if result else None
-    return {
-        "episode_id": episode_id,
-        "number": step.number,
-        "raw_action": text(step.raw_action) or step.action.value,
-        "action": step.action.value,
-        "blocked": step.blocked,
-        "completed": result is not None and result.completed,
-        "failure": text(result.failure) if result else "",
-        "recorded_at": step.recorded_at or datetime.now(UTC),
-        "stamp_s": number(step.stamp_s),
-        **pose_columns("observed", step.observed),
-        **pose_columns("after", step.after),
-        **pose_columns("world", step.world.pose if step.world else None),
-        "world_source": step.world.source.value if step.world else None,
-        "displacement_m": number(result.displacement_m) if result else 0.0,
-        "turn_rad": number(result.turn_rad) if result else 0.0,
-        "duration_s": number(result.duration_s) if result else 0.0,
-        "corrections": result.corrections if result else 0,
-        "collision_source": collision.source.value if collision else None,
-        "collision_touched": text(collision.touched) if collision else None,
-        "rgb_sha256": step.rgb_sha256,
-        "depth_sha256": step.depth_sha256,
-        "sense_s": number(step.timings.sense_s),
-        "infer_s": number(step.timings.infer_s),
-        "move_s": number(step.timings.move_s),
-        "probabilities": dict(step.probabilities) or None,
-        "details": dict(step.details) or None,
-    }
-
-
-def step_of_row(row: Any) -> StepRecord:
-    """Return the step of a row, as it was handed to `step_row`.
-
-    Raises:
-        ValueError: the row holds what no step has.
-    """
-    result = None
-    if not row.blocked:
-        collision = None
-        if row.collision_source is not None:
-            collision = Collision(CollisionSource(row.collision_source), row.collision_touched or "")
-        result = MotionResult(
-            completed=row.completed,
-            displacement_m=_known(row.displacement_m),
-            turn_rad=_known(row.turn_rad),
-            duration_s=_known(row.duration_s),
-            collision=collision,
-            failure=row.failure,
-            corrections=row.corrections,
-            pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
-        )
-    return StepRecord(
-        number=row.number,
-        action=Action(row.action),
-        raw_action=row.raw_action,
-        result=result,
-        observed=pose_of_columns(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
-        stamp_s=row.stamp_s,
-        world=fix_of_columns(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
-        rgb_sha256=row.rgb_sha256,
-        depth_sha256=row.depth_sha256,
-        timings=StepTimings(row.sense_s, row.infer_s, row.move_s),
-        probabilities=row.probabilities or {},
-        details=row.details or {},
-        recorded_at=row.recorded_at,
-    )
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value

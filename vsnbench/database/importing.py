@@ -10,10 +10,11 @@ from sqlalchemy import Connection, insert, select, update
 from vsnbench.database import campaign_plan
 from vsnbench.database.campaign_plan import CampaignPlan
 from vsnbench.database.episode_entries import EpisodeEnd
-from vsnbench.database.episodes import end_episode, images_directory, step_row
+from vsnbench.database.episodes import end_episode, images_directory
 from vsnbench.database.judging import judge
 from vsnbench.database.lifecycle import RESULTS, EpisodeState
 from vsnbench.database.row_encoding import insert_row, number
+from vsnbench.database.step_rows import step_row
 from vsnbench.database.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict

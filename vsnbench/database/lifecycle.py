@@ -15,7 +15,7 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import Connection, DateTime, func, select, update
+from sqlalchemy import Connection, DateTime, Engine, func, select, update
 
 from vsnbench.database.tables import Episode, Process
 from vsnbench.errors import EpisodeClosedError, UsageError
@@ -57,7 +57,7 @@ LEASE = timedelta(seconds=60)
 """How long a claim holds without a sign of life; every step, and `Journal.renew`, is one."""
 
 
-def lease(connection: Connection) -> Any:
+def lease(connection: Connection | Engine) -> Any:
     """Return until when a claim holds that shows a sign of life now, as a column takes it.
 
     On a server it is the server's clock that counts: those of two robots may be minutes apart.

@@ -16,7 +16,6 @@ from vsnbench.database.blinding import (
     hide_steps,
 )
 from vsnbench.database.engine import reading, record_errors
-from vsnbench.database.episodes import step_of_row
 from vsnbench.database.lifecycle import ACTIVE, RESULTS, EpisodeState
 from vsnbench.database.read_model import (
     COLLISION,
@@ -41,6 +40,7 @@ from vsnbench.database.read_shapes import (
 )
 from vsnbench.database.row_encoding import fix_of_columns
 from vsnbench.database.sessions import placement_of, session_of
+from vsnbench.database.step_rows import step_of_row
 from vsnbench.database.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless

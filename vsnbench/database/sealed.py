@@ -7,9 +7,10 @@ from datetime import datetime
 from sqlalchemy import Connection, insert, select, update
 
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
-from vsnbench.database.episodes import end_episode, step_row
+from vsnbench.database.episodes import end_episode
 from vsnbench.database.provenance import Provenance
 from vsnbench.database.row_encoding import insert_row, process_row, text
+from vsnbench.database.step_rows import step_row
 from vsnbench.database.tables import Episode, Event, Process, Step
 from vsnbench.protocol.fix import Fix
 from vsnbench.protocol.step_record import StepRecord

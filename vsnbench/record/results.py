@@ -31,6 +31,15 @@ class Kept(StrEnum):
     NUMBERS = "numbers"
     """Nothing: what the robot saw can only be drawn again, by running the trial again."""
 
+    @property
+    def words(self) -> str:
+        """What is kept, for people."""
+        return {
+            Kept.FULL: "images and a copy for Rerun of each episode are kept",
+            Kept.LEAN: "images are kept; `vsnbench view` makes Rerun's copy",
+            Kept.NUMBERS: "no images are kept",
+        }[self]
+
 
 @dataclass(frozen=True, slots=True)
 class ResultsDirectory:

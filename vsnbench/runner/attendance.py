@@ -52,6 +52,8 @@ class Occasion:
     """Trials of the sweep that this is a campaign of, but for its own: how many are done, out of how many."""
     most_void: int = 3
     """So many void episodes one after another end the session: another attempt will mend nothing."""
+    keeps: str = ""
+    """What is kept of its episodes, in words; empty where that has been said."""
     glimpse: Glimpse | None = None
     """What the robot's camera sees while it drives; None where it sees between its actions alone."""
     battery: ReadBattery = lambda: None
@@ -105,6 +107,7 @@ class TerminalAttendance:
             *(occasion.label, occasion.trials, occasion.done, occasion.successes, occasion.parameters.max_actions),
             shows_actions=not occasion.blind,
             beside=occasion.beside,
+            keeps=occasion.keeps,
         )
 
     @contextmanager

@@ -4,18 +4,17 @@ Its trials are run by this process alone with its robot, or by workers that it h
 """
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 from vsnbench.database.campaign_plan import CampaignPlan, OpenCampaign
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import Provenance, gather_provenance
 from vsnbench.database.study_queries import study_of_campaign
 from vsnbench.errors import SiteError, UsageError
-from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
@@ -23,12 +22,12 @@ from vsnbench.protocol.survey.check import layout_findings
 from vsnbench.protocol.survey.finding import Severity, SiteFinding
 from vsnbench.protocol.survey.starts import start_findings
 from vsnbench.record.entries import EpisodeViewer
-from vsnbench.record.results import Kept, ResultsDirectory
+from vsnbench.record.results import Kept
 from vsnbench.robots.contract import Glimpse, ReadBattery, SeenDriving, battery_of
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench, tell_of_stand_in
 from vsnbench.runner.leftovers import sweep_results
-from vsnbench.runner.pool.capacity import ClusterWish, Wish, WorkersAsked, wish_of
+from vsnbench.runner.pool.capacity import ClusterWish, Wish, wish_of
 from vsnbench.runner.pool.cluster import RayTasks
 from vsnbench.runner.pool.contract import TrialPool
 from vsnbench.runner.pool.handing_out import hand_out
@@ -36,61 +35,12 @@ from vsnbench.runner.pool.local import LocalPool, SharedWorkers
 from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
 from vsnbench.runner.session import VOID_IN_A_ROW, SessionResult, run_session
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
-
-DEFAULT_SITE = "apartment"
-
-
-@dataclass(frozen=True, slots=True)
-class RunRequest:
-    """What `vsnbench run` was asked for, as it was typed."""
-
-    model: str
-    goals: tuple[str, ...]
-    results: ResultsDirectory
-    site: str = DEFAULT_SITE
-    robot: str = "simulated"
-    starts: str | None = None
-    repetitions: int = 1
-    max_steps: int = 150
-    seed: int = 0
-    shuffle: bool = False
-    noise: bool = False
-    pretend_real: bool = False
-    """A simulated robot plays a real one: a rehearsal."""
-    model_options: Mapping[str, Any] = field(default_factory=dict)
-    act_timeout_s: float | None = None
-    """How long a model in this process may take for an action; without end when None."""
-    isolation: Isolation | None = None
-    """Run the model in a process of its own."""
-    workers: WorkersAsked = field(default_factory=WorkersAsked)
-    """How many trials are run at once in simulation, and where."""
-    kept: Kept = Kept.FULL
-    """What is kept of an episode beside its rows."""
-    attended: bool = False
-    """Somebody stands beside the robot, though it may be simulated: one trial after another."""
-    fail_fast: bool = False
-    """The first void episode ends the session."""
-
-    def bench_plan(self, site: Site, parameters: ProtocolParameters) -> BenchPlan:
-        """Return what every trial of it is run with."""
-        return BenchPlan(
-            site=site,
-            model=self.model,
-            goals=self.goals,
-            robot=self.robot,
-            noise=self.noise,
-            pretend_real=self.pretend_real,
-            parameters=parameters,
-            model_options=self.model_options,
-            act_timeout_s=self.act_timeout_s,
-            isolation=self.isolation,
-            kept=self.kept,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +78,7 @@ def launch(
         _heed(request.site, layout_findings(site))
     bench = request.bench_plan(site, parameters)
     trials = most_goals(request.goals, site) * len(starts) * request.repetitions
-    if request.kept is not Kept.FULL:
+    if request.keeps is not Kept.FULL:
         viewer = None
     live = viewer is not None and viewer.is_live
     wish = wish_of(request.workers, bench, trials, live=live, attended=request.attended)
@@ -137,7 +87,7 @@ def launch(
         described = crew.description
         tell_of_stand_in(described)
         profile = described.robot.profile
-        if request.kept is Kept.NUMBERS and not described.robot.simulated:
+        if request.keeps is Kept.NUMBERS and not described.robot.simulated:
             raise UsageError(
                 f"--record numbers: robot {profile.name} is real, and what it saw cannot be drawn again",
                 advice="keep its images: --record lean",
@@ -193,6 +143,7 @@ def launch(
             most_void=1 if request.fail_fast else VOID_IN_A_ROW,
             glimpse=crew.glimpse,
             battery=crew.battery,
+            keeps=f"--record {request.keeps}: {request.keeps.words}",
         )
         keeping = Keeping(campaign, request.results, viewer, provenance.operator)
         result = crew.run(journal, keeping, attendance, occasion)

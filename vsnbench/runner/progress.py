@@ -39,11 +39,13 @@ class CampaignProgress:
         *,
         shows_actions: bool = True,
         beside: tuple[int, int] = (0, 0),
+        keeps: str = "",
     ) -> None:
         self.console = Console(file=sys.stderr, highlight=False)
         narrow = self.console.width < 100
         beside_bar = "" if narrow or len(label) > LONGEST_BESIDE_BAR else label
         self._title = label if beside[1] or not beside_bar else ""
+        self._keeps = keeps
         self._done, self._successes = done, successes
         self._max_actions = max_actions
         self._shows_actions = shows_actions
@@ -66,6 +68,8 @@ class CampaignProgress:
     def __enter__(self) -> Self:
         if self._title:
             self.console.print(f"[bold]{escape(self._title)}[/bold]")
+        if self._keeps:
+            self.say(self._keeps)
         if self.console.is_terminal:
             self._bar.start()
         return self

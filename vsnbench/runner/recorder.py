@@ -1,8 +1,9 @@
 """Keeps one episode: image files, then the database row, then the viewer's entry, one step behind the robot.
 
-A step is written by a worker thread while the next one is sensed and driven; the next step is handed over only when
-the one before it is committed. So a killed process loses at most the step that it was in, every committed step has
-its images, and a record that cannot be written stops the robot within one action.
+A step is written by a thread while the next one is sensed and driven; the next step is handed over only when the one
+before it is committed. So a killed process loses at most the step that it was in, every committed step has its images,
+and a record that cannot be written stops the robot within one action. Where every core has a process of its own that
+runs trials there is nobody beside: a step is written before the next one is sensed, and two threads do not contend.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -70,6 +71,8 @@ class RecordingTarget:
     """Who is responsible for the robot."""
     kept: Kept = Kept.FULL
     """What is kept of an episode; a viewer is given only where it copies episodes, too."""
+    beside: bool = True
+    """Steps are written while the next one is driven; False where no core is left for that."""
 
 
 class EpisodeRecorderFanOut:
@@ -82,7 +85,7 @@ class EpisodeRecorderFanOut:
         self._images: EpisodeImages | None = None
         self._sink: EpisodeSink | None = None
         self._photos = MarkPhotos(target.results, target.robot)
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder")
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder") if target.beside else None
         self._pending: Future[None] | None = None
         self._trajectory: list[StampedPose] = []
         self._last_number = 0
@@ -127,7 +130,7 @@ class EpisodeRecorderFanOut:
             self._sink = target.viewer.open_episode(header, directory)
 
     def step(self, step: Step) -> None:
-        """Hand a step to the worker, as soon as the one before it is kept."""
+        """Hand a step to the thread beside, as soon as the one before it is kept; without one, write it."""
         self._settle()
         if step.index == 1:
             self._trajectory = [StampedPose(step.observation.stamp_s, step.before.pose)]
@@ -135,7 +138,10 @@ class EpisodeRecorderFanOut:
         self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.after.pose))
         self._last_number = step.index
         self._robot_time_s += driving_s
-        self._pending = self._worker.submit(partial(self._write, step))
+        if self._worker is None:
+            self._write(step)
+        else:
+            self._pending = self._worker.submit(partial(self._write, step))
 
     def event(self, kind: str, text: str, author: str = "") -> None:
         """Keep something that happened after the last step."""
@@ -173,7 +179,8 @@ class EpisodeRecorderFanOut:
 
     def close(self) -> None:
         """Let go of files and threads, whatever happened before."""
-        self._worker.shutdown(wait=True)
+        if self._worker is not None:
+            self._worker.shutdown(wait=True)
         if self._sink is not None:
             self._sink.close()
 

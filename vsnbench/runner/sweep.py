@@ -14,9 +14,10 @@ from vsnbench.record.entries import EpisodeViewer
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.attendance import Attendance, Occasion
 from vsnbench.runner.attendant import Attendant, Overview
-from vsnbench.runner.launch import DEFAULT_SITE, Launched, RunRequest, launch
+from vsnbench.runner.launch import Launched, launch
 from vsnbench.runner.pool.capacity import Capacity
 from vsnbench.runner.pool.local import SharedWorkers
+from vsnbench.runner.request import DEFAULT_SITE, RunRequest
 from vsnbench.runner.selection import TWIN, choose_starts, most_goals, named_goals, named_site, read_numbers
 
 logger = logging.getLogger(__name__)
@@ -198,7 +199,7 @@ class _OfSweep:
 
     def _part(self, occasion: Occasion) -> Occasion:
         beside = (self.before, max(self.total - occasion.trials, self.before))
-        return replace(occasion, label=f"{self.label}: {occasion.label}", beside=beside)
+        return replace(occasion, label=f"{self.label}: {occasion.label}", beside=beside, keeps="")
 
 
 def undone(swept: Sequence[Swept]) -> tuple[int, int]:

@@ -158,7 +158,7 @@ class LocalPool:
         del journal
         worker = next(worker for worker in self._workers if worker.is_free)
         worker.trial = trial
-        worker.tell(RunTrial(trial, keeping))
+        worker.tell(RunTrial(trial, keeping, cores_left=self._count < self._capacity.cores))
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:
         """Return what has happened, as soon as something has.

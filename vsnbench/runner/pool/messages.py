@@ -37,6 +37,8 @@ class RunTrial:
 
     trial: Trial
     keeping: Keeping
+    cores_left: bool
+    """There are more cores than workers: steps can be kept while the next one is driven."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,14 @@ def run_sealed(bench: Bench, ran_on: Provenance, plan: BenchPlan, trial: Trial, 
     with tempfile.TemporaryDirectory(prefix="vsnbench-trial-") as there:
         results = ResultsDirectory.locate(Path(there))
         target = RecordingTarget(
-            kept, results, described.title, described.robot.profile, None, ran_on.operator, plan.kept
+            kept,
+            results,
+            described.title,
+            described.robot.profile,
+            None,
+            ran_on.operator,
+            plan.kept,
+            beside=False,  # a cluster's worker has one core
         )
         recorder = EpisodeRecorderFanOut(target, Claim(0, "", trial, seed, _DIRECTORY))
         episode = EpisodePlan(plan.site, trial.goal, plan.site.start(trial.start), seed, plan.parameters)

@@ -120,6 +120,7 @@ class Worker:
             keeping.viewer,
             keeping.operator,
             plan.kept,
+            beside=order.cores_left,
         )
         run_session(
             self._journal,
