@@ -4,10 +4,11 @@
     python scripts/console_trials.py --trials 75 --seed 7 --keep DIRECTORY
 
 Two pages of 390 x 844 pixels in a real Chromium, each through a relay of its own, at `vsnbench study run` with a
-rehearsal's robot. At every screen the run is killed with SIGKILL and goes on at the same address, the page is reloaded,
-the phone loses its network with its thumb on a button, and both phones press at the same moment. Afterwards the record
-must hold every trial once, every answer that a page confirmed with its author and time, and nothing twice; no byte that
-the run said to a browser names an arm; and the browser asked nobody but the run. Exits with 1 where it is not so.
+rehearsal's robot. At every screen, from signing in to the end, the run is killed with SIGKILL and goes on at the same
+address, the page is reloaded, the phone loses its network with its thumb on a button, and both phones press at the same
+moment: 24 mishaps, all of which happen in 12 trials or more. Afterwards the record must hold every trial once, every
+answer that a page confirmed with its author and time, and nothing twice; no byte that the run said to a browser names
+an arm; and the browser asked nobody but the run. Exits with 1 where it is not so, or where a mishap was not come to.
 """
 
 import argparse
@@ -21,7 +22,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tests.console.faults import faults
-from tests.console.operators import MISHAPS, operators_at
+from tests.console.operators import operators_at, schedule
 from tests.console.rehearsal import Rehearsal
 
 
@@ -32,9 +33,7 @@ def main() -> int:
     options.add_argument("--keep", type=Path, help="a new directory for the study and its record")
     asked = options.parse_args()
     chance = random.Random(asked.seed)
-    mishaps = [(screen, one) for screen, of_it in MISHAPS.items() for one in of_it]
-    chance.shuffle(mishaps)
-    mishaps = mishaps[: max(3, asked.trials)]
+    mishaps = schedule(asked.trials, chance)
     with ExitStack() as stack:
         directory = asked.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         directory.mkdir(parents=True, exist_ok=asked.keep is None)
@@ -55,7 +54,7 @@ def main() -> int:
         print(f"{confirmed} answers confirmed, {late} told they were late, {carried / 1e6:.1f} MB looked through")
         print(f"{people.stopped} episodes ended with STOP; {len(people.said)} judgements tried")
         print("\n".join(wrong) or "nothing lost, nothing twice, no arm named")
-        return 1 if wrong or run.code != 0 else 0
+        return 1 if wrong or mishaps or run.code != 0 else 0
 
 
 if __name__ == "__main__":

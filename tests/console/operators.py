@@ -3,7 +3,7 @@
 import random
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Literal
 
@@ -24,6 +24,27 @@ MISHAPS: dict[str, tuple[Mishap, ...]] = {
     "finish": ("kill", "reload", "offline"),
 }
 """What can happen at which screen; confirming is the moment after the last button was pressed."""
+ONCE = ("sign-in", "finish")
+"""Screens that come once: all that is to happen there happens one after another."""
+
+
+def schedule(trials: int, chance: random.Random) -> list[tuple[str, Mishap]]:
+    """Return what is to happen in so many trials: every mishap at every screen, in a fixed order, then some at random.
+
+    Fewer than `TRIALS_FOR_ALL` trials have room for the first few of them alone.
+    """
+    every = [
+        (screen, kinds[(turn + place) % len(kinds)])
+        for turn in range(4)
+        for place, (screen, kinds) in enumerate(MISHAPS.items())
+        if turn < len(kinds)
+    ]
+    if trials < TRIALS_FOR_ALL:
+        return every[: max(3, trials)]
+    return [*every, *chance.choices([one for one in every if one[0] not in ONCE], k=max(0, trials - len(every)))]
+
+
+TRIALS_FOR_ALL = 12
 
 
 class Operators:
@@ -101,7 +122,7 @@ class Operators:
         name = moment or screen.name
         here = (name, screen.episode, self.run.kills)
         waiting = [one for one in self.mishaps if one[0] == name]
-        if not waiting or here in self._met or not (name in ("sign-in", "finish") or self._is_time()):
+        if not waiting or (name not in ONCE and (here in self._met or not self._is_time())):
             return None
         self._met.add(here)
         self.mishaps.remove(waiting[0])
@@ -110,10 +131,10 @@ class Operators:
         return waiting[0][1]
 
     def _is_time(self) -> bool:
-        """Whether as much has happened as is due: mishaps are spread over the trials."""
+        """Whether as much has happened as is due: mishaps are spread over all trials but the last few."""
         judged = self.run.rows("SELECT COUNT(*) FROM episode WHERE state = 'judged'")[0][0]
         happened = self.happened.total()
-        return happened <= (happened + len(self.mishaps)) * (judged + 0.5) / self.run.trials
+        return happened <= (happened + len(self.mishaps)) * (judged + 0.5) / max(1, 0.8 * self.run.trials)
 
     def _happens(self, phone: Phone, mishap: Mishap, screen: Screen) -> None:
         said = None
@@ -284,15 +305,19 @@ class Operators:
 
 
 @contextmanager
-def operators_at(rehearsal: Rehearsal, chance: random.Random, mishaps: list[tuple[str, Mishap]]) -> Iterator[Operators]:
-    """Start the run of a study and put two people with phones beside it."""
+def operators_at(
+    rehearsal: Rehearsal,
+    chance: random.Random,
+    mishaps: list[tuple[str, Mishap]],
+    names: Sequence[str] = ("Anna", "Ben"),
+) -> Iterator[Operators]:
+    """Start the run of a study and put people with phones beside it, two at most."""
     with ExitStack() as stack:
-        relays = [stack.enter_context(TcpRelay(rehearsal.port, listens_for=TELLING)) for _ in range(2)]
-        hosts = ("127.0.0.1", "localhost")
-        routes = [(host, relay, rehearsal.port) for host, relay in zip(hosts, relays, strict=True)]
+        people = list(zip(names, ("127.0.0.1", "localhost"), strict=False))
+        relays = [stack.enter_context(TcpRelay(rehearsal.port, listens_for=TELLING)) for _ in people]
+        routes = [(host, relay, rehearsal.port) for (_, host), relay in zip(people, relays, strict=True)]
         rehearsal.start()
         address = rehearsal.wait_served()
         browser = stack.enter_context(chromium_of_phones(*routes))
-        names = ("Anna", "Ben")
-        phones = [phone_in(browser, *one, address) for one in zip(names, hosts, relays, strict=True)]
+        phones = [phone_in(browser, *one, relay, address) for one, relay in zip(people, relays, strict=True)]
         yield Operators(rehearsal, phones, chance, mishaps)

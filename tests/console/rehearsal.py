@@ -43,7 +43,8 @@ class Magpie(Heron):
 _STUDY = """\
 title: Which of two finds its goal?
 question: Which of the two succeeds more often on our robot, in our flat?
-robot: simulated:turtlebot2@160x120
+robot: simulated:turtlebot2@{camera}
+site: {site}
 pretend_real: true
 arms:
   heron: {{model: "aviary:Heron"{own}}}
@@ -53,6 +54,19 @@ starting_positions: "1-{starts}"
 protocol: {{max_actions: 20}}
 seed: {seed}
 """
+_ROOM = """\
+name: room
+title: A room
+rooms: [{name: room, polygon: [[0, 0], [4, 0], [4, 3], [0, 3]]}]
+walls:
+  - {start: [0, 0], end: [4, 0]}
+  - {start: [4, 0], end: [4, 3]}
+  - {start: [4, 3], end: [0, 3]}
+  - {start: [0, 3], end: [0, 0]}
+objects: [{id: chair, category: chair, position: [3.2, 2.2], heading_deg: 180, size_m: [0.5, 0.5, 0.9]}]
+starts: [{number: 1, position: [1.2, 1.2], heading_deg: 0}]
+"""
+"""The least that two trials need: quick to draw."""
 _GOALS = ("chair", "bed", "sofa")
 PATIENCE_S = 180.0
 
@@ -69,8 +83,14 @@ def wait_until(condition: Any, what: str, patience_s: float = PATIENCE_S) -> Non
         time.sleep(0.02)
 
 
-def study_text(trials: int, seed: int) -> str:
+def study_text(trials: int, seed: int, site: str = "apartment", camera: str = "160x120") -> str:
     """Return a study of two arms with so many trials: shared goals, and one goal of an arm's own where that fits.
+
+    Args:
+        trials: how many.
+        seed: of the schedule.
+        site: where, as a study names it.
+        camera: pixels of the robot's pictures, width x height.
 
     Raises:
         SystemExit: no such study has that many.
@@ -79,14 +99,15 @@ def study_text(trials: int, seed: int) -> str:
         goals, own = divmod(trials // starts, 2)
         if trials % starts == 0 and 1 <= goals <= len(_GOALS):
             text = ", goals: [toilet]" if own else ""
-            return _STUDY.format(own=text, goals=", ".join(_GOALS[:goals]), starts=starts, seed=seed)
+            shared = ", ".join(_GOALS[:goals])
+            return _STUDY.format(own=text, goals=shared, starts=starts, seed=seed, site=site, camera=camera)
     raise SystemExit(f"{trials} trials: say 2 to 7, or a multiple of a number of starting positions up to 15, like 75")
 
 
 class Rehearsal:
     """The directory of a study, and its run; the run is ended with the block."""
 
-    def __init__(self, directory: Path, trials: int, seed: int) -> None:
+    def __init__(self, directory: Path, trials: int, seed: int, *, in_one_room: bool = False) -> None:
         self.directory = directory
         self.trials = trials
         self.port = quiet_port(random.Random(f"{seed} {os.getpid()}"))
@@ -99,7 +120,9 @@ class Rehearsal:
             "VSNBENCH_OPERATOR": "lab",
         }
         (directory / "aviary.py").write_text(AVIARY)
-        (directory / "study.yaml").write_text(study_text(trials, seed))
+        (directory / "room.yaml").write_text(_ROOM)
+        where = ("room.yaml", "64x48") if in_one_room else ()
+        (directory / "study.yaml").write_text(study_text(trials, seed, *where))
 
     def __enter__(self) -> Self:
         return self

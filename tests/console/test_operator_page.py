@@ -1,83 +1,20 @@
 """The operator's page without a browser: what it shows, what may be said at it, and what nobody can make it do."""
 
 import random
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from tests.accessibility import accessibility_findings
-from tests.cli.chromium import chromium_page
-from tests.console.browser import Browser
-from tests.database.records_of_a_lab import begun, cell, plan, run, stopped
-from vsnbench.console.operator_page import OperatorPage, code_to_be_scanned
+from tests.console.desk_session import Session, ended_of
+from vsnbench.console.operator_page import code_to_be_scanned
 from vsnbench.database.episode_entries import INTERVENTION
-from vsnbench.database.journal import Journal
 from vsnbench.database.queries import episode_details
-from vsnbench.database_url import sqlite_url
-from vsnbench.protocol.battery import Battery
-from vsnbench.protocol.judge import EndReason, Verdict
-from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.record.results import ResultsDirectory
-from vsnbench.runner.attendance import Occasion
-from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
+from vsnbench.runner.attendant import Judgement
 from vsnbench.runner.board import Picture
-from vsnbench.runner.desk import Asks, Choice, Desk
-from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan
-from vsnbench.runner.stopping import Stopping
-
-
-@dataclass
-class Session:
-    """A desk with its page, over a record with one episode (1) that awaits a judgement."""
-
-    desk: Desk
-    journal: Journal
-    address: str
-    camera: list[npt.NDArray[np.uint8]]
-    """What its camera sees now: nothing, or one picture."""
-    halts: list[str] = field(default_factory=list)
-
-    def browser(self, name: str = "") -> Browser:
-        entered = Browser(self.address).enter()
-        entered.proof = entered.ask("GET", "/state").json["proof"]
-        if name:
-            said = entered.post("/sign-in", name=name)
-            entered.cookie = said.headers["set-cookie"].partition(";")[0]
-        return entered
-
-
-@pytest.fixture
-def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr("vsnbench.runner.corrections.UNDO_S", 1000.0)  # however slow the machine is
-    results = ResultsDirectory.locate(tmp_path / "results", None)
-    results.prepare()
-    with Journal.open(sqlite_url(results.path / "vsnbench.db")) as journal:
-        campaign = journal.find_or_create_campaign(plan())
-        run(journal, campaign.trials[0], replace(stopped(success=True), proposed=True))
-        claim = begun(journal, campaign.trials[1])
-        site, stop, halts, desk = cell(), Stopping(), [], Desk()
-        camera: list[npt.NDArray[np.uint8]] = []
-        occasion = Occasion(
-            *("puck in cell", 4, 1, 0, ProtocolParameters(), True, lambda: halts.append("halt"), stop, site, 0.177),
-            *(journal, results, (campaign.id,), "lab"),
-            glimpse=lambda: camera[0] if camera else None,
-        )
-        batteries = [Battery(0.84), Battery(0.71)]
-        desk.board.read_battery = lambda: batteries.pop(0) if len(batteries) > 1 else batteries[0]
-        desk.attends(occasion.halt, lambda request: halts.append(request.words))
-        parameters = ProtocolParameters()
-        desk.board.trial_begins(
-            Upcoming(claim.id, claim.trial.id, "arm A", EpisodePlan(site, "chair", site.starts[1], 7, parameters))
-        )
-        with OperatorPage(port=0).serve(desk, occasion) as words:
-            yield Session(desk, journal, words.split()[-1], camera, halts)
+from vsnbench.runner.desk import Asks, Choice
 
 
 def test_the_next_trial_is_shown_to_everybody_and_the_first_go_counts(session: Session) -> None:
@@ -152,14 +89,6 @@ def test_whoever_judges_what_another_judged_meanwhile_is_told(session: Session) 
     assert len(episode_details(session.journal.engine, 1).verdicts) == 2
 
 
-def ended_of(session: Session) -> EndedEpisode:
-    """Episode 1 as it has just ended, with the proposal of the record."""
-    upcoming = session.desk.board.upcoming
-    assert upcoming is not None
-    proposed = Verdict(EndReason.STEP_LIMIT, False, "failed")
-    return EndedEpisode(1, upcoming.plan, EpisodeOutcome(proposed, 4, None, 1.0, proposed=True))
-
-
 def test_what_the_page_confirms_is_in_the_record(session: Session) -> None:
     anna, said = session.browser("Anna"), {"episode": 1, "touched": "no", "note": "seen"}
     session.desk.board.episode_ended(ended_of(session))
@@ -197,6 +126,32 @@ def test_what_is_declared_void_is_run_again_first(session: Session) -> None:
     assert question.reply is not None
     assert question.reply.said is Choice.AGAIN
     assert list(session.desk.board.again) == [1]
+
+
+def test_a_void_that_is_taken_back_is_not_run_again(session: Session) -> None:
+    anna, board = session.browser("Anna"), session.desk.board
+    done = board.done
+    assert anna.post("/amend", episode=1, seen=1, void="a visitor").status == 200
+    assert (list(board.again), board.done) == ([1], done - 1)
+    assert anna.post("/undo", episode=1, seen=2).status == 200
+    assert (list(board.again), board.done) == ([], done)
+    assert episode_details(session.journal.engine, 1).summary.outcome == "unjudged"
+
+
+def test_a_trial_that_comes_again_is_left_out_when_its_void_is_taken_back_before_it_drives(session: Session) -> None:
+    anna, board = session.browser("Anna"), session.desk.board
+    assert anna.post("/amend", episode=1, seen=1, void="a visitor").status == 200
+    assert board.upcoming is not None
+    board.again.clear()
+    board.trial_begins(replace(board.upcoming, number=3, trial=1))
+    session.desk.driving = True
+    said = anna.post("/undo", episode=1, seen=2)
+    assert (said.status, "the trial of #1 is being driven again" in said.json["words"]) == (409, True)
+    session.desk.driving = False
+    with session.desk.ask(Asks.PLACE) as question:
+        assert anna.post("/undo", episode=1, seen=2).status == 200
+    assert question.reply is not None
+    assert question.reply.said is Choice.SKIP
 
 
 def test_the_session_says_at_its_end_what_it_was(session: Session) -> None:
@@ -256,40 +211,3 @@ def test_whatever_is_thrown_at_it_nothing_starts_and_nothing_breaks(session: Ses
         assert question.reply is None or question.reply.said is Choice.LATER
     assert not session.desk.driving
     assert anna.ask("GET", "/state").status == 200
-
-
-@pytest.mark.browser
-def test_everybody_can_read_the_page_and_work_it_by_keyboard_alone(session: Session) -> None:
-    with chromium_page(390, 844) as page:
-        page.set_default_timeout(120_000)
-        page.goto(session.address)
-        page.wait_for_selector("#name")
-        assert accessibility_findings(page) == [], "signing in"
-        page.keyboard.press("Tab")
-        page.keyboard.type("Anna")
-        page.keyboard.press("Enter")
-        with session.desk.ask(Asks.PLACE) as question:
-            page.wait_for_selector("#go:not([disabled])")
-            page.wait_for_selector("#episodes .episode button")  # it has opened: one awaits a judgement
-            assert accessibility_findings(page) == [], "placing"
-            reached: list[str] = []
-            while "SUMMARY" not in reached and len(reached) < 30:
-                page.keyboard.press("Tab")
-                held = page.locator(":focus")
-                assert held.evaluate("each => getComputedStyle(each).outlineStyle") == "solid", (
-                    "where it is can be seen"
-                )
-                reached.append(held.evaluate("each => each.id || each.tagName"))
-            assert reached[-5:] == ["go", "skip", "pause", "end", "SUMMARY"]
-            page.locator("#go").press("Enter")
-            page.wait_for_selector("#stop:focus")
-        assert question.reply is not None
-        assert accessibility_findings(page) == [], "driving"
-        page.keyboard.press("Enter")
-        page.get_by_text("stopped: the episode ends here").wait_for()
-        assert session.halts[-1] == "halt"
-        session.desk.driving = False
-        session.desk.board.episode_ended(ended_of(session))
-        with session.desk.ask(Asks.JUDGE):
-            page.wait_for_selector("#judging form")
-            assert accessibility_findings(page) == [], "judging"

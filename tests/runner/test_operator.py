@@ -17,12 +17,13 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.robots.profiles import load_profile
 from vsnbench.runner.attendance import TerminalAttendance
-from vsnbench.runner.attendant import EndedEpisode, Judgement
+from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.desk import Desk
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.episode import EpisodeOutcome
-from vsnbench.runner.operator import Operator
+from vsnbench.runner.operator import Beside, Operator
 from vsnbench.runner.placing import Placing
+from vsnbench.runner.session import TAKEN_AGAIN
 from vsnbench.runner.stopping import Stopped, Stopping
 
 START = StartingPosition(number=4, position=(2.5, 1.25), heading_deg=90, note="by the sofa")
@@ -51,9 +52,9 @@ class Terminal(QuietDisplay):
         return self.console.file.getvalue()
 
 
-def operator_at(terminal: Terminal) -> Operator:
+def operator_at(terminal: Terminal, beside: Beside | None = None) -> Operator:
     stop = Stopping()
-    return Operator(terminal, EmergencyStop(lambda: None, stop.ask), stop, Desk(), read_line=terminal.read_line)
+    return Operator(terminal, EmergencyStop(lambda: None, stop.ask), stop, Desk(), beside, read_line=terminal.read_line)
 
 
 def placing_blind() -> Placing:
@@ -159,6 +160,18 @@ def test_a_collision_that_the_robot_felt_is_confirmed_in_a_word() -> None:
 def test_a_terminal_that_is_closed_at_a_question_judges_nothing(answers: tuple[str, ...]) -> None:
     with pytest.raises(Stopped, match="a terminal that was closed"):
         judged_by(Terminal(*answers), stopped())
+
+
+@pytest.mark.parametrize("reason", [one for one in EndReason if not one.is_result])
+def test_what_robot_or_a_stop_made_void_comes_again_where_a_page_is_beside_and_what_the_model_did_does_not(
+    reason: EndReason,
+) -> None:
+    void, comes = EndedEpisode(12, PLAN_OF_31, ended(reason, 4)), reason in TAKEN_AGAIN
+    for by_page in (True, False):
+        operator = operator_at(Terminal(), Beside(by_page=by_page))
+        operator.trial_begins(Upcoming(12, 7, "scripted", PLAN_OF_31))
+        operator.episode_ended(void)
+        assert operator.again() == ([7] if comes and by_page else [])
 
 
 def test_a_run_without_a_terminal_is_refused_unless_it_is_unattended(monkeypatch: pytest.MonkeyPatch) -> None:

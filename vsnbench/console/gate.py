@@ -38,10 +38,14 @@ _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
 )
-_ENTERED = b'<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>vsnbench</title>'
+_ENTERED = (
+    b'<!doctype html><meta http-equiv="refresh" content="0;url=/"><link rel="icon" href="data:,">'
+    b"<title>vsnbench</title>"
+)
 """A page that goes on by itself: after a redirect from elsewhere a strict cookie would not be sent."""
 _NO_KEY = (
-    b'<!doctype html><html lang="en"><meta name="viewport" content="width=device-width"><title>vsnbench</title>'
+    b'<!doctype html><html lang="en"><meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
+    b"<title>vsnbench</title>"
     b"<h1>This page needs its whole address</h1><p>Open the address that the terminal shows, with everything after the "
     b"question mark, or scan its code.</p></html>"
 )

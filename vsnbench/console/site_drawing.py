@@ -6,6 +6,7 @@ from xml.sax.saxutils import escape, quoteattr
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from vsnbench.harmless_text import harmless
 from vsnbench.protocol.site import Site
 
 MARGIN_M = 0.25
@@ -19,7 +20,7 @@ def plan_svg(site: Site) -> str:
     x_min, y_min, x_max, y_max = shapely.union_all([wall.shape for wall in site.walls]).bounds
     width, height = x_max - x_min + 2 * MARGIN_M, y_max - y_min + 2 * MARGIN_M
     view = f"{x_min - MARGIN_M:.3f} {-y_max - MARGIN_M:.3f} {width:.3f} {height:.3f}"
-    title = f"floor plan of {site.title or site.name}"
+    title = harmless(f"floor plan of {site.title or site.name}")  # XML has no place for control characters
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" role="img" aria-label={quoteattr(title)}>',
         '<g class="plan" transform="scale(1,-1)">',
@@ -48,9 +49,9 @@ def plan_svg(site: Site) -> str:
 def _area(name: str, shapes: Iterable[BaseGeometry], title: str = "") -> str:
     rings = [ring for shape in shapes for ring in shapely.get_rings(shapely.get_parts(shape))]
     path = "".join(f"M{'L'.join(f'{x:.3f} {y:.3f}' for x, y in ring.coords)}Z" for ring in rings)
-    inside = f"<title>{escape(title)}</title>" if title else ""
+    inside = f"<title>{escape(harmless(title))}</title>" if title else ""
     return f'<path class="{name}" fill-rule="evenodd" d="{path}">{inside}</path>'
 
 
 def _text(name: str, x: float, y: float, words: str) -> str:
-    return f'<text class="{name}" transform="translate({x:.3f} {y:.3f}) scale(1 -1)">{escape(words)}</text>'
+    return f'<text class="{name}" transform="translate({x:.3f} {y:.3f}) scale(1 -1)">{escape(harmless(words))}</text>'

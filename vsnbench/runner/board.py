@@ -90,6 +90,12 @@ class Board:
         if self.upcoming is not None:
             self.again.append(self.upcoming.trial)
 
+    def no_longer_void(self, trial: int) -> None:
+        """Show that a trial which was declared void has an episode that awaits its judgement after all."""
+        self.done += 1
+        if trial in self.again:
+            self.again.remove(trial)
+
     def placing_begins(self, *, can_measure: bool) -> None:
         """Show that the robot is being put at its mark."""
         self.can_measure, self.look = can_measure, None

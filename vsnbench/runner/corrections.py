@@ -3,6 +3,7 @@
 Everything is read from the record and written there; nothing that was said before is forgotten.
 """
 
+import contextlib
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -97,16 +98,26 @@ class Corrections:
         return judgement.verdict.text
 
     def undo(self, number: int, author: str, seen: int) -> str:
-        """Take a judgement back, within seconds of it: the episode awaits one again.
+        """Take a judgement back, within seconds of it: the episode awaits one again, and its trial is not run again.
 
         Raises:
-            UsageError: it is too late, or there is none.
+            UsageError: it is too late, there is none, or its trial is being driven again already.
             JudgedMeanwhileError: another has judged it since.
         """
         details = self._mine(number)
         if _undo_s(details) <= 0:
             raise UsageError(f"#{number} was judged more than {UNDO_S:.0f} s ago", advice="correct it, with a reason")
+        was_void = details.summary.state == EpisodeState.VOID
+        trial = trial_of(self._journal.engine, number) if was_void else 0
+        upcoming = self._desk.board.upcoming
+        comes_again = was_void and upcoming is not None and upcoming.trial == trial and upcoming.number != number
+        if comes_again and self._desk.driving:
+            raise UsageError(f"the trial of #{number} is being driven again", advice="judge that, or correct this")
         self._journal.take_back(number, author=author, seen=seen)
+        if was_void:
+            self._desk.board.no_longer_void(trial)
+            if comes_again:
+                self._skip(author)
         self._desk.record_changed()
         return f"#{number} awaits its judgement again"
 
@@ -163,10 +174,15 @@ class Corrections:
         self._desk.board.again.append(trial_of(self._journal.engine, number))
         question = self._desk.question
         if question is not None and question.asks is Asks.FINISH:
-            try:
+            with contextlib.suppress(AnsweredMeanwhileError):
                 self._desk.reply(question.number, Choice.AGAIN, "", "the page")
-            except AnsweredMeanwhileError:
-                return
+
+    def _skip(self, author: str) -> None:
+        """Have the trial that is about to begin left out for now; one that has a result is not begun again."""
+        question = self._desk.question
+        if question is not None and question.asks in (Asks.BEGIN, Asks.PLACE):
+            with contextlib.suppress(AnsweredMeanwhileError):
+                self._desk.reply(question.number, Choice.SKIP, author, "the page")
 
 
 def _undo_s(details: EpisodeDetails) -> float:

@@ -36,6 +36,7 @@ from vsnbench.runner.desk import AnsweredMeanwhileError, Asks, Choice, Desk, Que
 from vsnbench.runner.emergency_stop import EmergencyStop
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.placing import Placing
+from vsnbench.runner.session import TAKEN_AGAIN
 from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest, leave_dead_terminal
 from vsnbench.runner.terminal_placing import PlacingFace
 
@@ -86,7 +87,7 @@ class Beside:
     begins: bool = False
     """No trial is begun before somebody has said go, though the robot stands at its start by itself."""
     by_page: bool = False
-    """A page serves the desk too: what is stopped there is run again, and the session ends when somebody says so."""
+    """A page serves the desk too: `TAKEN_AGAIN` is run again, and the session ends when somebody says so."""
 
 
 class Operator(Nobody):
@@ -138,7 +139,7 @@ class Operator(Nobody):
         board = self._desk.board
         self._desk.driving = False
         board.episode_ended(ended)
-        if self._beside.by_page and ended.outcome.verdict.end_reason is EndReason.ABORTED and board.upcoming:
+        if self._beside.by_page and ended.outcome.verdict.end_reason in TAKEN_AGAIN and board.upcoming:
             board.again.append(board.upcoming.trial)
         super().episode_ended(ended)
         self._desk.record_changed()
@@ -160,7 +161,7 @@ class Operator(Nobody):
         self._console.print("[dim]driving; the space bar stops the robot and ends this episode[/dim]")
 
     def again(self) -> Sequence[int]:
-        """Return what was stopped or declared void at a page."""
+        """Return what was stopped, failed or was declared void with a page beside."""
         wanted = self._desk.board.again
         return [wanted.popleft() for _ in range(len(wanted))]
 

@@ -38,6 +38,12 @@ THE_PROPOSAL_ALONE = 1
 """So many verdicts has an episode whose judge is asked; with more, another has judged it meanwhile."""
 LEFT_STANDING = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
 """After these a real robot stands where it failed, and a person must get it out of there."""
+TAKEN_AGAIN = (EndReason.ABORTED, *LEFT_STANDING)
+"""Void by a person's stop or by the robot: with a page beside the robot the trial comes again before any other.
+
+What is void by the model's own fault would be void again; that, and every void episode where there is a terminal alone
+or nobody, leaves its trial for the next session. In a study a void trial always comes again at once.
+"""
 
 
 class SessionRecorder(EpisodeRecorder, Protocol):
@@ -131,8 +137,8 @@ def run_session(
 ) -> SessionResult:
     """Run every trial that was asked for and is left, once each.
 
-    A void episode leaves its trial for the next session, one that could not even begin included; several in a row end
-    this one.
+    A void episode leaves its trial for the next session, one that could not even begin included, unless the attendant
+    wants it again (`TAKEN_AGAIN`); several in a row end this one.
 
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.

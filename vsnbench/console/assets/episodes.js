@@ -2,6 +2,7 @@
 
 import { get, post } from "./link.js";
 import { element, judgingForm, strip } from "./judging.js";
+import { showKept } from "./kept.js";
 
 let open = 0;
 let openSeen = 0;
@@ -11,11 +12,19 @@ let busy = false;
 let again = false;
 let asked = 0;
 let awaited = 0;
+let toOpen = 0;
+let you = "";
+let say = () => {};
 
 const questionOf = (state) => JSON.stringify([state?.question, state?.driving, state?.record]);
 
-export function showEpisodes(holder, state, before) {
+// Whether a form is open in the list: whoever works there is not taken elsewhere.
+export const isFormOpen = () => open > 0;
+
+export function showEpisodes(holder, state, before, words) {
   asked = state.case?.episode ?? 0;
+  you = state.you;
+  say = words;
   if (!state.you || (questionOf(state) === questionOf(before) && last)) return;
   refresh(holder);
 }
@@ -31,15 +40,14 @@ async function refresh(holder) {
     const text = JSON.stringify([episodes, asked]);
     const overtaken = episodes.find((one) => one.episode === open && one.seen !== openSeen && !sending);
     if (overtaken) open = 0; // a form that can no longer be sent would hide all that comes after it
+    showKept(episodes, you, (one) => undone(one, holder));
     remind(holder.closest("details"), episodes.filter((one) => one.outcome === "unjudged" && one.episode !== asked).length);
     if (text !== last && !open) {
       last = text;
       holder.replaceChildren(...(episodes.length ? episodes.map((one) => line(one, holder)) : [element("p", { class: "dim" }, "none yet")]));
-      if (overtaken) {
-        const words = `${overtaken.author || "somebody"} judged it meanwhile: what was typed here was not sent`;
-        holder.querySelector(`[data-episode="${overtaken.episode}"]`)?.append(element("p", { class: "words", role: "alert" }, words));
-      }
+      if (overtaken) say(`#${overtaken.episode}: ${overtaken.author || "somebody"} judged it meanwhile. What was typed here was not sent.`);
     }
+    openWanted(episodes, holder);
   } catch {
     // the next state asks again
   } finally {
@@ -68,7 +76,7 @@ function line(one, holder) {
   );
   const buttons = element("div", { class: "row" });
   if (one.undo_s > 0) {
-    const undo = element("button", { type: "button", class: "button", "data-undo": true, onclick: () => act(card, () => post("/undo", { episode: one.episode, seen: one.seen }), holder) }, "Undo");
+    const undo = element("button", { type: "button", class: "button", "data-undo": true, onclick: () => undone(one, holder) }, "Undo");
     buttons.append(undo);
     const until = performance.now() + one.undo_s * 1000; // seconds from the run: no phone's clock is asked
     const count = () => {
@@ -85,6 +93,29 @@ function line(one, holder) {
   }
   card.append(buttons);
   return card;
+}
+
+// Whoever took a judgement back means to give another: its form opens.
+async function undone(one, holder) {
+  say("");
+  try {
+    await post("/undo", { episode: one.episode, seen: one.seen });
+    toOpen = one.episode;
+  } catch (error) {
+    say(error.answer ? error.message : "no answer from the run, try again");
+  }
+  last = "";
+  refresh(holder);
+}
+
+function openWanted(episodes, holder) {
+  const one = episodes.find((each) => each.episode === toOpen);
+  const card = holder.querySelector(`[data-episode="${toOpen}"]`);
+  if (!one || !card || open || one.outcome !== "unjudged" || one.episode === asked) return;
+  toOpen = 0;
+  holder.closest("details").open = true;
+  form(card, one, holder);
+  card.scrollIntoView({ block: "start" });
 }
 
 function form(card, one, holder) {
@@ -106,17 +137,6 @@ function form(card, one, holder) {
     later: null,
   });
   card.append(strip(one.episode, one.case.actions), made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));
-}
-
-async function act(card, action, holder) {
-  try {
-    await action();
-  } catch (error) {
-    card.append(element("p", { class: "words" }, error.answer ? error.message : "no answer from the run, try again"));
-    return;
-  }
-  last = "";
-  refresh(holder);
 }
 
 export async function showSummary(holder, state, before) {

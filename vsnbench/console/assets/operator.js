@@ -4,7 +4,7 @@ import { get, Link, post } from "./link.js";
 import { element, judgingForm, strip, sureOf } from "./judging.js";
 import { showPlacing } from "./placing.js";
 import { drawPlan, showOnPlan } from "./plan.js";
-import { showEpisodes, showSummary } from "./episodes.js";
+import { isFormOpen, showEpisodes, showSummary } from "./episodes.js";
 
 const at = (id) => document.getElementById(id);
 const ARROWS = { MOVE_FORWARD: "↑", MOVE_BACKWARD: "↓", TURN_LEFT: "↶", TURN_RIGHT: "↷", STOP: "■", LOOK_UP: "△", LOOK_DOWN: "▽" };
@@ -12,6 +12,8 @@ const LIVE_EVERY_MS = 200;
 let state = null;
 let heardAt = 0;
 let plan = null;
+let planFails = false;
+let screen = "";
 let judged = "";
 let pictureShown = 0;
 let pictureBusy = false;
@@ -65,13 +67,17 @@ function render() {
   at("go").disabled = !!state.paused_by || !!looking;
   showPlacing(at("placing"), state, doing);
   at("pause").textContent = state.paused_by ? "Resume" : "Pause";
-  show("plan-card", signedIn && (placing || driving) && !!plan);
+  show("plan-card", signedIn && (placing || driving) && (!!plan || planFails));
   if (plan) at("plan-words").textContent = showOnPlan(plan, state);
+  else if (planFails) at("plan-words").textContent = "The floor plan of this site cannot be shown: find the mark by its number and by x and y above.";
   show("driving", signedIn && driving);
   at("driving-actions").textContent = trial ? `${state.actions} of ${trial.most_actions} actions` : "";
   at("driving-steps").textContent = state.steps.map(([name, blocked]) => (blocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
   showStop(signedIn && (driving || looking === "turn"));
+  const open = state.trials - state.done;
+  at("skip").disabled = open <= 1; // there is no other to take first
+  at("finish-words").textContent = open > 0 ? `${open} of ${state.trials} trials ${open === 1 ? "has" : "have"} no result: the same command takes ${open === 1 ? "it" : "them"} up again` : "No trial is left";
   show("finish", signedIn && asks === "finish");
   show("waiting", signedIn && !question && !driving);
   at("waiting-words").textContent = "The run is getting ready: nothing is asked right now.";
@@ -80,6 +86,14 @@ function render() {
   renderJudging(signedIn && asks === "judge");
   renderPicture(signedIn && (driving || placing));
   show("episodes-card", signedIn);
+  beginAtTheTop([signedIn, asks, driving, trial?.episode ?? 0].join());
+}
+
+// Another screen is read from its top, but whoever corrects an earlier episode is not taken from there.
+function beginAtTheTop(now) {
+  if (now === screen) return;
+  screen = now;
+  if (!isFormOpen()) scrollTo(0, 0);
 }
 
 function showStop(visible) {
@@ -108,7 +122,7 @@ function renderJudging(visible) {
     judgingForm(theCase, {
       kept: `said-of-${theCase.episode}`,
       send: (word) => post("/judge", { question, episode: theCase.episode, ...word }),
-      later: () => answer("later"),
+      later: async () => { if (await answer("later")) say(`#${theCase.episode} awaits its judgement: it stands in the list below.`); },
     }),
   );
 }
@@ -163,9 +177,9 @@ const link = new Link(
     heardAt = performance.now();
     if (!before?.driving && state.driving) at("stop-words").textContent = "";
     render();
-    showEpisodes(at("episodes"), state, before);
+    showEpisodes(at("episodes"), state, before, say);
     if (state.question?.asks === "finish") showSummary(at("summary"), state, before);
-    if (!plan) drawPlan(at("plan")).then((made) => { plan = made; render(); }).catch(() => { at("plan-words").textContent = "the site's plan cannot be shown"; });
+    if (!plan) drawPlan(at("plan")).then((made) => { plan = made; render(); }).catch(() => { planFails = true; render(); });
     if (before === null) get("/state").catch(() => {});
   },
   health,

@@ -8,10 +8,10 @@ export async function drawPlan(holder) {
   const answer = await fetch("/plan.svg");
   if (!answer.ok) throw new Error("no plan");
   const whole = new DOMParser().parseFromString(await answer.text(), "image/svg+xml").documentElement;
-  holder.replaceChildren(document.importNode(whole, true));
-  const svg = holder.firstElementChild;
+  const svg = document.importNode(whole, true);
   const layer = make("g", {});
-  svg.querySelector("g.plan").append(layer);
+  svg.querySelector("g.plan").append(layer); // an answer that is no plan of ours has none
+  holder.replaceChildren(svg);
   drawn = { svg, layer };
   return drawn;
 }
