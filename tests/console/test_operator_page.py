@@ -81,6 +81,19 @@ def test_a_judgement_is_taken_back_within_seconds_and_corrected_with_a_reason_af
     assert episode_details(session.journal.engine, 1).summary.outcome == "success"
 
 
+def test_the_estimate_stays_the_robots_own_when_somebody_has_measured(session: Session) -> None:
+    anna = session.browser("Anna")
+    (before,) = anna.ask("GET", "/episodes").json["episodes"]
+    assert anna.post("/amend", episode=1, seen=1, touched="no", distance="0.55").status == 200
+    (measured,) = anna.ask("GET", "/episodes").json["episodes"]
+    assert "0.550 m from" in measured["words"]
+    assert before["case"]["estimate_m"] not in (None, 0.55)
+    assert measured["case"]["estimate_m"] == before["case"]["estimate_m"]
+    assert anna.post("/undo", episode=1, seen=2).status == 200
+    (undone,) = anna.ask("GET", "/episodes").json["episodes"]
+    assert undone["words"] == before["words"], "what was taken back is no proposal"
+
+
 def test_whoever_judges_what_another_judged_meanwhile_is_told(session: Session) -> None:
     anna, ben = session.browser("Anna"), session.browser("Ben")
     assert anna.post("/amend", episode=1, seen=1, touched="no", distance="0.5").status == 200

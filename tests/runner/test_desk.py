@@ -98,3 +98,11 @@ def test_a_stop_asks_for_the_end_before_it_halts_and_only_while_something_is_dri
         desk.reply(question.number, Choice.GO, "Anna", "the page")
     assert desk.stop("Ben", "the page's STOP button")
     assert done[1:] == ["stopped with the page's STOP button by Ben", "halt"]
+
+
+def test_whoever_ends_the_session_is_known_to_every_face() -> None:
+    desk = Desk()
+    with desk.ask(Asks.FINISH) as question:
+        assert desk.ended_by == ""
+        desk.reply(question.number, Choice.END, "Anna", "the page")
+    assert desk.ended_by == "Anna"

@@ -26,6 +26,7 @@ def session_state(desk: Desk, occasion: Occasion) -> dict[str, Any]:
         "trials": occasion.trials,
         "done": board.done,
         "paused_by": desk.paused_by,
+        "ended_by": desk.ended_by,
         "question": None
         if question is None or question.reply is not None
         else {"number": question.number, "asks": question.asks.value, "problem": question.problem},
@@ -53,7 +54,13 @@ def session_state(desk: Desk, occasion: Occasion) -> dict[str, Any]:
         "picture": board.picture.number if board.picture else 0,
         "live": occasion.glimpse is not None,
         "case": case_shown(Case.of_ended(ended)) if judging and ended else None,
-        "last": None if ended is None else {"episode": ended.number, "words": ended.outcome.verdict.text},
+        "last": None
+        if ended is None
+        else {
+            "episode": ended.number,
+            "words": ended.outcome.verdict.text,
+            "void": not ended.outcome.verdict.end_reason.is_result,
+        },
     }
 
 
@@ -73,6 +80,7 @@ def _placing(desk: Desk) -> dict[str, Any]:
         "green": measured.within_tolerance if measured else False,
         "determined": measured.determined if measured else False,
         "wants_turn": measured.wants_turn if measured else False,
+        "seen_near": measured.fits if measured else False,
         "arrows": [[arrow.direction.value, arrow.words] for arrow in measured.arrows]
         if measured and measured.advice and not measured.wants_turn
         else [],
@@ -88,12 +96,13 @@ def _pose(pose: Pose) -> list[float]:
 
 def case_shown(case: Case) -> dict[str, Any]:
     """Return what a person needs to judge an episode."""
+    estimate = case.robots_estimate
     return {
         "episode": case.number,
         "ended_with": case.ended_with.value,
         "actions": case.actions,
-        "estimate_m": round(case.estimate.distance_m, 2) if case.estimate else None,
-        "in_sight": case.estimate.in_sight if case.estimate else None,
+        "estimate_m": round(estimate.distance_m, 2) if estimate else None,
+        "in_sight": estimate.in_sight if estimate else None,
         "proposal": case.proposal.text if case.proposal else "",
         "success": case.proposal.success if case.proposal else None,
         "success_m": case.parameters.success_distance_m,

@@ -48,6 +48,7 @@ class Case:
     ended_with: EndReason
     actions: int
     estimate: GoalDistance | None
+    """The distance that stands: by tape where somebody has measured it."""
     parameters: ProtocolParameters
     longest_m: float
     """No distance can be longer within the site."""
@@ -119,6 +120,11 @@ class Case:
             raise MisreadError("nothing is proposed for it: give the distance by tape, or why it is void")
         return Judgement(self.proposal, note)
 
+    @property
+    def robots_estimate(self) -> GoalDistance | None:
+        """The distance that counts where nobody measures: the proposal's, whatever somebody has said since."""
+        return self.proposal.distance if self.proposal and self.proposal.distance else self.estimate
+
     def collided(self, what: str) -> Verdict:
         """Return the verdict where a person saw it touch something."""
         return collided(what, self.actions, self.estimate, self.parameters)
@@ -139,9 +145,9 @@ class Case:
             measured_m = metres(typed, self.longest_m)
         except UsageError as error:
             raise MisreadError(str(error)) from error
-        if not sure and self.estimate and abs(measured_m - self.estimate.distance_m) > SURPRISE_M:
-            estimate = f"the estimate is {self.estimate.distance_m:.2f} m"
-            raise UnsureError(f"{measured_m:.2f} m, and {estimate}: is that right?")
+        estimate = self.robots_estimate
+        if not sure and estimate and abs(measured_m - estimate.distance_m) > SURPRISE_M:
+            raise UnsureError(f"{measured_m:.2f} m, and the estimate is {estimate.distance_m:.2f} m: is that right?")
         return taped(self.ended_with, self.actions, measured_m, self.instance, self.parameters)
 
 

@@ -21,6 +21,7 @@ from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.attendance import Occasion
 from vsnbench.runner.case import Case, Word
 from vsnbench.runner.desk import AnsweredMeanwhileError, Asks, Choice, Desk
+from vsnbench.runner.session import TAKEN_AGAIN
 from vsnbench.runner.session_summary import session_summary
 
 KEPT_WITHIN_S = 6.0
@@ -39,7 +40,7 @@ class ShownEpisode:
     verdicts: int
     """How many there are, proposals included: whoever corrects says how many were seen."""
     author: str
-    """Whose judgement stands; empty where none does."""
+    """Whose judgement stands; empty where no person's does."""
     words: str
     undo_s: float
     """For how long its judgement can still be taken back; 0 for no more."""
@@ -155,12 +156,16 @@ class Corrections:
 
     def _shown(self, details: EpisodeDetails) -> ShownEpisode:
         standing = details.standing
-        proposed = details.verdicts[-1].reason if details.verdicts else ""
+        author = standing.author if standing is not None and standing.source == "person" else ""
+        proposed = next((one.reason for one in reversed(details.verdicts) if one.proposed), "")
+        words = standing.reason if standing else f"proposed: {proposed}" if proposed else ""
+        if details.error and not author and details.ended_with in TAKEN_AGAIN:  # a model's own words may tell its name
+            words = ": ".join(filter(None, (words, details.error)))
         return ShownEpisode(
             details.summary,
             len(details.verdicts),
-            standing.author if standing else "",
-            standing.reason if standing else f"proposed: {proposed}" if proposed else details.error,
+            author,
+            words,
             _undo_s(details),
             Case.of_recorded(details),
         )

@@ -117,6 +117,8 @@ class Desk:
         """Between the go and the end of an episode."""
         self.says: Callable[[str], None] = lambda _words: None
         """Writes a line at the terminal, from any thread."""
+        self.ended_by = ""
+        """Who has ended the session; empty while it goes on."""
         self.changes = 0
         """How often something ended or was judged."""
         self.told: list[Callable[[], None]] = []
@@ -195,6 +197,8 @@ class Desk:
             if said is Choice.GO:
                 self.driving = True
                 self.board.goes()
+            if said is Choice.END:
+                self.ended_by = author or "somebody"
             os.write(self._wake, b".")
         self.tell()
         return question.reply

@@ -2,7 +2,7 @@
 
 import { get, post } from "./link.js";
 import { element, judgingForm, strip } from "./judging.js";
-import { showKept } from "./kept.js";
+import { hideKept, showKept } from "./kept.js";
 
 let open = 0;
 let openSeen = 0;
@@ -21,10 +21,14 @@ const questionOf = (state) => JSON.stringify([state?.question, state?.driving, s
 // Whether a form is open in the list: whoever works there is not taken elsewhere.
 export const isFormOpen = () => open > 0;
 
+// For whoever is about to leave.
+export const awaitingWords = () => (awaited ? ` ${awaited} ${awaited === 1 ? "episode awaits its" : "episodes await their"} judgement still.` : "");
+
 export function showEpisodes(holder, state, before, words) {
   asked = state.case?.episode ?? 0;
   you = state.you;
   say = words;
+  if (state.ended_by) return hideKept();
   if (!state.you || (questionOf(state) === questionOf(before) && last)) return;
   refresh(holder);
 }
@@ -136,7 +140,7 @@ function form(card, one, holder) {
     },
     later: null,
   });
-  card.append(strip(one.episode, one.case.actions), made, element("button", { type: "button", class: "button", onclick: close }, "Leave it as it is"));
+  card.append(strip(one.episode, one.case.actions), made, element("button", { type: "button", class: "button", onclick: close }, one.outcome === "unjudged" ? "Judge it later" : "Leave it as it is"));
 }
 
 export async function showSummary(holder, state, before) {

@@ -7,7 +7,7 @@ let shown = null;
 // The latest judgement that can still be taken back, of all those in the list; `undo(episode)` does it.
 export function showKept(episodes, you, undo) {
   const latest = episodes.filter((one) => one.undo_s > 0).sort((one, other) => other.undo_s - one.undo_s)[0];
-  if (!latest) return hide();
+  if (!latest) return hideKept();
   const until = performance.now() + latest.undo_s * 1000; // seconds from the run: no phone's clock is asked
   const before = shown;
   shown = { one: latest, until, undo };
@@ -18,7 +18,7 @@ export function showKept(episodes, you, undo) {
   if (!before) count();
 }
 
-function hide() {
+export function hideKept() {
   shown = null;
   at("kept").hidden = true;
 }
@@ -26,13 +26,13 @@ function hide() {
 function count() {
   if (!shown) return;
   const left = Math.ceil((shown.until - performance.now()) / 1000);
-  if (left <= 0) return hide();
+  if (left <= 0) return hideKept();
   at("kept-undo").textContent = `Undo ${left} s`;
   setTimeout(count, TICK_MS);
 }
 
 at("kept-undo").addEventListener("click", () => {
   const { one, undo } = shown ?? {};
-  hide();
+  hideKept();
   if (one) undo(one);
 });

@@ -4,7 +4,7 @@ import { get, Link, post } from "./link.js";
 import { element, judgingForm, strip, sureOf } from "./judging.js";
 import { showPlacing } from "./placing.js";
 import { drawPlan, showOnPlan } from "./plan.js";
-import { isFormOpen, showEpisodes, showSummary } from "./episodes.js";
+import { awaitingWords, isFormOpen, showEpisodes, showSummary } from "./episodes.js";
 
 const at = (id) => document.getElementById(id);
 const ARROWS = { MOVE_FORWARD: "↑", MOVE_BACKWARD: "↓", TURN_LEFT: "↶", TURN_RIGHT: "↷", STOP: "■", LOOK_UP: "△", LOOK_DOWN: "▽" };
@@ -55,8 +55,10 @@ function render() {
     at("trial-number").textContent = `#${trial.episode} · ${trial.driven_by} · ${state.done + 1} of ${state.trials}`;
     at("trial-goal").textContent = `Goal: ${trial.goal}, from mark ${trial.start}`;
     const [x, y] = trial.pose;
-    at("trial-where").textContent = `${asks === "place" ? "Put the robot at " : ""}x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
+    at("trial-where").textContent = `${asks === "place" ? "Put the robot at" : "From"} x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
   }
+  at("trial-again").textContent = placing && state.last?.void ? `#${state.last.episode}: ${state.last.words}` : "";
+  show("trial-again", !!at("trial-again").textContent);
   at("trial-problem").textContent = question?.problem ? `Not yet: ${question.problem}` : "";
   show("trial-problem", !!question?.problem);
   show("go-card", signedIn && placing);
@@ -65,7 +67,7 @@ function render() {
   at("go").textContent = asks !== "place" ? "Go" : !canMeasure ? "It stands there: go" : green ? "Go" : seen ? "Go all the same" : "Go without a check";
   at("go").className = unchecked ? "button" : "button go";
   at("go").disabled = !!state.paused_by || !!looking;
-  showPlacing(at("placing"), state, doing);
+  showPlacing(at("placing"), at("placing-picture"), state, doing);
   at("pause").textContent = state.paused_by ? "Resume" : "Pause";
   show("plan-card", signedIn && (placing || driving) && (!!plan || planFails));
   if (plan) at("plan-words").textContent = showOnPlan(plan, state);
@@ -78,14 +80,16 @@ function render() {
   const open = state.trials - state.done;
   at("skip").disabled = open <= 1; // there is no other to take first
   at("finish-words").textContent = open > 0 ? `${open} of ${state.trials} trials ${open === 1 ? "has" : "have"} no result: the same command takes ${open === 1 ? "it" : "them"} up again` : "No trial is left";
-  show("finish", signedIn && asks === "finish");
-  show("waiting", signedIn && !question && !driving);
+  show("finish", signedIn && (asks === "finish" || !!state.ended_by));
+  show("corrections", !state.ended_by);
+  show("finish-end", !state.ended_by);
+  show("waiting", signedIn && !question && !driving && !state.ended_by);
   at("waiting-words").textContent = "The run is getting ready: nothing is asked right now.";
   if (state.paused_by && placing) say(`${state.paused_by} has paused the session.`);
   else if (at("words").textContent.endsWith("has paused the session.")) say("");
   renderJudging(signedIn && asks === "judge");
   renderPicture(signedIn && (driving || placing));
-  show("episodes-card", signedIn);
+  show("episodes-card", signedIn && !state.ended_by);
   beginAtTheTop([signedIn, asks, driving, trial?.episode ?? 0].join());
 }
 
@@ -161,9 +165,13 @@ function clockWords() {
 function health(link) {
   const up = link.isUp;
   const badge = at("link");
-  badge.className = `badge ${up ? "up" : "down"}`;
-  badge.textContent = up ? `link ${link.roundTripMs === null ? "up" : `${Math.round(link.roundTripMs)} ms`}` : "NO LINK";
-  at("offline").textContent = "No link to the run. STOP on this phone does not reach the robot: use the robot's own switch or the terminal. What is typed here is kept.";
+  const over = !up && state?.ended_by;
+  badge.className = `badge ${up ? "up" : over ? "" : "down"}`;
+  badge.textContent = up ? `link ${link.roundTripMs === null ? "up" : `${Math.round(link.roundTripMs)} ms`}` : over ? "ended" : "NO LINK";
+  at("offline").className = over ? "words" : "words alarm";
+  at("offline").textContent = over
+    ? `${over} has ended the session. The same command at the computer goes on where it was, and this page with it.`
+    : "No link to the run. STOP on this phone does not reach the robot: use the robot's own switch or the terminal. What is typed here is kept.";
   show("offline", !up && heardAt > 0);
   at("stop").classList.toggle("cut", !up);
   if (!up && state?.driving) at("stop-words").textContent = "NO LINK: this button may not reach the robot";
@@ -196,11 +204,16 @@ at("sign-in-form").addEventListener("submit", (event) => {
   });
 });
 at("go").addEventListener("click", () => answer("go"));
-at("skip").addEventListener("click", () => answer("skip"));
+at("skip").addEventListener("click", async () => {
+  const { start } = state.trial;
+  if (await answer("skip")) say(`Mark ${start} comes later.`);
+});
 at("pause").addEventListener("click", () => doing(() => post("/pause", { pause: !state.paused_by })));
 for (const id of ["end", "finish-end"]) {
   at(id).addEventListener("click", async () => {
-    if (await sureOf("End the session? The same command goes on with what is left.")) answer("end");
+    await showSummary(at("summary"), state, null); // it is shown to the last, when the run is there no more
+    const left = state.trials > state.done ? " The same command goes on with what is left." : "";
+    if (await sureOf(`End the session?${awaitingWords()}${left}`)) answer("end");
   });
 }
 const stop = () => {
