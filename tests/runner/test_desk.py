@@ -89,15 +89,16 @@ def test_whoever_reads_at_the_terminal_hears_of_a_reply_and_of_a_wish() -> None:
     assert question.reply is not None
 
 
-def test_a_stop_asks_for_the_end_before_it_halts_and_only_while_something_is_driven() -> None:
+def test_a_stop_asks_for_the_end_only_while_something_is_driven_and_halts_apart() -> None:
     desk, done = Desk(), []
     desk.attends(lambda: done.append("halt"), lambda request: done.append(request.words))
-    assert not desk.stop("Anna", "the page's STOP button")
+    assert not desk.end_episode("Anna", "the page's STOP button")
+    desk.halt()
     assert done == ["halt"]
     with desk.ask(Asks.PLACE) as question:
         desk.reply(question.number, Choice.GO, "Anna", "the page")
-    assert desk.stop("Ben", "the page's STOP button")
-    assert done[1:] == ["stopped with the page's STOP button by Ben", "halt"]
+    assert desk.end_episode("Ben", "the page's STOP button")
+    assert done[1:] == ["stopped with the page's STOP button by Ben"], "whoever waits for the base does not wait here"
 
 
 def test_whoever_ends_the_session_is_known_to_every_face() -> None:

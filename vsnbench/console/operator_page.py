@@ -264,8 +264,10 @@ class _Pages:
         return JSONResponse({"words": await self._stops(visitor_of(request.scope))})
 
     async def _stops(self, visitor: Visitor) -> str:
-        # A thread of its own, at once: no number of other requests makes it wait.
-        ends = await asyncio.to_thread(self._desk.stop, visitor.name, BUTTON)
+        # The movement is told from here, with no other thread to wait for; the halt, which waits until the base stands,
+        # has a thread of its own, at once, whatever else is requested.
+        ends = self._desk.end_episode(visitor.name, BUTTON)
+        await asyncio.to_thread(self._desk.halt)
         return "stopped: the episode ends here" if ends else "the robot is told to stand still"
 
     async def _pause(self, request: Request) -> Response:

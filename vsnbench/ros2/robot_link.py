@@ -136,7 +136,7 @@ class RobotLink:
         self.velocities.send(STANDSTILL)
 
     def hold_still(self) -> None:
-        """Command zero velocity, and answer every velocity that somebody else commands with zero at once."""
+        """Command zero velocity, whatever our own movement commands, and answer everybody else's with zero at once."""
         self._holding.set()
         self.stand_still()
 
@@ -201,7 +201,8 @@ class RobotLink:
         return None
 
     def _steer(self, command: Command) -> None:
-        self.velocities.send(command)
+        # Who holds the base still need not wait until this process's own movement has heard of it.
+        self.velocities.send(STANDSTILL if self._holding.is_set() else command)
         self._reports.take_own_command()
 
     def _own(self, topic: str) -> str:

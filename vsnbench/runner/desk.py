@@ -143,8 +143,10 @@ class Desk:
         """Say how the robot is stood still and how a stop is asked for, both from any thread."""
         self._halt, self._ask_to_stop = halt, ask_to_stop
 
-    def stop(self, author: str, means: str) -> bool:
-        """Stand the robot still at once; where an episode is driven it ends. May take as long as the robot's halt.
+    def end_episode(self, author: str, means: str) -> bool:
+        """Ask for the end of the episode that is driven, where one is; never waits. `halt` comes after it.
+
+        The request comes first, or the movement that the halt cuts short would be taken for the base's failure.
 
         Args:
             author: who says so.
@@ -155,10 +157,12 @@ class Desk:
         """
         driving = self.driving
         if driving:
-            # The request first, or the movement that the halt cuts short would be taken for the base's failure.
             self._ask_to_stop(StopRequest(StopAuthor.PERSON, means, Ends.EPISODE, who=author))
-        self._halt()
         return driving
+
+    def halt(self) -> None:
+        """Stand the robot still at once; takes as long as the robot's halt does."""
+        self._halt()
 
     @contextmanager
     def ask(self, asks: Asks, problem: str = "") -> Iterator[Question]:
