@@ -67,6 +67,8 @@ class Operators:
         self.mishaps = mishaps
         self.tell: Callable[[str], object] = lambda _words: None
         """Told of each mishap."""
+        self.spread = True
+        """What happens is spread over the trials; else each comes at its first occasion."""
         self.happened: Counter[str] = Counter()
         self.said: list[Said] = []
         self.stopped = 0
@@ -130,8 +132,13 @@ class Operators:
         self.tell(f"#{screen.episode}, {len(self.said)} judgements: {' '.join(waiting[0])}")
         return waiting[0][1]
 
+    def _is_due(self, name: str) -> bool:
+        return any(one[0] == name for one in self.mishaps) and self._is_time()
+
     def _is_time(self) -> bool:
         """Whether as much has happened as is due: mishaps are spread over all trials but the last few."""
+        if not self.spread:
+            return True
         judged = self.run.rows("SELECT COUNT(*) FROM episode WHERE state = 'judged'")[0][0]
         happened = self.happened.total()
         return happened <= (happened + len(self.mishaps)) * (judged + 0.5) / max(1, 0.8 * self.run.trials)
@@ -186,7 +193,7 @@ class Operators:
     def _place(self, phone: Phone, screen: Screen, *, both: bool) -> None:
         if screen.busy:
             phone.page.wait_for_timeout(50)
-        elif self.chance.random() < 0.1 or (self._is_time() and any(one[0] == "looked" for one in self.mishaps)):
+        elif self.chance.random() < 0.1 or self._is_due("looked"):
             phone.press("#check")
             phone.page.wait_for_selector("#moved:visible, #go:not([disabled]):visible")
         elif self.chance.random() < 0.03:
@@ -240,7 +247,7 @@ class Operators:
                 one.fill_judgement("#judging", said)
             button = "#judging .judging-form "
             self._at_once({one: button + ("[data-void]" if w.void else "button.go") for one, w in words.items()})
-        elif self.chance.random() < 0.05:
+        elif not self._is_due("confirming") and self.chance.random() < 0.05:
             phone.press("#judging [data-later]")
         else:
             said = self._word()
