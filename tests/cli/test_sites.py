@@ -113,7 +113,7 @@ def test_a_broken_file_is_refused_with_its_line(tmp_path: Path) -> None:
         call("show", str(path))
     code, out = call("check", str(path))
     assert code == 1
-    assert "broken.yaml:2: rooms: List should have at least 1 item" in out
+    assert "broken.yaml:2: rooms: at least 1 is needed, and there is none" in out
     assert "2 more" not in out
     assert out.count("error: ") == 3
 

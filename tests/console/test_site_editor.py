@@ -4,6 +4,8 @@ import base64
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from playwright.sync_api import Page
 
@@ -12,6 +14,7 @@ from tests.cli.chromium import chromium_page
 from tests.console.browser import Browser
 from vsnbench.console.plan_underlay import Underlay
 from vsnbench.console.session_key import SessionKey
+from vsnbench.console.site_document import SiteDocument
 from vsnbench.console.site_editor import MOST_BODY_BYTES, SiteEditor
 from vsnbench.console.web_server import WebServer
 from vsnbench.exchange.ros_map import write_ros_map
@@ -164,6 +167,114 @@ def test_a_flat_is_drawn_from_a_robots_map_with_mouse_and_keyboard(tmp_path: Pat
     assert site.starts[0].heading_deg == 90
     (sofa,) = site.objects
     assert (sofa.position[0], sofa.heading_deg) == (1.5, 15)
+
+
+def dragged_by_fingers(page: Page, *ways: list[tuple[float, float]]) -> None:
+    """Put a finger down at the first point of each way, move them along together, and lift them."""
+    fingers = page.context.new_cdp_session(page)
+
+    def touch(kind: str, points: list[tuple[float, float]]) -> None:
+        places = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+        fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+
+    for down in range(1, len(ways) + 1):
+        touch("touchStart", [way[0] for way in ways[:down]])
+    for step in range(1, len(ways[0])):
+        touch("touchMove", [way[step] for way in ways])
+    touch("touchEnd", [])
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_on_a_tablet_a_picture_is_scaled_and_found_again_and_fingers_draw_and_pinch(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.yaml"
+    picture = np.full((300, 400, 3), 255, np.uint8)
+    cv2.rectangle(picture, (50, 50), (350, 250), (0, 0, 0), 8)
+    cv2.imwrite(str(tmp_path / "plan.png"), picture)
+    problems: list[str] = []
+    with served(path) as server, chromium_page(820, 1180, has_touch=True) as page:
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(server.addresses[0])
+        page.wait_for_selector("body[data-open=yes]")
+        page.set_input_files("#files", tmp_path / "plan.png")
+        page.wait_for_selector("#underlay-made:not([hidden])")
+        page.click("#reject-lines")
+        drawn = Drawn(page)
+        page.click("#measure")
+        for place in ((1.25, 1.25), (8.75, 1.25)):  # pixels 50 and 350 of 400, which are 10 m until they are scaled
+            page.touchscreen.tap(*drawn.pixels(*place))
+        page.fill("#known-m", "6,0")
+        page.fill("#known-deg", "90")
+        page.press("#known-deg", "Enter")
+        page.click("#origin")
+        page.touchscreen.tap(*drawn.pixels(1.25, 1.25))
+        page.click("summary")
+        lies = {name: float(page.input_value(f"#underlay-{name}")) for name in ("x_m", "y_m", "turned_deg", "width_m")}
+        assert lies == pytest.approx({"x_m": 1.0, "y_m": -1.0, "turned_deg": 90.0, "width_m": 8.0}, abs=0.03)
+
+        drawn.tool("wall")
+        page.evaluate("window.scrollTo(0, 0)")
+        before = (page.get_attribute("#plan", "viewBox") or "").split()
+        x, y = drawn.pixels(-2.0, 3.0)
+        apart = [60 + 10 * step for step in range(8)]
+        dragged_by_fingers(page, [(x - far, y) for far in apart], [(x + far, y) for far in apart])
+        page.wait_for_function(
+            "width => document.querySelector('#plan').viewBox.baseVal.width < width * 0.6", arg=float(before[2])
+        )
+        assert page.locator(".p-draft").count() == 0, "the first of two fingers draws nothing"
+        page.click("#fit")
+        (x0, y0), (x1, y1) = drawn.pixels(0, 0), drawn.pixels(0, 6)
+        dragged_by_fingers(page, [(x0 + (x1 - x0) * share / 4, y0 + (y1 - y0) * share / 4) for share in range(5)])
+        page.keyboard.press("Escape")
+        drawn.tool("table")
+        page.touchscreen.tap(*drawn.pixels(-2, 3))
+        drawn.tool("choose")
+        page.get_by_role("button", name="Outline it as a polygon").click()
+        page.evaluate("window.scrollTo(0, 0)")
+        handle = page.locator("[data-handle='footprint 2 new']").bounding_box()
+        assert handle is not None
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        dragged_by_fingers(page, [(x - 10 * step, y) for step in range(6)])
+        page.click("#save")
+        page.get_by_text("drawn.yaml: saved").wait_for()
+        site = SiteDocument.of(path.read_text(encoding="utf-8"), "drawn.yaml").for_page()
+        (wall,), (table,) = site["walls"], site["objects"]
+        assert [*wall["start"], *wall["end"]] == pytest.approx([0, 0, 0, 6], abs=0.06)
+        assert len(table["footprint"]) == 5
+        assert table["size_m"][0] > 0.9, "the look is as large as the outline"
+    with served(path) as server, chromium_page(1280, 800) as page:
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(server.addresses[0])
+        page.wait_for_selector("body[data-open=yes]")
+        page.click("summary")
+        assert {name: float(page.input_value(f"#underlay-{name}")) for name in lies} == lies
+        assert page.locator("#plan image").count() == 1
+    assert problems == []
+
+
+@pytest.mark.browser
+def test_by_keyboard_alone_a_wall_is_drawn_moved_undone_and_saved(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.yaml"
+    with served(path) as server, chromium_page(1280, 800) as page:
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(server.addresses[0])
+        page.wait_for_selector("body[data-open=yes]")
+        focused = "document.activeElement.dataset.tool"
+        while page.evaluate(focused) != "wall":
+            page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        box = page.locator(".p-wall.p-chosen").bounding_box()
+        plan = page.locator("#plan").bounding_box()
+        assert box is not None
+        assert plan is not None
+        assert box["height"] < plan["height"] / 10, "what is chosen is marked, not covered"
+        there = float(page.input_value("#field-start-x-m"))
+        for key in ("ArrowRight", "ArrowRight", "Control+z", "Control+s"):
+            page.keyboard.press(key)
+        page.get_by_text("drawn.yaml: saved").wait_for()
+    (wall,) = SiteDocument.of(path.read_text(encoding="utf-8"), "drawn.yaml").for_page()["walls"]
+    assert wall["start"][0] == pytest.approx(there + 0.05)
 
 
 @pytest.mark.browser

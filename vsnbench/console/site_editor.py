@@ -38,10 +38,11 @@ class SiteEditor:
 
         Raises:
             SiteError: the file cannot be read, or is no YAML of a site's shape.
+            UsageError: what was kept as its underlay cannot be read.
         """
         self._path, self._profile = path, profile
         self._lock = threading.Lock()
-        self._underlay = underlay
+        self._underlay = _laid_under(path, underlay)
         self._looks = SiteLooks(profile.camera)
         self._reload()
 
@@ -111,9 +112,20 @@ class SiteEditor:
                 document = self._document.with_content(_content_in(said))
                 save_document(document, self._path, self._on_disk)
                 self._document, self._on_disk = document, document.sha256
+                self._keep_underlay(said)
                 return {"site": document.for_page(), "saved": str(self._path)}
 
         return JSONResponse(await run_in_threadpool(save))
+
+    def _keep_underlay(self, said: dict[str, Any]) -> None:
+        """Keep the underlay beside the file, where the page says it lies; null removes it."""
+        place = said.get("underlay")
+        if isinstance(place, dict) and self._underlay is not None:
+            self._underlay = self._underlay.placed(place)
+            self._underlay.keep(self._path)
+        elif place is None and "underlay" in said:
+            self._underlay = None
+            Underlay.forget(self._path)
 
     async def _look(self, request: Request) -> Response:
         said = await said_in(request)
@@ -145,6 +157,14 @@ class SiteEditor:
         with self._lock:
             self._underlay = underlay
         return JSONResponse(underlay.content())
+
+
+def _laid_under(path: Path, given: Underlay | None) -> Underlay | None:
+    """Return the underlay that is given, at the place where the same one was kept; else what was kept."""
+    kept = Underlay.kept(path)
+    if given is None or (kept is not None and kept.png == given.png):
+        return kept
+    return given
 
 
 def _content_in(said: dict[str, Any]) -> dict[str, Any]:

@@ -38,9 +38,9 @@ def read_ros_map(path: Path) -> PlanGrid:
     Raises:
         UsageError: a file cannot be read or is no map.
     """
-    described = parse_ros_map(_bytes_of(path).decode("utf-8", "replace"), str(path))
+    described = parse_ros_map(bytes_of(path).decode("utf-8", "replace"), str(path))
     image = path.parent / described.image
-    return grid_of(described, _bytes_of(image), str(image))
+    return grid_of(described, bytes_of(image), str(image))
 
 
 def parse_ros_map(text: str, origin: str) -> RosMap:
@@ -115,7 +115,12 @@ def write_ros_map(grid: PlanGrid, path: Path) -> tuple[Path, Path]:
     return path, image
 
 
-def _bytes_of(path: Path) -> bytes:
+def bytes_of(path: Path) -> bytes:
+    """Read a file that is not too large for a map.
+
+    Raises:
+        UsageError: it cannot be read, or is too large.
+    """
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_BYTES + 1)

@@ -31,11 +31,18 @@ def words_of(detail: ErrorDetails, model: type[BaseModel]) -> tuple[str, str]:
         return _text_for_number(detail, given.strip())
     if kind == "too_long" and isinstance(given, list):
         return _too_many(given, detail["ctx"]["max_length"])
+    if kind == "too_short" and isinstance(given, list):
+        least = detail["ctx"]["min_length"]
+        return (f"at least {least} {'is' if least == 1 else 'are'} needed, and there " + _counted(len(given)), "")
     if kind in _OUT_OF_BOUNDS and isinstance(given, int | float) and not isinstance(given, bool):
         return _out_of_bounds(detail, float(given))
     if kind == "string_type" and isinstance(given, int | float | bool):
         return detail["msg"], f'in quotes it is one, "{str(given).lower() if isinstance(given, bool) else given}"'
     return detail["msg"], ""
+
+
+def _counted(number: int) -> str:
+    return "is none" if number == 0 else "is one" if number == 1 else f"are {number}"
 
 
 def _text_for_number(detail: ErrorDetails, given: str) -> tuple[str, str]:

@@ -167,6 +167,18 @@ export function outline(thing) {
   });
 }
 
+// The box that an outline fills, along the heading: where its look in simulation stands, and how large it is.
+export function boxed(thing) {
+  if (!thing.footprint) return;
+  const turn = radians(thing.heading_deg ?? 0);
+  const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
+  const [along, across] = [thing.footprint.map(([x, y]) => x * cos + y * sin), thing.footprint.map(([x, y]) => y * cos - x * sin)];
+  const [low, high] = [[Math.min(...along), Math.min(...across)], [Math.max(...along), Math.max(...across)]];
+  const [far, side] = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
+  thing.position = [rounded(far * cos - side * sin), rounded(far * sin + side * cos)];
+  thing.size_m = [Math.max(rounded(high[0] - low[0]), 0.02), Math.max(rounded(high[1] - low[1]), 0.02), thing.size_m[2]];
+}
+
 export function moved(entry, dx, dy) {
   const shift = ([x, y]) => [rounded(x + dx), rounded(y + dy)];
   for (const field of ["position", "start", "end"]) if (entry[field]) entry[field] = shift(entry[field]);

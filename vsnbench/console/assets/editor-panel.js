@@ -1,6 +1,6 @@
 // The panel beside the plan: the fields of what is chosen, the checks' findings, and a list of everything.
 
-import { LISTS, distance, rounded, titled, turned } from "./editor-model.js";
+import { LISTS, boxed, distance, rounded, titled, turned } from "./editor-model.js";
 
 const FIELDS = {
   rooms: [["name", "text"], ["floor", ["wood", "tiles", "carpet", "concrete"]]],
@@ -99,12 +99,12 @@ export class Panel {
   }
 
   #corners(entry, field) {
-    entry[field].forEach((corner, number) => ["x", "y"].forEach((axis, index) => this.#input(`corner ${number + 1} ${axis}`, "number", rounded(corner[index]), (value) => { corner[index] = value; })));
+    entry[field].forEach((corner, number) => ["x", "y"].forEach((axis, index) => this.#input(`corner ${number + 1} ${axis}`, "number", rounded(corner[index]), (value) => { corner[index] = value; boxed(entry); })));
     this.#button("Add a corner", () => {
       const [first, last] = [entry[field][0], entry[field].at(-1)];
       entry[field].push([rounded((first[0] + last[0]) / 2), rounded((first[1] + last[1]) / 2)]);
     });
-    if (entry[field].length > 3) this.#button("Remove the last corner", () => { entry[field].pop(); });
+    if (entry[field].length > 3) entry[field].forEach((_, number) => this.#button(`Remove corner ${number + 1}`, () => { entry[field].splice(number, 1); boxed(entry); }));
   }
 
   #input(name, kind, value, set) {

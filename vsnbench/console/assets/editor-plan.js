@@ -22,7 +22,9 @@ export class Plan {
     this.lines = [];
     this.lit = null;
     this.draft = null;
-    this.scalePoints = [];
+    this.points = [];
+    this.onPoint = this.onNoPoint = null;
+    this.reach = window.matchMedia("(pointer: coarse)").matches ? 14 : 7;
     this.goals = new Set();
   }
 
@@ -58,8 +60,9 @@ export class Plan {
     const points = [...site.walls.flatMap((wall) => [wall.start, wall.end]), ...site.rooms.flatMap((room) => room.polygon),
       ...site.objects.map((thing) => thing.position), ...site.starts.map((start) => start.position)];
     if (this.underlay) {
-      const { x_m: x, y_m: y, width_m: width, height_m: height } = this.underlay;
-      points.push([x, y], [x + width, y + height]);
+      const { x_m: x, y_m: y, width_m: width, height_m: height, heading_rad: turn } = this.underlay;
+      const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
+      for (const [far, up] of [[0, 0], [width, 0], [width, height], [0, height]]) points.push([x + far * cos - up * sin, y + far * sin + up * cos]);
     }
     if (!points.length) points.push([0, 0], [10, 8]);
     const [xs, ys] = [points.map((point) => point[0]), points.map((point) => point[1])];
@@ -106,7 +109,7 @@ export class Plan {
         this.#text(group, middle([from, to]), `${distance(from, to).toFixed(2)} m`, 14);
       }
     }
-    for (const point of this.scalePoints) drawn("circle", { cx: point[0], cy: -point[1], r: 5 * this.unit(), class: "p-draft" }, group);
+    for (const point of this.points) drawn("circle", { cx: point[0], cy: -point[1], r: 5 * this.unit(), class: "p-draft" }, group);
     this.#lit(group);
   }
 
@@ -162,18 +165,26 @@ export class Plan {
   #handles(group) {
     const entry = this.model.entry();
     if (!entry) return;
-    const radius = 7 * this.unit();
-    const handle = (at, name) => drawn("circle", { cx: at[0], cy: -at[1], r: radius, class: "p-handle", "data-handle": name }, group);
+    const radius = this.reach * this.unit();
+    const handle = (at, name, size = 1) => drawn("circle", { cx: at[0], cy: -at[1], r: radius * size, class: `p-handle${size < 1 ? " new" : ""}`, "data-handle": name }, group);
+    const corners = (field) => {
+      const all = entry[field];
+      all.forEach((corner, index) => {
+        const next = all[(index + 1) % all.length];
+        if (distance(corner, next) > 4 * radius) handle(middle([corner, next]), `${field} ${index + 1} new`, 0.7);
+      });
+      all.forEach((corner, index) => handle(corner, `${field} ${index}`));
+    };
     if (entry.start) {
       handle(entry.start, "start");
       handle(entry.end, "end");
       this.#text(group, middle([entry.start, entry.end]), `${distance(entry.start, entry.end).toFixed(2)} m`, 14);
-    } else if (entry.polygon) entry.polygon.forEach((corner, index) => handle(corner, `polygon ${index}`));
+    } else if (entry.polygon) corners("polygon");
     else if (entry.position) {
       const far = (entry.size_m ? entry.size_m[0] / 2 : 0.16) + 0.25;
       const turn = radians(entry.heading_deg ?? 0);
       handle([entry.position[0] + far * Math.cos(turn), entry.position[1] + far * Math.sin(turn)], "turn");
-      if (entry.footprint) entry.footprint.forEach((corner, index) => handle(corner, `footprint ${index}`));
+      if (entry.footprint) corners("footprint");
       else if (entry.size_m) handle(outline(entry)[0], "size");
     }
   }

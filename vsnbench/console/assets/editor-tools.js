@@ -1,19 +1,22 @@
 // What pointer and keys do on the plan: choose, draw, drag, turn, pan and pinch.
 
-import { SIZES, distance, moved, radians, rounded, turned } from "./editor-model.js";
+import { SIZES, boxed, distance, moved, radians, rounded, turned } from "./editor-model.js";
 
 export const TOOLS = [
   ["choose", "Choose", "Click a thing to choose it, drag to move it; drag the ground to pan."],
-  ["wall", "Wall", "Click one end, then the next; typing a length and Enter sets it. Escape ends."],
+  ["wall", "Wall", "Click one end, then the next, or drag; typing a length and Enter sets it. Escape ends."],
   ["room", "Room", "Click its corners in order; Enter, or the first corner again, closes it."],
   ["door", "Door", "Click a wall: a door of 0.80 m lies on its centre line."],
   ["window", "Window", "Click a wall: a window of 1.20 m lies on its centre line."],
   ["start", "Start", "Click where the robot begins; drag before letting go to say where it looks."],
 ];
 
+const FINGER_PX = 10;
+const DRAWN_PX = 20;
+
 export class Tools {
   constructor(plan, model, say) {
-    Object.assign(this, { plan, model, say, tool: "choose", typed: "", pointers: new Map(), drag: null, draft: [] });
+    Object.assign(this, { plan, model, say, tool: "choose", typed: "", pointers: new Map(), drag: null, tap: null, draft: [] });
     const { svg } = plan;
     svg.addEventListener("pointerdown", (event) => this.#down(event));
     svg.addEventListener("pointermove", (event) => this.#move(event));
@@ -44,12 +47,23 @@ export class Tools {
     const { plan, model } = this;
     plan.svg.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (this.pointers.size === 2) { this.drag = null; return; }
-    const at = plan.at(event);
-    const handle = event.target.dataset?.handle;
-    const of = event.target.dataset?.of?.split(" ");
+    if (this.pointers.size > 1) { this.drag = this.tap = null; return; }
+    const { target, shiftKey, clientX, clientY } = event;
+    this.tap = { at: plan.at(event), target, shiftKey, from: [clientX, clientY], waits: false };
+    // A finger may be the first of two that pinch: what it puts waits until it moves alone, or is lifted.
+    const puts = plan.onPoint || this.tool !== "choose" || target.dataset?.of?.startsWith("lines");
+    if (event.pointerType === "touch" && puts) this.tap.waits = true;
+    else this.#pressed();
+  }
+
+  #pressed() {
+    const { plan, model } = this;
+    const { at, target, shiftKey } = this.tap;
+    this.tap.waits = false;
+    const handle = target.dataset?.handle;
+    const of = target.dataset?.of?.split(" ");
     if (plan.onPoint) { plan.onPoint(at); return; }
-    if (of?.[0] === "lines" && this.tool === "choose") { plan.onLine(Number(of[1]), event.shiftKey); return; }
+    if (of?.[0] === "lines" && this.tool === "choose") { plan.onLine(Number(of[1]), shiftKey); return; }
     // Before the handles of what is chosen: a new room begins in the corner of the one that was just drawn.
     if (this.tool === "wall") { this.#corner(at); return; }
     if (this.tool === "room") { this.#roomCorner(at); return; }
@@ -69,7 +83,8 @@ export class Tools {
     const before = this.pointers.get(event.pointerId);
     if (before && this.pointers.size === 2) { this.#pinch(event, before); return; }
     const at = plan.at(event);
-    if (this.draft.length && !before) {
+    if (before && this.tap?.waits && distance(this.tap.from, [event.clientX, event.clientY]) > FINGER_PX) this.#pressed();
+    if (this.draft.length && !this.tap?.waits) {
       plan.draft = [...this.draft, model.snapped(at, this.draft.at(-1))];
       plan.draw();
       return;
@@ -108,8 +123,13 @@ export class Tools {
       const width = Math.abs(-Math.sin(turn) * dx + Math.cos(turn) * dy) * 2;
       entry.size_m = [Math.max(rounded(depth, 0.02), 0.02), Math.max(rounded(width, 0.02), 0.02), entry.size_m[2]];
     } else if (handle.includes(" ")) {
-      const [field, index] = handle.split(" ");
-      entry[field][Number(index)] = this.model.snapped(at);
+      const [field, index, isNew] = handle.split(" ");
+      if (isNew) {
+        entry[field].splice(Number(index), 0, at);
+        this.drag.handle = `${field} ${index}`;
+      }
+      entry[field][Number(index)] = this.model.snapped(at, null, field === "footprint" ? 0 : undefined);
+      boxed(entry);
     } else if (list === "walls") {
       const other = handle === "start" ? entry.end : entry.start;
       entry[handle] = [-99, -99];
@@ -122,8 +142,20 @@ export class Tools {
 
   #up(event) {
     this.pointers.delete(event.pointerId);
+    const { tap } = this;
+    this.tap = null;
+    if (tap && event.type === "pointerup") {
+      if (tap.waits) { this.tap = tap; this.#pressed(); this.tap = null; }
+      else if (this.draft.length && distance(tap.from, [event.clientX, event.clientY]) > DRAWN_PX) this.#drawn(this.plan.at(event));
+    }
     if (this.drag?.kind !== "pan") this.plan.onSettled?.();
     this.drag = null;
+  }
+
+  // A wall or an edge of a room that was dragged ends where the pointer is let go.
+  #drawn(at) {
+    if (this.tool === "wall") this.#corner(at);
+    else this.#roomCorner(at);
   }
 
   #pinch(event, before) {
@@ -181,6 +213,7 @@ export class Tools {
   }
 
   #end() {
+    if (this.plan.onPoint) this.plan.onNoPoint?.();
     this.draft = [];
     this.typed = "";
     this.plan.draft = null;

@@ -1,9 +1,10 @@
 // The site editor's page: opens the site, puts plan, tools and panel together, checks and saves.
 
-import { Model, SIZES, distance, nearestOn, outline, rounded } from "./editor-model.js";
+import { Model, SIZES, outline, rounded } from "./editor-model.js";
 import { Panel } from "./editor-panel.js";
 import { Plan } from "./editor-plan.js";
 import { TOOLS, Tools } from "./editor-tools.js";
+import { UnderlayCard } from "./editor-underlay.js";
 
 const by = (id) => document.getElementById(id);
 const say = (words) => { by("hint").textContent = words; };
@@ -12,6 +13,7 @@ let model;
 let plan;
 let panel;
 let tools;
+let underlay;
 let isDirty = false;
 
 async function post(path, said) {
@@ -52,9 +54,13 @@ const look = later(async () => {
   by("look").src = URL.createObjectURL(image);
 }, 60);
 
-function changed() {
+function unsaved() {
   isDirty = true;
   by("saved").textContent = `${state.path}: not saved`;
+}
+
+function changed() {
+  unsaved();
   plan.lit = null;
   shown();
   check();
@@ -71,7 +77,7 @@ function shown() {
 
 async function save() {
   try {
-    const answer = await (await post("/save", { site: model.site })).json();
+    const answer = await (await post("/save", { site: model.site, underlay: underlay.content() })).json();
     model.renumber(answer.site);
     isDirty = false;
     by("saved").textContent = `${answer.saved}: saved`;
@@ -105,91 +111,18 @@ function toolbar() {
   for (const name of Object.keys(SIZES).filter((each) => !state.goals.includes(each)).sort()) button(name, name.replaceAll("_", " "));
 }
 
-function layUnder(underlay) {
-  plan.underlay = { ...underlay, href: `/underlay.png?${Date.now()}`, hidden: false };
-  plan.lines = underlay.lines;
-  by("underlay-made").hidden = false;
-  by("underlay-name").textContent = `${underlay.name}: ${underlay.lines.length} walls proposed${underlay.to_scale ? "" : "; not to scale yet"}. A click takes a proposal, Shift and click drops it.`;
-  plan.fit();
-}
-
-function takeLines(lines) {
-  model.change((site) => {
-    for (const line of lines) {
-      const [start, end] = [line.start, line.end].map((point) => point.map((each) => rounded(each, 0.01)));
-      const straight = (axis) => Math.abs(start[axis] - end[axis]) < 0.02 * distance(start, end);
-      for (const axis of [0, 1]) if (straight(axis)) end[axis] = start[axis] = rounded((start[axis] + end[axis]) / 2, 0.01);
-      const thick = rounded(Math.min(Math.max(line.thickness_m, 0.05), 0.5), 0.01);
-      site.walls.push({ start, end, ...(Math.abs(thick - 0.1) < 0.035 ? {} : { thickness_m: thick }) });
-      for (const doorway of line.doorways) {
-        const [from, to] = [doorway.start, doorway.end].map((point) => nearestOn(start, end, point).map((each) => rounded(each)));
-        site.doors.push({ name: model.freshName("doors", "door"), start: from, end: to });
-      }
-    }
-  });
-}
-
-async function filesTaken(event) {
-  const files = [...event.target.files];
-  const described = files.find((file) => /\.ya?ml$/.test(file.name));
-  const image = files.find((file) => file !== described);
-  if (!image) { say("Choose the map's image together with its map.yaml."); return; }
-  try {
-    const bytes = new Uint8Array(await image.arrayBuffer());
-    let text = "";
-    for (let from = 0; from < bytes.length; from += 0x8000) text += String.fromCharCode(...bytes.subarray(from, from + 0x8000));
-    const said = { image: btoa(text), name: (described ?? image).name, ...(described ? { map: await described.text() } : {}) };
-    layUnder(await (await post("/underlay", said)).json());
-  } catch (error) { say(error.message); }
-}
-
-function setScale() {
-  say("Click one of two points whose distance you know, then the other.");
-  plan.scalePoints = [];
-  plan.onPoint = (at) => {
-    plan.scalePoints.push(at);
-    plan.draw();
-    if (plan.scalePoints.length < 2) return;
-    plan.onPoint = null;
-    const [one, other] = plan.scalePoints;
-    plan.scalePoints = [];
-    const known = Number((window.prompt("How far are they apart, in metres?") ?? "").replace(",", "."));
-    if (!(known > 0) || distance(one, other) === 0) { say("No distance: the scale stays."); return; }
-    const times = known / distance(one, other);
-    const { underlay } = plan;
-    for (const field of ["x_m", "y_m", "width_m", "height_m"]) underlay[field] *= times;
-    const scaled = (each) => ({ start: each.start.map((at) => at * times), end: each.end.map((at) => at * times) });
-    plan.lines = plan.lines.map((line) => ({ ...scaled(line), thickness_m: line.thickness_m * times, doorways: line.doorways.map(scaled) }));
-    plan.fit();
-    say(`Scaled: ${known} m between the two points.`);
-  };
-}
-
 function wire() {
   model.addEventListener("change", changed);
   model.addEventListener("choice", () => { shown(); look(); });
   plan.onSettled = look;
   plan.outlineOf = (entry) => outline(entry).map((point) => point.map((each) => rounded(each)));
-  plan.onLine = (index, drop) => {
-    const [line] = plan.lines.splice(index, 1);
-    if (drop) plan.draw();
-    else takeLines([line]);
-  };
   by("undo").addEventListener("click", () => model.undo());
   by("redo").addEventListener("click", () => model.redo());
   by("zoom-in").addEventListener("click", () => plan.zoom(0.8));
   by("zoom-out").addEventListener("click", () => plan.zoom(1.25));
   by("fit").addEventListener("click", () => plan.fit());
   by("save").addEventListener("click", save);
-  by("files").addEventListener("change", filesTaken);
-  by("scale").addEventListener("click", setScale);
-  by("accept-lines").addEventListener("click", () => takeLines(plan.lines.splice(0)));
-  by("reject-lines").addEventListener("click", () => { plan.lines = []; plan.draw(); });
-  by("hide-underlay").addEventListener("click", (event) => {
-    plan.underlay.hidden = !plan.underlay.hidden;
-    event.target.setAttribute("aria-pressed", String(plan.underlay.hidden));
-    plan.draw();
-  });
+  underlay.onAltered = unsaved;
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey)) return;
     const act = { z: () => (event.shiftKey ? model.redo() : model.undo()), y: () => model.redo(), s: save }[event.key.toLowerCase()];
@@ -208,11 +141,12 @@ async function open() {
   plan.goals = new Set(state.goals);
   panel = new Panel(model, plan, state);
   tools = new Tools(plan, model, say);
+  underlay = new UnderlayCard(model, plan, say, post);
   by("title").textContent = `Site ${state.site.name}`;
   by("saved").textContent = state.path;
   toolbar();
   wire();
-  if (state.underlay) layUnder(state.underlay);
+  if (state.underlay) underlay.show(state.underlay);
   plan.fit();
   shown();
   check();
