@@ -10,9 +10,6 @@ from tests.ros2.graph import live_graph
 
 pytestmark = pytest.mark.ros2
 
-ATTEMPTS = 4
-"""On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
-
 
 def test_a_person_at_the_page_places_and_judges_a_robot_that_is_played_over_ros_2(tmp_path) -> None:
     robot = ["--robot", str(written_profile("turtlebot4", tmp_path))]
@@ -20,13 +17,7 @@ def test_a_person_at_the_page_places_and_judges_a_robot_that_is_played_over_ros_
     with live_graph(tmp_path) as graph:
         played = graph.vsnbench("ros2", "simulate", "--pretend-real", *robot)
         wait_until(lambda: "playing" in played.output, "the robot plays", 150)  # after the first compilation
-        for _ in range(ATTEMPTS):
-            run = graph.vsnbench(*words, "--results", tmp_path / "r", COLUMNS="200")
-            seen = rehearse(run)
-            code = run.wait(60)
-            if seen.judged:
-                break
-        assert code == 0, run.output
+        seen, run = rehearse(lambda: graph.vsnbench(*words, "--results", tmp_path / "r", COLUMNS="200"))
         seen.check(run.output)
     with sqlite3.connect(tmp_path / "r" / "vsnbench.db") as connection:
         judged = "select source, author, success from verdict where source = 'person'"
