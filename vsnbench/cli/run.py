@@ -35,6 +35,7 @@ _DEVELOPMENT = "While a model is written"
 
 
 def command(
+    context: typer.Context,
     model: Annotated[
         str,
         typer.Option(
@@ -254,6 +255,10 @@ def command(
         from vsnbench.cli.watching import run_and_watch
 
         raise typer.Exit(run_and_watch(model, robot, cluster, results, db, [weights, model_config]))
+    from vsnbench.runner.pool.process import likely_workers, recruits
+
+    several = robot.partition(":")[0] == "simulated" and not (live or cluster or console or pretend_real)
+    context.with_resource(recruits(likely_workers(workers, all_starts=starts is None) if several else 0))
     from vsnbench.cli.run_summary import leave_strays_behind
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory

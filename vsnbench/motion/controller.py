@@ -4,6 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from vsnbench.motion.law import (
     acceleration,
@@ -56,14 +57,14 @@ class Command:
 STANDSTILL = Command()
 
 
-@dataclass(frozen=True, slots=True)
-class _Sent:
+class _Sent(NamedTuple):
+    """A command and when it was sent; a tuple, since several are made every period of simulated time."""
+
     at_s: float
     command: Command
 
 
-@dataclass(frozen=True, slots=True)
-class _Mark:
+class _Mark(NamedTuple):
     """How much of the way was covered, or commanded, by a moment."""
 
     at_s: float
@@ -152,7 +153,8 @@ class MotionController:
         self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
         self._last_heading_rad = pose.heading_rad
         if self._sent:
-            self._commanded += self._along(self._sent[-1].command) * period_s
+            sent = self._sent[-1].command
+            self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
         self._learn_latency(pose, now_s, stamp_s)
         if now_s - stamp_s > self.settings.odometry_timeout_s:
             self.sensor_lost = True
@@ -185,7 +187,7 @@ class MotionController:
             # Counted in commands alone: while the robot creeps, late odometry would only mislead.
             remaining = self._correction - self._commanded
         else:
-            remaining = self.error(pose) - self._along(self._pending(now_s, stamp_s))
+            remaining = self.error(pose) - self._along(*self._pending(now_s, stamp_s))
         way = 1.0 if self._way_sign() >= 0 else -1.0
         if remaining * way <= 0.1 * self._tolerance:
             self._phase, self._speed, self._still_since = _Phase.SETTLE, 0.0, None
@@ -204,28 +206,28 @@ class MotionController:
         signed = self._sign * along
         if self._turns:
             return Command(angular_rad_s=signed)
-        heading_rad = pose.heading_rad + self._pending(now_s, stamp_s).angular_rad_s
+        heading_rad = pose.heading_rad + self._pending(now_s, stamp_s)[1]
         hold_rad_s = self.settings.heading_gain_per_s * turn_error_rad(self._target_heading_rad, heading_rad)
         limit_rad_s = self.settings.angular_rad_s
         return Command(signed, max(-limit_rad_s, min(hold_rad_s, limit_rad_s)))
 
-    def _along(self, command: Command) -> float:
+    def _along(self, linear: float, angular: float) -> float:
         """Return the part of a velocity, or of its integral, that goes in the direction of the action."""
-        return self._sign * (command.angular_rad_s if self._turns else command.linear_m_s)
+        return self._sign * (angular if self._turns else linear)
 
-    def _pending(self, now_s: float, stamp_s: float) -> Command:
+    def _pending(self, now_s: float, stamp_s: float) -> tuple[float, float]:
         """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
         since_s = stamp_s - self._latency_s
         while len(self._sent) > 1 and self._sent[1].at_s <= since_s:
             self._sent.popleft()
         linear_m = angular_rad = 0.0
         until_s = now_s
-        for sent in reversed(self._sent):
-            lasted_s = max(until_s - max(sent.at_s, since_s), 0.0)
-            linear_m += sent.command.linear_m_s * lasted_s
-            angular_rad += sent.command.angular_rad_s * lasted_s
-            until_s = sent.at_s
-        return Command(linear_m, angular_rad)
+        for at_s, command in reversed(self._sent):
+            lasted_s = max(until_s - max(at_s, since_s), 0.0)
+            linear_m += command.linear_m_s * lasted_s
+            angular_rad += command.angular_rad_s * lasted_s
+            until_s = at_s
+        return linear_m, angular_rad
 
     def _learn_latency(self, pose: Pose, now_s: float, stamp_s: float) -> None:
         """Compare when the base had come this far with when the commands had asked for it."""

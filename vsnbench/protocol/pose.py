@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from math import isfinite
 from typing import Self
 
 
@@ -20,7 +21,7 @@ class Pose:
     heading_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.x_m, self.y_m, self.heading_rad))):
+        if not (isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.heading_rad)):
             raise ValueError(f"a pose needs finite numbers, not {self}")
 
     @classmethod

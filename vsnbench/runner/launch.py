@@ -34,6 +34,7 @@ from vsnbench.runner.pool.handing_out import hand_out
 from vsnbench.runner.pool.local import LocalPool, SharedWorkers
 from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
+from vsnbench.runner.pool.process import dismiss_recruits
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
@@ -223,6 +224,7 @@ def open_crew(plan: BenchPlan, wish: Wish | ClusterWish, shared: SharedWorkers |
         with MergingPool(RayTasks(plan, wish.address, wish.workers, wish.gpus_each)) as pool:
             yield _Several(plan, pool)
     elif wish.at_most == 1:
+        dismiss_recruits()
         with open_bench(plan) as bench:
             yield _Alone(plan, bench)
     elif shared is not None:

@@ -108,7 +108,8 @@ class Physics:
     def wheel_angles(self) -> WheelAngles:
         """What the wheels' encoders read; zero where the base was placed."""
         left, right = self._wheel_angle
-        return WheelAngles(float(self._world.data.qpos[left]), float(self._world.data.qpos[right]))
+        angles = self._world.positions
+        return WheelAngles(float(angles[left]), float(angles[right]))
 
     def place(self, pose: Pose) -> None:
         """Put the base down at `pose`, at rest, with time and wheel angles at zero."""
@@ -139,9 +140,9 @@ class Physics:
         forward_m_s = min(max(command.linear_m_s, -top_m_s), top_m_s)
         turning_m_s = min(max(command.angular_rad_s, -top_rad_s), top_rad_s) * self.geometry.track_m / 2
         self._choose_world()
-        step, model, data = self._mujoco.mj_step, self._world.model, self._world.data
-        data.ctrl[0] = (forward_m_s - turning_m_s) / self.geometry.radius_m
-        data.ctrl[1] = (forward_m_s + turning_m_s) / self.geometry.radius_m
+        step, model, data, wheels = self._mujoco.mj_step, self._world.model, self._world.data, self._world.wheels
+        wheels[0] = (forward_m_s - turning_m_s) / self.geometry.radius_m
+        wheels[1] = (forward_m_s + turning_m_s) / self.geometry.radius_m
         if self._world is self._open:
             step(model, data, _STEPS_PER_PERIOD)
             return None
@@ -151,12 +152,12 @@ class Physics:
             step(model, data)
             if watching and (new := self.touch()):
                 watching = False
-                data.ctrl[:] = 0.0
+                wheels[:] = 0.0
         return new or self.touch()
 
     def stop(self) -> None:
         """Brake to a standstill."""
-        self._world.data.ctrl[:] = 0.0
+        self._world.wheels[:] = 0.0
         self._mujoco.mj_step(self._world.model, self._world.data, _STOPPING_STEPS)
 
     def touch(self) -> Touch | None:
@@ -215,6 +216,9 @@ class _World:
 
         self.model = model
         self.data: Any = mujoco.MjData(model)
+        # Windows into MuJoCo's own memory, which stays where it is: making one costs more than looking through it.
+        self.positions: Any = self.data.qpos
+        self.wheels: Any = self.data.ctrl
 
 
 def _world_xml(solids: list[Primitive], base: Base) -> str:

@@ -1,7 +1,5 @@
 """How many workers: as many as somebody asks for, or as this machine has cores, and memory for."""
 
-import math
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.bench import BenchPlan
 from vsnbench.runner.pool.cluster import ClusterAddress
 from vsnbench.runner.pool.messages import Prepared
+from vsnbench.runner.pool.process import granted_cores
 
 GIB = 2**30
 AMPLE_BYTES = 3 * GIB
@@ -68,14 +67,11 @@ class Capacity:
     @classmethod
     def of_this_machine(cls) -> Self:
         """Look, with the limits that a container or a batch system has set for this process."""
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         free = psutil.virtual_memory().available
-        if (granted := _cgroup_cores()) is not None:
-            cores = min(cores, max(1, math.ceil(granted)))
         if (left := _cgroup_memory_left()) is not None:
             free = min(free, left)
         gpu = sys.platform == "darwin" or any(any(Path("/dev").glob(name)) for name in _GPU_DEVICES)
-        return cls(cores, free, gpu)
+        return cls(granted_cores(), free, gpu)
 
     def at_first(self, wish: Wish, device: str | None) -> int:
         """Return how many workers are started before anything is known of one of them.
@@ -130,12 +126,6 @@ def chosen(wish: Wish, capacity: Capacity, measured: Prepared) -> int:
             advice=f"give --workers {held}, or leave it out",
         )
     return held
-
-
-def _cgroup_cores() -> float | None:
-    """Return the processor time that a container is granted, in cores; None without such a limit."""
-    quota, _, period = _read(Path("/sys/fs/cgroup/cpu.max")).partition(" ")
-    return float(quota) / float(period) if quota.isdecimal() and period.strip().isdecimal() else None
 
 
 def _cgroup_memory_left() -> int | None:

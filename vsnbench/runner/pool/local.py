@@ -3,8 +3,6 @@
 import logging
 import os
 import signal
-import socket
-import subprocess
 import sys
 import time
 from collections import deque
@@ -14,7 +12,6 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Self
 
-from vsnbench.compute_threads import one_thread_environment
 from vsnbench.database.campaign_plan import Trial
 from vsnbench.database.journal import Journal
 from vsnbench.errors import VsnbenchError
@@ -34,12 +31,11 @@ from vsnbench.runner.pool.messages import (
     RunTrial,
     Stop,
 )
+from vsnbench.runner.pool.process import dismiss_recruits, new_worker
 from vsnbench.runner.stopping import StopRequest
-from vsnbench.workers import python_like_this
 
 logger = logging.getLogger(__name__)
 
-PROGRAM = "vsnbench.runner.pool.worker"
 LOST_BEFORE_READY = 3
 """After so many workers that died before one was ready, another would die too."""
 STOP_TIMEOUT_S = 20.0
@@ -50,17 +46,8 @@ class LocalWorker:
     """A worker's process, seen from the driver."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self.process = subprocess.Popen(
-                python_like_this(PROGRAM, str(theirs.fileno())),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env={**os.environ, **one_thread_environment()},
-                pass_fds=[theirs.fileno()],
-                start_new_session=True,  # Ctrl-C is for the driver, which has the episodes ended
-            )
-        self.connection: Connection[Order, Report] = Connection(ours.detach())
+        self.process = new_worker()
+        self.connection: Connection[Order, Report] = Connection(self.process.socket.detach())
         self.prepared: Prepared | None = None
         self.trial: Trial | None = None
 
@@ -78,8 +65,7 @@ class LocalWorker:
 
     def bury(self) -> str:
         """End it where it has not ended yet, and say how it ended."""
-        self.process.kill()
-        code = self.process.wait()
+        code = self.process.bury()
         self.connection.close()
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
@@ -120,6 +106,7 @@ class LocalPool:
                 surplus.bury()
             del self._workers[self._count :]
             self._start(self._count - len(self._workers))
+            dismiss_recruits()
             self._words = capacity.words(self._count, takes_bytes(first))
         except BaseException:
             self.kill()
