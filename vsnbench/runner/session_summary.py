@@ -29,15 +29,15 @@ def session_summary(engine: Engine, campaigns: Sequence[int], board: Board) -> l
         if one.state in ENDED
     ]
     judged = [one for one in found if one.state == EpisodeState.JUDGED]
-    hours = sum(one.duration_s or 0.0 for one in found) / 3600
-    kilometres = sum(one.path_length_m or 0.0 for one in found) / 1000
+    driven_s = sum(one.duration_s or 0.0 for one in found)
+    driven_m = sum(one.path_length_m or 0.0 for one in found)
     rows = [
         ("episodes", str(len(found))),
         ("judged", str(len(judged))),
         ("await a judgement", str(sum(one.state == EpisodeState.AWAITING for one in found))),
         ("void", str(sum(one.state == EpisodeState.VOID for one in found))),
         ("interventions", str(interventions_in(engine, campaigns))),
-        ("driven", f"{hours:.2f} h, {kilometres:.3f} km"),
+        ("driven", driven_words(driven_s, driven_m)),
     ]
     if board.shows_actions and judged:
         successes = sum(bool(one.success) for one in judged)
@@ -45,6 +45,13 @@ def session_summary(engine: Engine, campaigns: Sequence[int], board: Board) -> l
     if words := board.battery_words:
         rows.append(("battery", words))
     return rows
+
+
+def driven_words(driven_s: float, driven_m: float) -> str:
+    """Return how long and how far a robot was driven, in the units of a minute as of an afternoon."""
+    hours, minutes = driven_s / 3600, driven_s / 60
+    time = f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{driven_s:.0f} s"
+    return f"{time}, {driven_m / 1000:.2f} km" if driven_m >= 1000 else f"{time}, {driven_m:.1f} m"
 
 
 def session_words(engine: Engine, campaigns: Sequence[int], board: Board) -> str:
