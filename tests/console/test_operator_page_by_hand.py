@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
@@ -10,6 +11,8 @@ from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium
 from tests.console.desk_session import Session, ended_of
 from vsnbench.database.queries import episode_details
+from vsnbench.protocol.pose import Pose
+from vsnbench.runner.board import ShownStep
 from vsnbench.runner.desk import Asks
 
 pytestmark = pytest.mark.browser
@@ -91,6 +94,25 @@ def test_a_plan_that_cannot_be_shown_is_said_in_words(page: Page, session: Sessi
         signed_in(page, session)
         page.get_by_text("The floor plan of this site cannot be shown").wait_for()
         assert page.locator("#plan").inner_text() == ""
+
+
+def test_a_live_picture_is_asked_for_by_one_timer_however_often_the_run_says_something(
+    page: Page, session: Session
+) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url) if "/picture" in request.url else None)
+    # The timer of the next picture never fires: whatever is asked for beside the first was asked for by something else.
+    page.add_init_script("const real = setTimeout; window.setTimeout = (run, ms) => ms === 200 ? 1 : real(run, ms);")
+    session.camera.append(np.full((40, 60, 3), 200, np.uint8))
+    with session.desk.ask(Asks.PLACE):
+        signed_in(page, session)
+        page.click("#go")
+        page.wait_for_selector("#picture-image[src^=blob]")
+        for actions in (1, 2, 3):
+            session.desk.board.steps.append(ShownStep("TURN_LEFT", False, Pose(1.0, 1.0)))
+            session.desk.tell()
+            page.get_by_text(f"{actions} of 150 actions").wait_for()
+    assert len(asked) == 1
 
 
 def test_everybody_can_read_the_page_and_work_it_by_keyboard_alone(page: Page, session: Session) -> None:
