@@ -83,15 +83,15 @@ class EpisodeImages:
         Raises:
             RecordError: they cannot be written.
         """
-        jpeg = encode_jpeg(observation.rgb)
+        # One image after the other: what has just been looked through is still near the core.
+        rgb_sha256, jpeg = _sha256_of_rgb(observation.rgb), encode_jpeg(observation.rgb)
         write_whole(rgb_path(self._directory, number), jpeg)
-        png: bytes | None = None
-        millimetres: npt.NDArray[np.uint16] | None = None
-        if observation.depth_m is not None:
-            millimetres = depth_millimetres(observation.depth_m)
-            png = encode_depth_png(millimetres)
-            write_whole(depth_path(self._directory, number), png)
-        return WrittenImages(_sha256_of_rgb(observation.rgb), _sha256_of_depth(millimetres), jpeg, png)
+        if observation.depth_m is None:
+            return WrittenImages(rgb_sha256, None, jpeg, None)
+        millimetres = depth_millimetres(observation.depth_m)
+        depth_sha256, png = _sha256_of_depth(millimetres), encode_depth_png(millimetres)
+        write_whole(depth_path(self._directory, number), png)
+        return WrittenImages(rgb_sha256, depth_sha256, jpeg, png)
 
     def finish(self, path: Sequence[StampedPose] = ()) -> None:
         """Write the trajectory beside the images, where there is one; nothing comes after this.
