@@ -2,10 +2,12 @@
 
 Each trial puts the robot up to 40 cm and 25° off a mark, in a room whose objects stand 2 cm (standard deviation, along
 x and along y) off the survey, two of them 0.3 to 1 m away from it, with a depth camera that has noise and holes and is
-off by 1 % in scale. Where one look does not determine the pose, a turn on the spot is measured too. Time is of one
-thread's own computing. A trial follows from the seed and its number alone, so what a rows file holds is not done again.
+off by 1 % in scale. With --walls the building's corners are off as well, which --surveyed says that the survey admits.
+Where one look does not determine the pose, a turn on the spot is measured too. Time is of one thread's own computing. A
+trial follows from the seed and its number alone, so what a rows file holds is not done again.
 
-    python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near] [--no-turn] [--rows FILE] [--json FILE]
+    python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near | --well] [--walls CM] [--surveyed CM]
+                                            [--no-turn] [--rows FILE] [--json FILE]
 """
 
 import argparse
@@ -22,11 +24,14 @@ import numpy as np
 from vsnbench.compute_threads import compute_with_one_thread
 from vsnbench.placement.matching import PlacementMatcher
 from vsnbench.placement.trials import NoisyEye, Trial, draw_trial, first_starts
+from vsnbench.placement.twin import twin_of
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.placement import MeasuredPlacement
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, StartingPosition, load_site
 from vsnbench.robots.profiles import load_profile
+from vsnbench.simulator.depth_view import Pinhole
+from vsnbench.simulator.renderer import eye_of
 from vsnbench.simulator.twins.generate import generate_site
 
 TURN_ERROR = 0.01
@@ -43,21 +48,28 @@ class Row:
     determined: bool
     green: bool
     stands_right: bool
+    stands_well: bool
+    """Within half the tolerance, where a person would not move it any more."""
     covered: bool
     error_m: float
     error_deg: float
     region_m: float
     region_deg: float
     moved: tuple[str, ...]
+    moved_in_view: tuple[str, ...]
+    """Which of those would fill at least 0.5 % of the picture where the survey has them."""
     said_moved: tuple[str, ...]
     said: str
     cpu_s: float
 
     @classmethod
-    def of(cls, number: int, trial: Trial, truth: Pose, got: MeasuredPlacement, cpu_s: float) -> "Row":
+    def of(
+        cls, number: int, trial: Trial, truth: Pose, in_view: frozenset[str], got: MeasuredPlacement, cpu_s: float
+    ) -> "Row":
         """Hold a measurement against where the robot truly stands."""
         off = truth.relative_to(got.mark)
-        turned_deg = abs(math.degrees(math.remainder(off.heading_rad, math.tau)))
+        off_m, turned_deg = math.hypot(*off.position), abs(math.degrees(math.remainder(off.heading_rad, math.tau)))
+        within_m, within_deg = got.tolerance.distance_m, got.tolerance.heading_deg
         error_rad = math.remainder(got.pose.heading_rad - truth.heading_rad, math.tau)
         return cls(
             trial=number,
@@ -65,14 +77,15 @@ class Row:
             method=got.method.value,
             determined=got.determined,
             green=got.within_tolerance,
-            stands_right=math.hypot(*off.position) <= got.tolerance.distance_m
-            and turned_deg <= got.tolerance.heading_deg,
+            stands_right=off_m <= within_m and turned_deg <= within_deg,
+            stands_well=off_m <= within_m / 2 and turned_deg <= within_deg / 2,
             covered=got.region_holds(truth),
             error_m=truth.distance_to(got.pose),
             error_deg=abs(math.degrees(error_rad)),
             region_m=got.region_m,
             region_deg=got.region_deg,
             moved=trial.moved,
+            moved_in_view=tuple(one for one in trial.moved if one in in_view),
             said_moved=got.moved,
             said=got.headline,
             cpu_s=cpu_s,
@@ -84,7 +97,15 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--no-turn", action="store_true", help="measure no turn where a look does not suffice")
-    parser.add_argument("--near", action="store_true", help="offsets up to 15 cm and 5° only, where green is decided")
+    near = parser.add_mutually_exclusive_group()
+    near.add_argument("--near", action="store_true", help="offsets up to 15 cm and 5° only, where green is decided")
+    near.add_argument("--well", action="store_true", help="offsets up to 5 cm and 1.5° only, where all should be green")
+    parser.add_argument(
+        "--walls", type=float, default=0.0, metavar="CM", help="corners of the building off by so much, along x and y"
+    )
+    parser.add_argument(
+        "--surveyed", type=float, default=1.0, metavar="CM", help="what the site says of how far off its walls are"
+    )
     parser.add_argument(
         "--rows", type=Path, help="a line of JSON for each measurement; what it holds is not done again"
     )
@@ -110,19 +131,35 @@ def main() -> None:
 def measured(number: int, site: Site, start: StartingPosition, camera: Camera, asked: argparse.Namespace) -> list[Row]:
     """Measure one trial by a look and, where that does not suffice, by a turn."""
     rng = np.random.default_rng([asked.seed, number])
-    trial = draw_trial(site, start, rng, *((0.15, 5.0) if asked.near else (0.40, 25.0)))
+    site = site.model_copy(update={"survey_error_m": asked.surveyed / 100})
+    most_m, most_deg = (0.05, 1.5) if asked.well else (0.15, 5.0) if asked.near else (0.40, 25.0)
+    trial = draw_trial(site, start, rng, most_m, most_deg, walls_m=asked.walls / 100)
     eye = NoisyEye(trial.room, camera, trial.depth_scale, rng)
     matcher = PlacementMatcher(site, camera)
     look = eye.look(trial.pose)
     began_s = time.thread_time()
     got = matcher.measure(start, [look])
-    rows = [Row.of(number, trial, trial.pose, got, time.thread_time() - began_s)]
+    took_s = time.thread_time() - began_s
+    rows = [Row.of(number, trial, trial.pose, in_view(site, camera, [trial.pose]), got, took_s)]
     if not got.determined and not asked.no_turn:
         around, end = eye.turn(trial.pose, 12, float(rng.normal(0, TURN_ERROR)))
         began_s = time.thread_time()
         got = matcher.measure(start, around)
-        rows.append(Row.of(number, trial, end, got, time.thread_time() - began_s))
+        took_s = time.thread_time() - began_s
+        stood = [trial.pose.compose(look.odometry) for look in around]
+        rows.append(Row.of(number, trial, end, in_view(site, camera, stood), got, took_s))
     return rows
+
+
+def in_view(site: Site, camera: Camera, poses: Sequence[Pose]) -> frozenset[str]:
+    """Return the ids of what fills at least 0.5 % of the picture from one of the poses, as the survey has it."""
+    twin, pinhole = twin_of(site), Pinhole(80, 60, camera.focal_px * 80 / camera.width, 39.5, 29.5)
+    seen: set[int] = set()
+    for pose in poses:
+        face = twin.drawer.draw(eye_of(camera, pose), pinhole).face
+        pixels = np.bincount(twin.object_of[face[face >= 0]], minlength=len(site.objects) + 1)
+        seen.update(np.nonzero(pixels >= 0.005 * face.size)[0].tolist())
+    return frozenset(site.objects[number - 1].id for number in seen if number)
 
 
 def _read(path: Path | None) -> list[Row]:
@@ -156,6 +193,11 @@ def summary(rows: Sequence[Row]) -> dict[str, float | int]:
     if not sure:
         return {"trials": len(rows), "determined": 0}
     right = [row for row in sure if row.stands_right]
+    well = [row for row in sure if row.stands_well]
+    said = sum(len(row.said_moved) for row in sure)
+    truly = sum(len(set(row.said_moved) & set(row.moved)) for row in sure)
+    in_view = sum(len(row.moved_in_view) for row in sure)
+    found = sum(len(set(row.said_moved) & set(row.moved_in_view)) for row in sure)
 
     def quantile(values: Sequence[float], share: float, digits: int) -> float:
         return round(float(np.quantile(values, share)), digits)
@@ -176,8 +218,12 @@ def summary(rows: Sequence[Row]) -> dict[str, float | int]:
         "stand_right": sum(row.stands_right for row in rows),
         "stand_right_and_determined": len(right),
         "of_these_green": sum(row.green for row in right),
-        "said_moved": sum(len(row.said_moved) for row in sure),
-        "truly_moved": sum(len(set(row.said_moved) & set(row.moved)) for row in sure),
+        "stand_well_and_determined": len(well),
+        "of_those_green": sum(row.green for row in well),
+        "said_moved": said,
+        "truly_moved": truly,
+        "moved_in_view": in_view,
+        "of_these_said": found,
         "median_cpu_s": quantile([row.cpu_s for row in rows], 0.5, 2),
         "most_cpu_s": quantile([row.cpu_s for row in rows], 1.0, 2),
     }

@@ -9,6 +9,7 @@ import pytest
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.exchange.site_drawing import DrawnSite, read_drawing
+from vsnbench.exchange.site_file import site_yaml
 from vsnbench.exchange.site_geojson import site_geojson
 from vsnbench.exchange.site_svg import site_svg
 from vsnbench.protocol.site import Site, load_site, parse_site
@@ -16,6 +17,7 @@ from vsnbench.simulator.twins.generate import generate_site
 
 SMALL = """
 name: small
+survey_error_m: 0.03
 rooms: [{name: room, polygon: [[0, 0], [4, 0], [4, 3], [0, 3]], floor: tiles}]
 walls: [{start: [-0.05, -0.05], end: [4.05, -0.05], height_m: 1.2, color: "#aabbcc"}]
 doors: [{name: "1", start: [1, -0.05], end: [1.9, -0.05], closed: true}]
@@ -44,6 +46,11 @@ def test_a_site_comes_back_the_same(tmp_path: Path, name: str, ending: str, text
     assert (back.lacks, back.left_out) == ((), 0)
     assert Site.model_validate(back.content).content() == site.content()
     assert Site.model_validate(back.content).sha256 == site.sha256
+
+
+def test_a_site_that_is_written_as_yaml_comes_back_the_same() -> None:
+    site = parse_site(SMALL, "small")
+    assert parse_site(site_yaml(site), "copy").sha256 == site.sha256
 
 
 def changed(change: Callable[[dict[str, Any]], object]) -> str:

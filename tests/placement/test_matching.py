@@ -7,7 +7,7 @@ import pytest
 
 from vsnbench.placement.looks import DepthLook
 from vsnbench.placement.matching import PlacementMatcher
-from vsnbench.placement.trials import NoisyEye, Trial, draw_trial
+from vsnbench.placement.trials import NoisyEye, Trial, draw_trial, with_corners_off
 from vsnbench.protocol.placement import PlacementMethod
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import load_site
@@ -105,3 +105,23 @@ def test_what_was_moved_does_not_draw_the_pose_to_where_it_would_fit() -> None:
     got = MATCHER.measure(trial.start, [eye.look(trial.pose)])
     assert {"cabinet-1", "chair-3"} == set(trial.moved), "both fill the view"
     assert not got.determined or got.region_holds(trial.pose)
+
+
+def test_a_fit_that_hinges_on_the_edge_of_what_was_moved_is_not_sure_along_the_wall() -> None:
+    rng = np.random.default_rng([12, 60])
+    trial = draw_trial(APARTMENT, APARTMENT.start(2), rng)
+    got = MATCHER.measure(trial.start, [NoisyEye(trial.room, CAMERA, trial.depth_scale, rng).look(trial.pose)])
+    assert "wardrobe-1" in trial.moved, "a corner's breadth of it is all that is seen beside one wall"
+    assert not got.determined
+    assert got.region_holds(trial.pose)
+
+
+def test_a_site_that_was_surveyed_coarsely_says_so_and_is_measured_with_as_much_doubt() -> None:
+    rng = np.random.default_rng(8)
+    start = APARTMENT.start(12)
+    coarse = APARTMENT.model_copy(update={"survey_error_m": 0.03})
+    room = with_corners_off(APARTMENT, 0.03, rng)
+    look = NoisyEye(room, CAMERA, 1.0, rng).look(start.pose)
+    usual, doubting = (PlacementMatcher(site, CAMERA).measure(start, [look]) for site in (APARTMENT, coarse))
+    assert doubting.region_holds(start.pose)
+    assert doubting.region_m > 1.5 * usual.region_m

@@ -157,6 +157,14 @@ def test_a_start_may_exclude_goals_and_one_that_does_not_keeps_the_hash_of_befor
     assert Site.model_validate(excluding.content()) == excluding
 
 
+def test_a_site_says_how_well_it_was_surveyed_and_one_that_does_not_keeps_the_hash_of_before() -> None:
+    site = load_site("apartment")
+    assert "survey_error_m" not in site.content()
+    coarse = site.model_copy(update={"survey_error_m": 0.03})
+    assert coarse.sha256 != site.sha256
+    assert Site.model_validate(coarse.content()) == coarse
+
+
 def test_only_a_goal_category_can_be_excluded() -> None:
     with pytest.raises(ValidationError, match="'piano' is no goal category"):
         StartingPosition(number=1, position=(0, 0), heading_deg=0, not_for=["piano"])

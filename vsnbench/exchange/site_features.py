@@ -29,7 +29,7 @@ KINDS: Final = {
     "start": "starts",
 }
 """What a thing may be, and the list of a site file that it is in."""
-HEAD: Final = ("name", "title", "ceiling_height_m")
+HEAD: Final = ("name", "title", "ceiling_height_m", "survey_error_m")
 OUTLINE: Final = "outline"
 """Property of an object whose outline was surveyed: it is no box, even where it looks like one."""
 MOST_FEATURES = 5_000

@@ -19,7 +19,7 @@ def site_yaml(site: Site, made_by: str = "sites generate") -> str:
 
 def draft_yaml(content: dict[str, Any], made_by: str) -> str:
     """Return the plain values of a site as YAML text; lists may be missing or empty, `made_by` is the verb."""
-    head = {key: content[key] for key in ("name", "title", "ceiling_height_m") if key in content}
+    head = {key: content[key] for key in ("name", "title", "ceiling_height_m", "survey_error_m") if key in content}
     lines = [f"# Made by `vsnbench {made_by}`; {_FRAME}\n"]
     lines.append(yaml.safe_dump(head, sort_keys=False, allow_unicode=True))
     for part in ("rooms", "walls", "doors", "windows", "objects", "starts"):

@@ -9,21 +9,22 @@ that is left for the pose says what those errors do to it, which pixels by the t
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.placement.looks import SmallLook
+from vsnbench.placement.normal_equations import Floats, NormalEquations, Prior, Rows
 from vsnbench.placement.twin import Twin
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.site import Site
 from vsnbench.simulator.renderer import eye_of
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.intp]
 
 _POSE, _SCALE, _TILT, _TURN = slice(0, 3), 3, 4, 5
 _COMMON = 6
+_LIMIT = np.array([0.10, 0.10, math.radians(6), 0.02, 0.01, 0.02])
+"""No step of a fit is longer: metres, radians, shares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,10 @@ class ErrorModel:
 
     object_m: float = 0.02
     """Of an object's place in the survey, along x and along y."""
-    wall_m: float = 0.005
-    """Of a wall's, the floor's, the ceiling's along its normal."""
+    wall_m: float = 0.01
+    """Of a wall's place along its normal, and of how much farther off its ends are than its middle."""
+    floor_m: float = 0.005
+    """Of the camera's height above the floor."""
     scale: float = 0.01
     """Relative, of the depth camera."""
     tilt_rad: float = math.radians(0.5)
@@ -45,10 +48,17 @@ class ErrorModel:
     stretches: float = 25.0
     """How many independent stretches the pixels of one object or one plane are worth at most."""
     moved: float = 0.1
-    """How likely an object has been moved so that nothing but the pose itself shows it."""
+    """How likely an object has been moved, before anything is seen."""
+    moved_m: float = 0.5
+    """Standard deviation of its place then, along x and along y."""
     pose_m: float = 0.6
     pose_rad: float = math.radians(40)
     """What is known of the pose without looking."""
+
+    @classmethod
+    def of(cls, site: Site) -> Self:
+        """Return what a site's survey says of itself, with the rest as usual."""
+        return cls(wall_m=site.survey_error_m, object_m=2 * site.survey_error_m)
 
 
 @dataclass(slots=True)
@@ -62,7 +72,9 @@ class FitState:
     turn: float = 0.0
     """The odometry's turns are to be lengthened by this share."""
     steps: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    """(G, 2) how far each group stands off the survey; a plane's along its normal, in the first number."""
+    """(G, 2) how far each group stands off the survey: an object along x and y; a plane of the building along its
+    normal, and a wall's ends beside its middle, one to this side and one to that.
+    """
     covariance: Floats = field(default_factory=lambda: np.eye(_COMMON))
     """(6, 6) of the pose, the scale, the tilt and the turning."""
 
@@ -105,32 +117,60 @@ def refine(
         state: to go on from, instead of `start`.
     """
     state = FitState(start, steps=np.zeros((twin.groups, 2))) if state is None else state
-    system = _Normal(twin.groups, errors)
     for number in range(rounds):
         share = number / max(rounds - 1, 1)
         width_m = widths_m[0] * (widths_m[1] / widths_m[0]) ** share
-        system = _Normal(twin.groups, errors)
-        for look in looks:
-            system.add(_rows_of(twin, camera, look, state, errors, width_m, left_out))
-        system.solve(state)
-    state.covariance = system.doubted()
+        step, own_step = _equations(twin, camera, looks, state, errors, width_m, left_out).step(_LIMIT)
+        state.pose = Pose(
+            state.pose.x_m + float(step[0]), state.pose.y_m + float(step[1]), state.pose.heading_rad + float(step[2])
+        )
+        state.scale += float(step[_SCALE])
+        state.tilt_rad += float(step[_TILT])
+        state.turn += float(step[_TURN])
+        state.steps = state.steps + own_step
     return state
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """The linearised residuals of N pixels."""
+def doubt(
+    twin: Twin,
+    camera: Camera,
+    looks: Sequence[SmallLook],
+    state: FitState,
+    errors: ErrorModel,
+    width_m: float,
+    left_out: frozenset[int],
+) -> Floats:
+    """Return the (6, 6) covariance of pose, scale, tilt and turning where a fit has ended.
 
-    residual_m: Floats
-    """(N,) distance beyond the plane, as the state has it."""
-    common: Floats
-    """(N, 6) derivatives by pose, scale, tilt and turn."""
-    group: Ints
-    """(N,)."""
-    own: Floats
-    """(N, 2) derivatives by the group's step."""
-    weight: Floats
-    """(N,) inverse variance, robust."""
+    Args:
+        twin: what should be seen.
+        camera: the robot's.
+        looks: what was seen.
+        state: where the fit has ended.
+        errors: what may be how far off.
+        width_m: of the robust loss.
+        left_out: groups that stand elsewhere than the survey says.
+    """
+    equations = _equations(twin, camera, looks, state, errors, width_m, left_out)
+    objects = np.nonzero(twin.is_object)[0].tolist()
+    return equations.doubted(objects, errors.moved, errors.object_m, errors.moved_m)
+
+
+def _equations(
+    twin: Twin,
+    camera: Camera,
+    looks: Sequence[SmallLook],
+    state: FitState,
+    errors: ErrorModel,
+    width_m: float,
+    left_out: frozenset[int],
+) -> NormalEquations:
+    common = np.array([errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn])
+    own_m = np.where(twin.is_object, errors.object_m, np.where(twin.is_floor, errors.floor_m, errors.wall_m))
+    rows = [_rows_of(twin, camera, look, state, errors, width_m, left_out) for look in looks]
+    now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn])
+    prior = Prior(common, np.repeat(own_m[:, None], 2, axis=1), errors.stretches)
+    return NormalEquations(rows, prior, now, state.steps)
 
 
 def _rows_of(
@@ -141,7 +181,7 @@ def _rows_of(
     errors: ErrorModel,
     width_m: float,
     left_out: frozenset[int],
-) -> _Rows:
+) -> Rows:
     pose = state.pose_of(look)
     view = twin.drawer.draw(eye_of(camera, pose), look.pinhole)
     with np.errstate(invalid="ignore"):
@@ -167,8 +207,10 @@ def _rows_of(
     # Normals in the robot's frame, for what is measured there.
     n_ahead, n_left = cos * nx + sin * ny, cos * ny - sin * nx
     group = twin.group_of[face].astype(np.intp)
-    building = twin.object_of[face] == 0
-    own = np.column_stack([np.where(building, -1.0, -nx), np.where(building, 0.0, -ny)])
+    building = ~twin.is_object[group]
+    middle, reach_m = twin.middle[group], twin.half_length_m[group]
+    aside = (-ny * (x_m - middle[:, 0]) + nx * (y_m - middle[:, 1])) / reach_m
+    own = np.column_stack([np.where(building, -1.0, -nx), np.where(building, -aside, -ny)])
     residual_m = nx * x_m + ny * y_m + nz * height_m - twin.plane_m[face]
     residual_m += (own * state.steps[group]).sum(axis=1)
     common = np.empty((len(face), _COMMON))
@@ -182,82 +224,4 @@ def _rows_of(
     noise_m = (0.002 + 0.0015 * depth_m**2) * np.abs(along_ray)
     variance = errors.surface_m**2 + noise_m**2
     robust = (width_m**2 / (width_m**2 + residual_m**2)) ** 2
-    return _Rows(residual_m, common, group, own, robust / variance)
-
-
-class _Normal:
-    """The normal equations: common unknowns, and for each group its own, which are eliminated."""
-
-    def __init__(self, groups: int, errors: ErrorModel) -> None:
-        self._groups, self._errors = groups, errors
-        self._rows: list[_Rows] = []
-
-    def add(self, rows: _Rows) -> None:
-        self._rows.append(rows)
-
-    def solve(self, state: FitState) -> None:
-        """Take one step."""
-        errors, groups = self._errors, self._groups
-        group = np.concatenate([rows.group for rows in self._rows])
-        common = np.concatenate([rows.common for rows in self._rows])
-        own = np.concatenate([rows.own for rows in self._rows])
-        weight = np.concatenate([rows.weight for rows in self._rows])
-        residual_m = np.concatenate([rows.residual_m for rows in self._rows])
-        pixels = np.bincount(group, minlength=groups).astype(float)
-        weight = weight * np.minimum(1.0, errors.stretches / np.maximum(pixels, 1.0))[group]
-
-        def summed(values: Floats) -> Floats:
-            return np.bincount(group, weight * values, groups).astype(np.float64)
-
-        is_object = np.zeros(groups, bool)
-        is_object[group[own[:, 1] != 0]] = True
-        prior = np.where(is_object, errors.object_m, errors.wall_m) ** -2.0
-        own_own = np.empty((groups, 2, 2))
-        own_own[:, 0, 0] = summed(own[:, 0] ** 2) + prior
-        own_own[:, 1, 1] = summed(own[:, 1] ** 2) + prior
-        own_own[:, 0, 1] = own_own[:, 1, 0] = summed(own[:, 0] * own[:, 1])
-        own_right = -np.stack([summed(own[:, k] * residual_m) for k in (0, 1)], axis=1) - prior[:, None] * state.steps
-        mixed = np.stack([[summed(common[:, j] * own[:, k]) for k in (0, 1)] for j in range(_COMMON)])  # (6, 2, G)
-        mixed = mixed.transpose(2, 0, 1)  # (G, 6, 2)
-        weighted = common * weight[:, None]
-        inverse = np.linalg.inv(own_own)
-        gain = mixed @ inverse  # (G, 6, 2)
-        taken, taken_right = gain @ mixed.transpose(0, 2, 1), np.einsum("gik,gk->gi", gain, own_right)
-        matrix = weighted.T @ common - taken.sum(axis=0)
-        right = -weighted.T @ residual_m - taken_right.sum(axis=0)
-        spread = np.array(
-            [errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn], float
-        )
-        now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn])
-        matrix += np.diag(spread**-2.0)
-        right -= spread**-2.0 * now
-        step = np.linalg.solve(matrix, right)
-        limit = np.array([0.10, 0.10, math.radians(6), 0.02, 0.01, 0.02])
-        step *= min(1.0, float(np.min(limit / np.maximum(np.abs(step), 1e-12))))
-        own_step = np.einsum("gkl,gl->gk", inverse, own_right - np.einsum("gik,i->gk", mixed, step))
-        state.pose = Pose(
-            state.pose.x_m + float(step[0]), state.pose.y_m + float(step[1]), state.pose.heading_rad + float(step[2])
-        )
-        state.scale += float(step[_SCALE])
-        state.tilt_rad += float(step[_TILT])
-        state.turn += float(step[_TURN])
-        state.steps = state.steps + own_step
-        self._matrix, self._objects = matrix, np.nonzero(is_object)[0]
-        self._said = (group, common, weighted, residual_m, taken, taken_right)
-
-    def doubted(self) -> Floats:
-        """Return the (6, 6) covariance of the common unknowns: each object may have been moved, and then misleads.
-
-        It is that of a mixture: with the likelihood of its having been moved, the pose is the one that all but this
-        object make, with the covariance that is left then. A pose that hinges on one object is so as unsure as it is.
-        """
-        covariance = np.linalg.inv(self._matrix)
-        widened = covariance.copy()
-        group, common, weighted, residual_m, taken, taken_right = self._said
-        for one in self._objects:
-            here = group == one
-            said = weighted[here].T @ common[here] - taken[one]
-            without = np.linalg.inv(self._matrix - said)
-            away = without @ (weighted[here].T @ residual_m[here] + taken_right[one])
-            widened += self._errors.moved * (without - covariance + np.outer(away, away))
-        return widened
+    return Rows(residual_m, common, group, own, robust / variance)

@@ -8,15 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.placement.fit import ErrorModel, FitState, refine
+from vsnbench.placement.differences import gone, suspects
+from vsnbench.placement.fit import ErrorModel, FitState, doubt, refine
 from vsnbench.placement.looks import DepthLook, SmallLook
-from vsnbench.placement.search import REACH_DEG, REACH_M, candidates, misfit_of, near, polished
+from vsnbench.placement.search import (
+    REACH_DEG,
+    REACH_M,
+    Candidate,
+    along_surfaces,
+    candidates,
+    misfit_of,
+    near,
+    polished,
+)
 from vsnbench.placement.twin import Twin, twin_of
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, StartingPosition
-from vsnbench.simulator.renderer import eye_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,6 +35,8 @@ _CANDIDATES, _POLISHED, _BASINS = 8, 4, 5
 _UNDETERMINED_M, _UNDETERMINED_RAD = 0.10, math.radians(4.0)
 """A direction whose standard deviation is larger is not determined by the view."""
 _MISFIT_LIMIT = 0.15
+_FINEST_M = 0.04
+"""Width of the robust loss at the end."""
 _DOUBT = 0.015
 """A basin that misfits by so much more than the best has e times less weight."""
 _LEAST_WEIGHT = 0.03
@@ -34,7 +45,6 @@ _LEAST_SEEN = 60
 """Pixels of a small look; with fewer there is nothing to go by."""
 _MOST_SEARCHED = 5
 """Looks of a turn that the search goes by; the fit takes all."""
-_GONE_M, _GONE_SHARE, _LEAST_PIXELS = 0.12, 0.45, 25
 
 
 class PlacementMatcher:
@@ -44,7 +54,7 @@ class PlacementMatcher:
         self._twin: Twin = twin_of(site)
         self._site = site
         self._camera = camera
-        self._errors = errors or ErrorModel()
+        self._errors = errors or ErrorModel.of(site)
 
     def measure(
         self, start: StartingPosition, looks: Sequence[DepthLook], tolerance: PlacementTolerance | None = None
@@ -60,17 +70,20 @@ class PlacementMatcher:
         twin, camera, errors = self._twin, self._camera, self._errors
         placed = _from_the_first(looks)
         fine = [SmallLook.of(look, camera, _FINE_PX) for look in placed]
-        basins = self._basins(placed, start.pose)
+        basins, beside = self._basins(placed, start.pose)
         if basins:
             best = basins[0]
             left_out = frozenset(best.moved)
-            state = refine(twin, camera, fine, best.state.pose, errors, 4, (0.06, 0.04), left_out, best.state)
-            covariance = state.covariance_of(fine[-1]) + _doubt(state, basins)
-            misfit, moved = best.misfit, best.moved
+            state = refine(twin, camera, fine, best.state.pose, errors, 4, (0.06, _FINEST_M), left_out, best.state)
+            state.covariance = doubt(twin, camera, fine, state, errors, _FINEST_M, left_out)
+            covariance = state.covariance_of(fine[-1]) + _of_other_places(state, basins) + beside
+            misfit = best.misfit
         else:
-            state, misfit, moved = FitState(start.pose), 0.0, frozenset[int]()
+            state, misfit = FitState(start.pose), 0.0
             covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
         now = state.pose_of(fine[-1])
+        undetermined, fits = _undetermined(covariance, now), misfit < _MISFIT_LIMIT
+        moved = gone(twin, camera, fine, state) if fits and not undetermined else frozenset[int]()
         return MeasuredPlacement(
             start=start.number,
             mark=start.pose,
@@ -79,21 +92,24 @@ class PlacementMatcher:
             tolerance=tolerance or PlacementTolerance(),
             method=PlacementMethod.LOOK if len(looks) == 1 else PlacementMethod.TURN,
             looks=len(looks),
-            fits=misfit < _MISFIT_LIMIT,
-            undetermined=_undetermined(covariance, now),
+            fits=fits,
+            undetermined=undetermined,
             moved=tuple(self._site.objects[group].id for group in sorted(moved)),
             depth_scale=state.scale,
             took_s=time.perf_counter() - began_s,
         )
 
-    def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "list[_Basin]":
-        """Return the places where the robot may stand, best first; none where next to nothing is seen."""
+    def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "tuple[list[_Basin], Floats]":
+        """Return the places where the robot may stand, best first, and what others beside it add to its covariance.
+
+        There are none where next to nothing is seen.
+        """
         twin, camera = self._twin, self._camera
         coarse = [SmallLook.of(look, camera, _COARSE_PX) for look in looks]
         middle = [SmallLook.of(look, camera, _MIDDLE_PX) for look in looks]
         coarse = [look for look in coarse if np.isfinite(look.depth_m).sum() >= _LEAST_SEEN]
         if not coarse:
-            return []
+            return [], np.zeros((3, 3))
         sparse = coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))]
         rough: list[_Basin] = []
         for number, one in enumerate(candidates(twin, camera, sparse, mark, _CANDIDATES)):
@@ -106,37 +122,34 @@ class PlacementMatcher:
             if _within_reach(state.pose, mark):
                 poses = [state.pose_of(look) for look in sparse]
                 rough.append(_Basin(state, misfit_of(twin, camera, sparse, poses, state.scale), frozenset()))
-        return _apart([self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]])
+        basins = _apart([self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]])
+        # What may compete is fitted to its end: on the way to the best place it would be taken for another one.
+        rivals = [basin for basin, weight in zip(basins, _weights(basins), strict=True) if weight][1:]
+        basins = _apart([basins[0], *(self._settled(middle, basin.state) for basin in rivals)])
+        return basins, self._beside(sparse, basins[0])
+
+    def _beside(self, looks: Sequence[SmallLook], best: "_Basin") -> Floats:
+        """Return what places along a surface that fit about as well add to the (3, 3) covariance of the best."""
+        twin, camera, state = self._twin, self._camera, best.state
+        misfit = misfit_of(twin, camera, looks, [state.pose_of(look) for look in looks], state.scale)
+        tried = along_surfaces(twin, camera, looks, Candidate(state.pose, misfit), state.scale)
+        as_well = [one for one in tried if one.misfit < misfit + _DOUBT]
+        if not as_well:
+            return np.zeros((3, 3))
+        weights = np.array([math.exp((misfit - one.misfit) / _DOUBT) for one in as_well])
+        away = np.array([_difference(one.pose, state.pose) for one in as_well])
+        return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
 
     def _settled(self, looks: Sequence[SmallLook], state: FitState) -> "_Basin":
         """Fit on, without what turns out to stand elsewhere."""
         twin, camera, errors = self._twin, self._camera, self._errors
         state = refine(twin, camera, looks, state.pose, errors, 3, (0.12, 0.06), frozenset(), state)
-        moved = self._moved(looks, state)
+        moved = suspects(twin, camera, looks, state, errors)
         if moved:
             state = refine(twin, camera, looks, state.pose, errors, 3, (0.10, 0.06), frozenset(moved), state)
-            moved |= self._moved(looks, state)
+            moved |= suspects(twin, camera, looks, state, errors)
         misfit = misfit_of(twin, camera, looks, [state.pose_of(look) for look in looks], state.scale)
         return _Basin(state, misfit, frozenset(moved))
-
-    def _moved(self, looks: Sequence[SmallLook], state: FitState) -> set[int]:
-        """Return the groups of objects that do not stand where the survey says."""
-        twin, camera = self._twin, self._camera
-        expected = np.zeros(twin.groups)
-        through = np.zeros(twin.groups)
-        for look in looks:
-            view = twin.drawer.draw(eye_of(camera, state.pose_of(look)), look.pinhole)
-            shown = (view.face >= 0) & np.isfinite(look.depth_m)
-            face, beyond_m = view.face[shown], look.depth_m[shown] * state.scale - view.depth_m[shown]
-            group = twin.group_of[face]
-            kept = twin.object_of[face] > 0
-            expected += np.bincount(group[kept], minlength=twin.groups)
-            through += np.bincount(group[kept & (beyond_m > _GONE_M)], minlength=twin.groups)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gone = (expected >= _LEAST_PIXELS) & (through / expected > _GONE_SHARE)
-        off = np.hypot(*state.steps.T) > 3.0 * self._errors.object_m
-        off[np.arange(twin.groups) >= len(self._site.objects)] = False
-        return set(np.nonzero(gone | off)[0].tolist())
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,13 +177,18 @@ def _within_reach(pose: Pose, mark: Pose) -> bool:
     )
 
 
-def _doubt(state: FitState, basins: Sequence[_Basin]) -> Floats:
+def _of_other_places(state: FitState, basins: Sequence[_Basin]) -> Floats:
     """Return what other places add to the (3, 3) covariance of the pose, by how well they fit beside the best."""
-    weights = np.array([math.exp((basins[0].misfit - basin.misfit) / _DOUBT) for basin in basins])
-    weights[weights < _LEAST_WEIGHT] = 0.0
+    weights = _weights(basins)
     away = np.array([_difference(basin.state.pose, state.pose) for basin in basins])
     away[0] = 0.0
     return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
+
+
+def _weights(basins: "Sequence[_Basin]") -> Floats:
+    """Return (B,) how well each fits beside the best, which comes first and has 1; 0 for those that do not count."""
+    weights = np.array([math.exp((basins[0].misfit - basin.misfit) / _DOUBT) for basin in basins])
+    return np.where(weights < _LEAST_WEIGHT, 0.0, weights)
 
 
 def _difference(one: Pose, other: Pose) -> tuple[float, float, float]:

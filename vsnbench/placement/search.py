@@ -21,6 +21,9 @@ _POLISH, _POLISH_ROUNDS = ((0.08, 2.5), (0.04, 1.25)), 3
 """Steps to the neighbours, metres and degrees, and how many of each at most."""
 _CHANGED = 0.5
 """What a pixel costs, where 1 is seeing through a wall, at which something has come or gone: rooms change."""
+_BESIDE_M = (-0.3, -0.2, 0.2, 0.3)
+_LEAST_FILLED, _SAME_WAY_RAD, _UPRIGHT = 0.05, math.radians(3), 0.5
+"""Surfaces of one direction, in such steps, that fill less of the view do not count; nor do those that lie."""
 _APART_M, _APART_RAD = 0.22, math.radians(8.0)
 """Two places nearer than both are one basin."""
 
@@ -102,6 +105,44 @@ def polished(twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candid
                 break
             one = best
     return one
+
+
+def along_surfaces(
+    twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candidate, scale: float
+) -> tuple[Candidate, ...]:
+    """Return the places beside one, along each upright surface in view, with the same heading.
+
+    A surface looks the same from all along it, so where a fit may be far off with nothing to show it is along one. What
+    then speaks against it is a few pixels, of a corner or of an object, that the fit of surfaces takes for sure.
+
+    Args:
+        twin: what should be seen.
+        camera: the robot's.
+        looks: what was seen, small.
+        one: where.
+        scale: what depth is to be multiplied with.
+    """
+    ways = round(math.pi / _SAME_WAY_RAD)
+    filled = np.zeros(ways)
+    for look in looks:
+        face = twin.drawer.draw(eye_of(camera, one.pose.compose(look.odometry)), look.pinhole).face
+        normal = twin.normals[face[face >= 0]]
+        normal = normal[np.abs(normal[:, 2]) < _UPRIGHT]
+        along_rad = np.arctan2(normal[:, 0], -normal[:, 1])
+        filled += np.bincount(np.rint(along_rad / _SAME_WAY_RAD).astype(int) % ways, minlength=ways) / face.size
+    places = [
+        Pose(
+            one.pose.x_m + step_m * math.cos(way * _SAME_WAY_RAD),
+            one.pose.y_m + step_m * math.sin(way * _SAME_WAY_RAD),
+            one.pose.heading_rad,
+        )
+        for way in np.nonzero(filled >= _LEAST_FILLED * len(looks))[0].tolist()
+        for step_m in _BESIDE_M
+    ]
+    return tuple(
+        Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks], scale))
+        for pose in places
+    )
 
 
 def near(one: Pose, other: Pose, share: float = 1.0) -> bool:

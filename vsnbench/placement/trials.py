@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,8 @@ from shapely import Point
 from vsnbench.placement.looks import DepthLook
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site, SiteObject, StartingPosition
+from vsnbench.protocol.site import Door, Site, SiteObject, StartingPosition, Window
+from vsnbench.protocol.walls import walls_of
 from vsnbench.simulator.depth_view import DepthDrawer, Pinhole
 from vsnbench.simulator.mesh import build_mesh
 from vsnbench.simulator.noise import DepthNoise, noisy_depth
@@ -23,6 +25,7 @@ SURVEY_M = 0.02
 """Standard deviation of the survey of an object, along x and along y."""
 DEPTH_SCALE = 0.01
 """By how much the camera's metres are too long, or too short."""
+Opening = TypeVar("Opening", Door, Window)
 _NEAR_M, _CLEARANCE_M = 4.0, 0.18
 _MOVED_M = (0.3, 1.0)
 
@@ -43,7 +46,13 @@ class Trial:
 
 
 def draw_trial(
-    site: Site, start: StartingPosition, rng: Generator, most_m: float = 0.40, most_deg: float = 25.0, moved: int = 2
+    site: Site,
+    start: StartingPosition,
+    rng: Generator,
+    most_m: float = 0.40,
+    most_deg: float = 25.0,
+    moved: int = 2,
+    walls_m: float = 0.0,
 ) -> Trial:
     """Draw a room and a place in it that the robot can stand at.
 
@@ -54,6 +63,7 @@ def draw_trial(
         most_m: how far off the mark at most; every place within is as likely.
         most_deg: how far off its heading at most.
         moved: how many objects within 4 m of the mark stand 0.3 to 1 m from where they were.
+        walls_m: standard deviation of every corner of the building off the survey, along x and along y.
     """
     near = [
         thing.id
@@ -63,6 +73,8 @@ def draw_trial(
     while True:
         chosen = tuple(sorted(str(one) for one in rng.choice(near, min(moved, len(near)), replace=False)))
         room = site.model_copy(update={"objects": [_put(thing, thing.id in chosen, rng) for thing in site.objects]})
+        if walls_m:
+            room = with_corners_off(room, walls_m, rng)
         way_m, bearing = most_m * math.sqrt(rng.random()), rng.uniform(0, math.tau)
         turn_rad = math.radians(rng.uniform(-most_deg, most_deg))
         pose = start.pose.compose(Pose(way_m * math.cos(bearing), way_m * math.sin(bearing), turn_rad))
@@ -78,6 +90,47 @@ def _put(thing: SiteObject, elsewhere: bool, rng: Generator) -> SiteObject:
     x_m, y_m = thing.position
     outline = None if thing.footprint is None else [(x + dx, y + dy) for x, y in thing.footprint]
     return thing.model_copy(update={"position": (x_m + dx, y_m + dy), "footprint": outline})
+
+
+def with_corners_off(site: Site, off_m: float, rng: Generator) -> Site:
+    """Return a site with the corners of its building elsewhere, as a survey by tape measure errs.
+
+    Walls that share a corner go on sharing it, and are a little longer, shorter and turned; doors and windows stay in
+    their walls.
+
+    Args:
+        site: as surveyed.
+        off_m: standard deviation, along x and along y.
+        rng: the source of all randomness.
+    """
+    steps: dict[tuple[float, float], tuple[float, float]] = {}
+
+    def put(corner: tuple[float, float]) -> tuple[float, float]:
+        dx, dy = steps.setdefault(corner, (float(rng.normal(0.0, off_m)), float(rng.normal(0.0, off_m))))
+        return (corner[0] + dx, corner[1] + dy)
+
+    walls = [wall.model_copy(update={"start": put(wall.start), "end": put(wall.end)}) for wall in site.walls]
+
+    def within_its_wall(opening: Opening) -> Opening:
+        number, was = next(
+            (number, wall)
+            for number, wall in enumerate(site.walls)
+            if wall in walls_of(site, opening.start, opening.end)
+        )
+        line, length_m = walls[number].centre_line, was.length_m
+        ends = [
+            line.interpolate(was.centre_line.project(Point(end)) / length_m, normalized=True).coords[0]
+            for end in (opening.start, opening.end)
+        ]
+        return opening.model_copy(update={"start": ends[0], "end": ends[1]})
+
+    return site.model_copy(
+        update={
+            "walls": walls,
+            "doors": [within_its_wall(door) for door in site.doors],
+            "windows": [within_its_wall(window) for window in site.windows],
+        }
+    )
 
 
 def _is_free(room: Site, pose: Pose) -> bool:

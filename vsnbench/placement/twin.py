@@ -4,6 +4,8 @@ A survey errs by the object and by the wall: all faces of an object are off by t
 one plane of the building by the same distance along its normal.
 """
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,11 +16,13 @@ from vsnbench.simulator.scene import build_scene
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
+Bools = npt.NDArray[np.bool_]
 
 _UPRIGHT = 0.5
 """A plane whose normal rises less than this stands."""
 _PLANE_STEP_M, _NORMAL_STEP = 0.05, 0.05
 """Planes of the building that agree to this are one."""
+_SHORTEST_M = 0.10
 
 
 class Twin:
@@ -36,6 +40,19 @@ class Twin:
         """(F,) 1 + index into the site's objects; 0 for the building."""
         self.group_of, self.groups = _groups(mesh, self.object_of, self.plane_m)
         """(F,) which faces err alike, and how many such groups there are; an object's is its number less 1."""
+        self.is_object: Bools = np.arange(self.groups) < int(self.object_of.max(initial=0))
+        """(G,)."""
+        self.is_floor: Bools = np.zeros(self.groups, np.bool_)
+        """(G,)."""
+        on_floor = (self.object_of == 0) & (mesh.normals[:, 2] > _UPRIGHT) & (np.abs(self.plane_m) < _PLANE_STEP_M)
+        self.is_floor[self.group_of[on_floor]] = True
+        self.middle, self.half_length_m = _walls(mesh, self.group_of, self.groups, self.is_object)
+        """(G, 2) and (G,) of each wall on the floor plan, metres; whatever is no wall has no end."""
+
+    @cached_property
+    def building(self) -> DepthDrawer:
+        """Draws the same without what stands in it."""
+        return DepthDrawer(build_mesh(build_scene(self.site.model_copy(update={"objects": []}))))
 
 
 _MOST_TWINS = 4
@@ -61,3 +78,21 @@ def _groups(mesh: Mesh, object_of: Ints, plane_m: Floats) -> tuple[Ints, int]:
     planes, which = np.unique(key, axis=0, return_inverse=True)
     group_of[building] = objects + which.reshape(-1)
     return group_of, objects + len(planes)
+
+
+def _walls(mesh: Mesh, group_of: Ints, groups: int, is_object: Bools) -> tuple[Floats, Floats]:
+    upright = (np.abs(mesh.normals[:, 2]) < _UPRIGHT) & ~is_object[group_of]
+    normal = np.zeros((groups, 2))
+    normal[group_of[upright]] = mesh.normals[upright, :2]
+    along = np.column_stack([-normal[:, 1], normal[:, 0]])
+    group = np.repeat(group_of[upright], 4)
+    corners = mesh.corners[upright, :, :2].reshape(-1, 2)
+    reach_m = (along[group] * corners).sum(axis=1)
+    least_m, most_m = np.full(groups, np.inf), np.full(groups, -np.inf)
+    np.minimum.at(least_m, group, reach_m)
+    np.maximum.at(most_m, group, reach_m)
+    is_wall = np.isfinite(least_m)
+    least_m, most_m = np.where(is_wall, least_m, 0.0), np.where(is_wall, most_m, 0.0)
+    middle_m = (least_m + most_m) / 2
+    half_m = np.where(is_wall, np.maximum(most_m - least_m, 2 * _SHORTEST_M) / 2, np.inf)
+    return along * middle_m[:, None], half_m

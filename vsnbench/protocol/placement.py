@@ -140,8 +140,6 @@ class MeasuredPlacement:
     """False where what is seen fits nowhere near the mark."""
     undetermined: tuple[str, ...] = ()
     """Directions that the view does not determine, in words, as the robot faces."""
-    ambiguous: bool = False
-    """The view fits as well in another place near the mark."""
     moved: tuple[str, ...] = ()
     """Ids of the site's objects that do not stand where the survey says."""
     depth_scale: float = 1.0
@@ -179,7 +177,7 @@ class MeasuredPlacement:
     @property
     def determined(self) -> bool:
         """Whether the measured pose can be taken for where the robot stands."""
-        return self.fits and not self.undetermined and not self.ambiguous
+        return self.fits and not self.undetermined
 
     @property
     def within_tolerance(self) -> bool:
@@ -215,8 +213,6 @@ class MeasuredPlacement:
         where = (
             f"{off_cm:.0f} cm (± {100 * self.region_m:.0f}) and {off_deg:.1f}° (± {self.region_deg:.1f}) off the mark"
         )
-        if self.ambiguous:
-            return "it could stand in more than one place near the mark"
         if self.undetermined:
             return f"not determined: {' and '.join(self.undetermined)}"
         return f"stands right: {where}" if self.within_tolerance else where
@@ -234,10 +230,10 @@ class MeasuredPlacement:
         turn = "turn on the spot" if self.wants_turn else "place it by eye"
         if not self.fits:
             return f"is it mark {self.start}? If it is, the plan and the room differ: {turn}"
-        if self.undetermined or self.ambiguous:
+        if self.undetermined:
             if self.method is PlacementMethod.TURN:
                 return f"even all around too little is seen: {turn}"
-            what = " and ".join(self.undetermined) or "the place"
+            what = " and ".join(self.undetermined)
             verb = "are" if len(self.undetermined) > 1 else "is"
             return f"{what} {verb} not determined by what it sees from here: {turn}"
         if self.within_tolerance:
@@ -274,7 +270,6 @@ class MeasuredPlacement:
             "within_tolerance": self.within_tolerance,
             "determined": self.determined,
             "fits": self.fits,
-            "ambiguous": self.ambiguous,
             "undetermined": list(self.undetermined),
             "moved": list(self.moved),
             "method": self.method.value,

@@ -235,6 +235,7 @@ class Site(_Strict):
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
     title: str = ""
     ceiling_height_m: float = Field(default=2.5, gt=1.5, lt=10)
+    survey_error_m: float = Field(default=0.01, gt=0, le=0.2, description="standard deviation of walls; objects twice")
     rooms: list[Room] = Field(min_length=1)
     walls: list[Wall] = Field(min_length=1)
     doors: list[Door] = []
@@ -253,6 +254,14 @@ class Site(_Strict):
         if twice:
             raise ValueError(f"{', '.join(twice)} is given more than once")
         return things
+
+    @model_serializer(mode="wrap")
+    def _without_a_usual_survey(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave the default of `survey_error_m` out: sites keep the hash that they had before there was one."""
+        content: dict[str, Any] = serialize(self)
+        if self.survey_error_m == type(self).model_fields["survey_error_m"].default:
+            content.pop("survey_error_m", None)
+        return content
 
     @property
     def area_m2(self) -> float:
