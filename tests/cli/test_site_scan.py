@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import vsnbench, vsnbench_process
+from tests.cli.scans import SHORT_DRIVE, scanned_alike
+from tests.processes import Process
+from tests.ros1.network import live_network
 from vsnbench.exchange.ros_map import read_ros_map
 from vsnbench.sensing.plan_grid import OCCUPIED
 
@@ -74,3 +77,18 @@ def test_ctrl_c_keeps_what_was_mapped(tmp_path: Path) -> None:
     assert process.returncode == 130, err
     assert "stopped with Ctrl-C; the map so far is kept" in out
     assert (read_ros_map(output).cells == OCCUPIED).any()
+
+
+@pytest.mark.ros
+def test_over_ros_1_the_map_is_that_of_the_simulation(tmp_path: Path) -> None:
+    """`vsnbench ros1 simulate`, `vsnbench ros1 discrete-move` and `vsnbench sites scan`, on a real master."""
+    (tmp_path / "drive.txt").write_text(SHORT_DRIVE)
+    with live_network(tmp_path) as network:
+
+        def vsnbench_there(*words: str | Path) -> Process:
+            return network.start("-m", "vsnbench.cli.main", *words)
+
+        vsnbench_there("ros1", "simulate", "--robot", "turtlebot2")
+        vsnbench_there("ros1", "discrete-move", "--robot", "turtlebot2")
+        network.wait_for_service("/discrete_move")
+        scanned_alike(vsnbench_there, "turtlebot2", tmp_path)

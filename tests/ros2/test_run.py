@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.scans import SHORT_DRIVE, scanned_alike
 from tests.processes import Process, wait_until
 from tests.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
 
@@ -71,6 +72,11 @@ def test_a_run_that_is_killed_leaves_a_robot_that_stands(graph, tmp_path) -> Non
     sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
     assert stood_s < AT_REST_S
     assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
+
+
+def test_a_scan_draws_the_map_of_the_simulation(graph, tmp_path) -> None:
+    (tmp_path / "drive.txt").write_text(SHORT_DRIVE)
+    scanned_alike(graph.vsnbench, "turtlebot4@robot1", tmp_path)
 
 
 def actions(results: Path) -> list[tuple]:

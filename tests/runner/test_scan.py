@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsnbench.errors import RobotError, UsageError
+from vsnbench.errors import RobotError, SensorLostError, UsageError
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.observation import Sensor
+from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import load_site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.scan import Scan, ScanState
+from vsnbench.runner.scan import Scan, ScanResult, ScanState
 from vsnbench.runner.scan_drivers import Explorer, Script
 from vsnbench.runner.scan_keys import Keys
 from vsnbench.runner.stopping import StopAuthor, Stopping, StopRequest
@@ -116,6 +116,38 @@ def test_a_base_that_is_stuck_ends_a_scan_halted_and_the_map_is_kept() -> None:
             scan.run(Script("around", "drive.txt", PARAMETERS), kept.append, lambda _: None)
         assert stuck.halts == 1
     assert kept
+
+
+class SilentRobot(SimulatedRobot):
+    """Its camera falls silent for some looks."""
+
+    silences = 0
+
+    def observe(self) -> Observation:
+        if self.silences:
+            self.silences -= 1
+            raise SensorLostError("no image for 3 s")
+        return super().observe()
+
+
+def scanned(robot: SimulatedRobot) -> tuple[ScanResult, int]:
+    """Return what three turns of a robot leave, and how many cells were mapped in the end."""
+    kept: list[PlanGrid] = []
+    with Stopping() as stop:
+        scan = Scan(robot, SITE.start(1), PARAMETERS, stop)
+        result = scan.run(Script("left 3", "drive.txt", PARAMETERS), kept.append, lambda _: None)
+    return result, int((kept[-1].cells == OCCUPIED).sum())
+
+
+def test_a_camera_that_is_silent_for_a_moment_is_waited_for_and_one_that_stays_silent_ends_a_scan() -> None:
+    with SilentRobot(SITE, load_profile("turtlebot2"), PARAMETERS) as robot:
+        robot.silences = 3
+        result, mapped = scanned(robot)
+        assert (result.actions, result.failed) == (3, 0)
+        assert mapped > 20
+        robot.silences = 4
+        with pytest.raises(SensorLostError, match="no image for 3 s"):
+            scanned(robot)
 
 
 def test_a_script_says_each_action_and_how_often() -> None:

@@ -13,6 +13,7 @@ from vsnbench.cli.output import Json, print_json
 if TYPE_CHECKING:
     from vsnbench.cli.scan_progress import ScanProgress
     from vsnbench.protocol.parameters import ProtocolParameters
+    from vsnbench.protocol.site import Site
     from vsnbench.robots.contract import Robot
     from vsnbench.runner.scan import Driver, ScanResult
 
@@ -60,7 +61,7 @@ def command(
     """
     from rich.console import Console
 
-    from vsnbench.errors import UsageError
+    from vsnbench.errors import RobotError, UsageError
     from vsnbench.exchange.ros_map import write_ros_map
     from vsnbench.protocol.observation import Sensor
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -78,17 +79,24 @@ def command(
         if path.exists():
             raise UsageError(f"{path} is there already", advice="name another file with --output")
     place = named_site(site or "apartment") if site or is_simulated(robot) else None
-    mark = place.start(start) if place else StartingPosition(number=1, position=(0, 0), heading_deg=0)
     parameters = ProtocolParameters()
     with (
         Stopping() as stop,
         open_robot(robot, place, parameters, noise=noise, read=frozenset({Sensor.DEPTH, Sensor.ODOMETRY})) as opened,
     ):
         stop.last_acts.append(opened.halt)
+        if place is None and opened.identity.simulated:
+            place = _played_site(opened)
+        mark = place.start(start) if place else StartingPosition(number=1, position=(0, 0), heading_deg=0)
         scan = Scan(opened, mark, parameters, stop, resolution_m=resolution, seed=seed)
         with _driver(opened, parameters, drive, auto=auto) as (driver, progress):
             limit = max_steps if auto or drive else MOST_ACTIONS
-            result = scan.run(driver, lambda grid: write_ros_map(grid, output), progress.tell, limit)
+            try:
+                result = scan.run(driver, lambda grid: write_ros_map(grid, output), progress.tell, limit)
+            except RobotError:
+                if output.exists():
+                    typer.echo(f"what was mapped until then is kept: {output}, {image}", err=True)
+                raise
     walls = propose_walls(result.grid)
     doors = sum(len(wall.doorways) for wall in walls)
     if as_json:
@@ -102,6 +110,7 @@ def command(
                 "odometry_off_m": round(math.hypot(*result.drift.position), 3),
                 "odometry_off_deg": round(result.drift.heading_deg, 2),
                 "corrections_refused": result.refused,
+                "failed_movements": result.failed,
                 "stopped": result.stopped.request.words if result.stopped else None,
             }
         )
@@ -118,8 +127,28 @@ def command(
         raise typer.Exit(result.stopped.request.exit_code)
 
 
+def _played_site(robot: "Robot") -> "Site":
+    """Return the embedded site that a simulator beyond ROS plays: it puts the robot at a start of it.
+
+    Raises:
+        UsageError: it plays another, which has to be named.
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.protocol.site import embedded_sites, load_site
+
+    for name in embedded_sites():
+        if (site := load_site(name)).sha256 == robot.identity.site_sha256:
+            return site
+    raise UsageError(
+        f"robot {robot.identity.profile.name} is simulated, in a site of your own",
+        advice="name the site that it plays with --site, and where it begins with --start",
+    )
+
+
 def _drift_in_words(result: "ScanResult") -> str:
     off_m, off_deg = math.hypot(*result.drift.position), abs(result.drift.heading_deg)
+    if off_m < 0.02 and off_deg < 0.5:
+        return "odometry and the walls agree"
     words = f"odometry alone would be {off_m:.2f} m and {off_deg:.1f}° off by now; the walls corrected it"
     if result.refused:
         words += f", but for {result.refused} look{'s' if result.refused > 1 else ''} whose correction was implausible"

@@ -1,5 +1,6 @@
 """A scan: a robot is driven through a place, and depth and odometry, which the walls correct, become its map."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -19,6 +20,8 @@ from vsnbench.scan_matching.tracker import WallTracker
 from vsnbench.sensing.occupancy_map import MappingSettings, OccupancyMap
 from vsnbench.sensing.plan_grid import FREE, PlanGrid
 
+logger = logging.getLogger(__name__)
+
 RANGE_M: Final = 4.0
 """Farther depth is too rough for a wall's place."""
 TOP_M: Final = 1.8
@@ -28,6 +31,8 @@ _KEPT_EVERY: Final = 20
 """Actions after which the map so far is kept."""
 _MOST_FAILURES: Final = 3
 """So many movements in a row that fail end a scan."""
+_MOST_SILENCES: Final = 3
+"""So often is a look tried again where a sensor is silent; each waits as long as a robot's look does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +82,8 @@ class ScanResult:
     """How far odometry alone was off in the end, in the map's frame, as the walls say."""
     refused: int
     """Looks whose walls asked for a pose that odometry rules out; it was believed."""
+    failed: int
+    """Movements that were not carried out as asked; the depth guard's refusals are none."""
 
 
 class Scan:
@@ -117,7 +124,7 @@ class Scan:
         )
         self._map = OccupancyMap(self._settings)
         self._tracker = WallTracker()
-        self._drift, self._refused = Pose(0.0, 0.0), 0
+        self._drift, self._refused, self._failed = Pose(0.0, 0.0), 0, 0
         self._seed = seed
         self._actions = 0
 
@@ -151,7 +158,7 @@ class Scan:
             if self._map.known.any():
                 kept(self.grid())
         free_m2 = seen_free_m2(self._map)
-        return ScanResult(self.grid(), self._actions, free_m2, stopped, self._drift, self._refused)
+        return ScanResult(self.grid(), self._actions, free_m2, stopped, self._drift, self._refused, self._failed)
 
     def grid(self) -> PlanGrid:
         """Return the map so far, cut to what is known."""
@@ -176,7 +183,7 @@ class Scan:
         refused, collided, note, failures = False, False, "", 0
         while True:
             with self._stop.interruptible():
-                observation = self._robot.observe()
+                observation = self._observe()
                 pose = self._look(observation)
                 state = ScanState(self._map, pose, self._actions, refused, collided, note)
                 told(state)
@@ -190,6 +197,15 @@ class Scan:
             self._actions += 1
             if self._actions % _KEPT_EVERY == 0:
                 kept(self.grid())
+
+    def _observe(self) -> Observation:
+        """Look; a sensor that falls silent for a moment is waited for, since the robot stands."""
+        for _ in range(_MOST_SILENCES):
+            try:
+                return self._robot.observe()
+            except SensorLostError as silent:
+                logger.warning("waiting: %s", silent)
+        return self._robot.observe()
 
     def _look(self, observation: Observation) -> Pose:
         """Draw what is seen into the map, and return from where."""
@@ -205,7 +221,7 @@ class Scan:
         return pose
 
     def _move(self, action: Action, observation: Observation, pose: Pose) -> tuple[bool, bool, str]:
-        """Carry out an action, unless the depth guard refuses it.
+        """Carry out an action, unless the depth guard refuses it; where a sensor stays silent, the next look says so.
 
         Returns:
             Whether it fell short, whether it touched something, and what to say.
@@ -218,8 +234,7 @@ class Scan:
         result = self._robot.execute(action)
         if result.completed:
             return False, result.collision is not None, ""
-        if result.sensor_lost:
-            raise SensorLostError(result.failure)
+        self._failed += 1
         words = result.failure or (f"touched {result.collision.touched}" if result.collision else "it fell short")
         if action is Action.MOVE_FORWARD and result.collision:
             ahead = pose.compose(Pose(profile.base.radius_m + self._settings.resolution_m, 0.0))
