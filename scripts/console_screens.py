@@ -6,6 +6,7 @@ A rehearsal in the embedded apartment is run by clicks; two phones, one of them 
 driven, judged, asked back, corrected, cut off, ended: what is on the screen at each step is kept.
 """
 
+import os
 import random
 import re
 import subprocess
@@ -26,7 +27,26 @@ from tests.console.tcp_relay import TcpRelay
 ROOT = Path(__file__).resolve().parent.parent
 SCALE = 1.5
 QUALITY = 60
-WORDS = ("--model", "oracle", "--goal", "chair", "--starts", "3", "--pretend-real", "--robot", "simulated:lola2")
+UNHURRIED = '''"""The oracle at a real robot's pace, so that it can be watched."""
+import time
+from vsnbench.models.oracle import Oracle as Hurried
+
+class Oracle(Hurried):
+    def act(self, observation):
+        time.sleep(0.4)
+        return super().act(observation)
+'''
+WORDS = (
+    "--model",
+    "unhurried:Oracle",
+    "--goal",
+    "chair",
+    "--starts",
+    "3",
+    "--pretend-real",
+    "--robot",
+    "simulated:lola2",
+)
 
 
 class Screens:
@@ -58,8 +78,11 @@ def main(folder: Path) -> None:
         port = quiet_port(random.Random())
         log = directory / "log"
         command = [sys.executable, "-m", "vsnbench.cli.main", "run", *WORDS, "--console-port", str(port)]
+        (directory / "unhurried.py").write_text(UNHURRIED)
+        path = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(directory)])}
         with log.open("w") as sink:
-            run = subprocess.Popen([*command, "--results", str(directory / "results")], cwd=ROOT, stderr=sink, stdin=-3)
+            results = ["--results", str(directory / "results")]
+            run = subprocess.Popen([*command, *results], cwd=ROOT, stderr=sink, stdin=-3, env=path)
         stack.callback(run.wait)
         stack.callback(run.kill)
         wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the page is served")
@@ -108,6 +131,7 @@ def by_clicks(phones: list[Phone], screens: Screens, relay: TcpRelay) -> None:
     screens.keep("4-it-stands-there", "#go")
     anna.page.click("#go")
     both("#picture img[src^=blob]")
+    anna.page.wait_for_function("() => document.getElementById('driving-steps').textContent.length > 8")
     screens.keep("5-driving")
     relay.stall()
     both("#offline")

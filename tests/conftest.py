@@ -23,7 +23,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {
-        *("cli/test_doctor.py", "cli/test_hostile_archive.py", "cli/test_models.py", "cli/test_report.py"),
+        *("cli/test_doctor.py", "cli/test_hostile_archive.py", "cli/test_models.py", "cli/test_place.py"),
+        "cli/test_report.py",
         *("cli/test_run.py", "cli/test_run_keeping.py", "cli/test_run_pirlnav.py", "cli/test_run_with_a_person.py"),
         *("cli/test_sites.py", "cli/test_study.py", "cli/test_sweep.py", "cli/test_view.py"),
         *("examples/test_point_robot.py", "exchange/test_killed_merge.py", "exchange/test_merge.py"),

@@ -88,6 +88,13 @@ def test_a_mark_outside_the_plan_is_said_in_words(page: Page, session: Session) 
         page.get_by_text(words).wait_for()
 
 
+def test_a_phone_whose_clock_is_wrong_is_told_so(page: Page, session: Session) -> None:
+    page.add_init_script("const right = Date.now; Date.now = () => right() - 47 * 60_000;")
+    with session.desk.ask(Asks.PLACE):
+        signed_in(page, session)
+        page.get_by_text("this phone's clock is 47 min slow: the computer's counts").wait_for()
+
+
 def test_a_plan_that_cannot_be_shown_is_said_in_words(page: Page, session: Session) -> None:
     page.route("**/plan.svg", lambda route: route.fulfill(status=200, body="<p>a proxy's own page</p>"))
     with session.desk.ask(Asks.PLACE):

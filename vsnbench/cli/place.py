@@ -29,17 +29,16 @@ def command(
     within_deg: Annotated[
         float | None, typer.Option("--within-deg", min=0.1, max=45, help="Tolerance in degrees; the protocol's is 3.")
     ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Of where a simulated robot, which pretends to be real, was put.")
-    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of where near its mark a simulated robot was put.")] = 0,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
 ) -> None:
     """Measure from the depth camera how far off its mark the robot stands, and say how to mend it.
 
-    What the camera sees is compared with what the site's plan says it should see from there. Nothing is driven, but
-    for the turn on the spot that --turn asks for. The exit code is 0 when it stands right, else 1.
+    What the camera sees is compared with what the site's plan says it should see
+    from there. Nothing is driven, but for the turn on the spot that --turn asks
+    for. The exit code is 0 when it stands right, else 1.
 
     [bold]Examples[/bold]
 
@@ -88,6 +87,8 @@ def command(
     else:
         console = Console(highlight=False)
         say_placement(look.measured, console)
+        if look.measured.wants_turn:
+            console.print("[dim]next: the same command with --turn[/dim]")
         if picture is not None:
             console.print(f"what it sees, and what it should see in cyan: {picture}")
     raise typer.Exit(0 if look.measured.within_tolerance else 1)

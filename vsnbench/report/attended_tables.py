@@ -1,4 +1,7 @@
-"""Who stood beside the robot, as sheets and as JSON values; nothing where it was one person in one session."""
+"""Who stood beside the robot, as sheets and as JSON values; nothing where it was one person in one session.
+
+The columns that answer come first: a phone shows four.
+"""
 
 import math
 from typing import Any
@@ -29,14 +32,14 @@ def operator_sheet(attended: Attended) -> Sheet:
         rows.append(
             row(
                 word(one.name),
-                count(one.sessions),
-                decimal(one.hours, 1),
                 of(judged.successes, judged.trials),
                 percent(judged.rate, 1),
                 interval_percent(interval.low, interval.high, 1),
                 Cell(UNKNOWN, -1.0) if one.p is None else Cell(compared(one.p).removeprefix("= "), one.p),
                 count(one.overruled),
                 count(one.interventions),
+                count(one.sessions),
+                decimal(one.hours, 2),
             )
         )
     return Sheet(
@@ -44,14 +47,14 @@ def operator_sheet(attended: Attended) -> Sheet:
         title="Who judged",
         columns=(
             Column("person", number=False),
-            Column("sessions", rank=2),
-            Column("hours", rank=3),
             Column("judged k/n", note="successes of the trials that count by this person's verdict"),
             Column("SR %", rank=1),
             Column("95 % interval", rank=4),
             Column("p", note="of success having nothing to do with who judged, model for model and goal for goal"),
             Column("overruled", note="verdicts in which the protocol had said otherwise"),
             Column("interventions"),
+            Column("sessions", rank=2),
+            Column("hours", rank=3),
         ),
         rows=tuple(rows),
         notes=(
@@ -70,25 +73,25 @@ def session_sheet(attended: Attended) -> Sheet:
         columns=(
             Column("session"),
             Column("operator", number=False),
-            Column("robot", number=False, rank=3),
-            Column("began (UTC)", number=False),
-            Column("hours"),
-            Column("attempts", rank=2),
             Column("k/n"),
             Column("SR %"),
             Column("interventions", rank=1),
+            Column("began (UTC)", number=False),
+            Column("hours"),
+            Column("attempts", rank=2),
+            Column("robot", number=False, rank=3),
         ),
         rows=tuple(
             row(
                 count(one.number),
                 word(one.operator),
-                word(one.robot),
-                word(f"{one.began_at:%Y-%m-%d %H:%M}"),
-                decimal(one.hours, 1),
-                count(one.attempts),
                 of(one.outcomes.proportion.successes, one.outcomes.proportion.trials),
                 percent(one.outcomes.proportion.rate, 1),
                 count(one.interventions),
+                word(f"{one.began_at:%Y-%m-%d %H:%M}"),
+                decimal(one.hours, 2),
+                count(one.attempts),
+                word(one.robot),
             )
             for one in attended.sessions
         ),

@@ -55,8 +55,9 @@ function render() {
     at("trial-number").textContent = `#${trial.episode} · ${trial.driven_by} · ${state.done + 1} of ${state.trials}`;
     at("trial-goal").textContent = `Goal: ${trial.goal}, from mark ${trial.start}`;
     const [x, y] = trial.pose;
-    at("trial-where").textContent = `${asks === "place" ? "Put the robot at" : "From"} x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
+    at("trial-where").textContent = `${asks === "place" ? "Put the robot at" : "It stands at"} x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, facing ${Math.round(trial.heading_deg)}°${trial.note ? ` (${trial.note})` : ""}`;
   }
+  show("trial-where", !driving); // it has left there
   at("trial-again").textContent = placing && state.last?.void ? `#${state.last.episode}: ${state.last.words}` : "";
   show("trial-again", !!at("trial-again").textContent);
   at("trial-problem").textContent = question?.problem ? `Not yet: ${question.problem}` : "";
