@@ -85,3 +85,23 @@ def test_a_camera_mounted_behind_the_axis_sees_the_same_wall_farther() -> None:
 
 def test_a_guard_that_is_off_never_blocks() -> None:
     assert not look_ahead(seeing(wall_at(0.3)), BASE, DepthGuard(enabled=False)).blocked
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, -25.0, 12.5])
+def test_the_guard_counts_what_the_geometry_says_pixel_by_pixel(tilt_deg: float) -> None:
+    camera = CAMERA.model_copy(update={"tilt_deg": tilt_deg, "mount_forward_m": 0.07})
+    rng = np.random.default_rng(5)
+    seen = 0
+    for spread_m in (0.7, 1.5, 6.0):
+        depth_m = (rng.random((120, 160)) * spread_m).astype(np.float32)
+        depth_m[rng.random((120, 160)) < 0.2] = np.nan
+        rays = camera.rays(160, 120)
+        rows, columns = rays.pixels_nearer(depth_m, BASE.radius_m + GUARD.distance_m)
+        ahead, left, up = rays.points(depth_m[rows, columns], rows, columns)
+        inside = np.abs(left) <= BASE.radius_m + GUARD.margin_m
+        inside &= (up >= GUARD.min_height_m) & (up <= GUARD.max_height_m)
+        reading = look_ahead(seeing(depth_m, camera), BASE, GUARD)
+        seen += reading.pixels
+        assert reading.pixels == np.count_nonzero(inside)
+        assert reading.nearest_m == (ahead[inside].min() - BASE.radius_m if inside.any() else None), "to the last bit"
+    assert seen > 500

@@ -61,6 +61,7 @@ class SimulatedRobot:
         self._renderer = Renderer(scene)
         self._shininess = _shininess_of_objects(scene, len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
+        self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
 
     @property
@@ -176,7 +177,7 @@ class SimulatedRobot:
         if self._drift is not None:
             pose = self._drift.update(pose)
         now_s = self._physics.time_s
-        due_s = self._odometry_stamp_s + 1 / self.profile.base.odometry_rate_hz
+        due_s = self._odometry_stamp_s + self._odometry_period_s
         if fresh or now_s >= due_s - CONTROL_PERIOD_S / 2:
             self._odometry, self._odometry_stamp_s = pose, now_s
 

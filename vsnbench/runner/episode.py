@@ -17,7 +17,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site, StartingPosition
 from vsnbench.protocol.step_record import StepTimings
 from vsnbench.robots.contract import MadeReady, PlacedByHand, Robot, battery_of
-from vsnbench.runner.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.depth_guard import GuardReading, get_ready, look_ahead
 from vsnbench.runner.placing import PlacementLook, Placing
 from vsnbench.runner.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping import Ends, StopAuthor, Stopped, Stopping, StopRequest
@@ -144,6 +144,7 @@ def run_episode(
     stopped: Stopped | None = None
     error = ""
     try:
+        get_ready(robot.identity.profile.camera, robot.identity.profile.base, plan.parameters.depth_guard)
         here, placed = _stand_at_start(robot, plan, recorder, beside, stop)
         recorder.begin(plan, here, placed)
         recording = True

@@ -80,6 +80,7 @@ class Physics:
         self._mujoco = mujoco
         _stop_profiling()
         self._base = base
+        self._top_m_s, self._top_rad_s = base.max_linear_m_s, base.max_angular_rad_s
         solids = [part for part in scene.primitives if part.solid and part.category not in _BUILT_IN]
         self._clearance = Clearance(solids, _GROUND_CLEARANCE_M, base.height_m)
         self._open = _World(mujoco.MjModel.from_xml_string(_world_xml([], base)))
@@ -136,9 +137,8 @@ class Physics:
         Returns:
             What the shell came to touch, or still touches; None while the way is free.
         """
-        top_m_s, top_rad_s = self._base.max_linear_m_s, self._base.max_angular_rad_s
-        forward_m_s = min(max(command.linear_m_s, -top_m_s), top_m_s)
-        turning_m_s = min(max(command.angular_rad_s, -top_rad_s), top_rad_s) * self.geometry.track_m / 2
+        forward_m_s = min(max(command.linear_m_s, -self._top_m_s), self._top_m_s)
+        turning_m_s = min(max(command.angular_rad_s, -self._top_rad_s), self._top_rad_s) * self.geometry.track_m / 2
         self._choose_world()
         step, model, data, wheels = self._mujoco.mj_step, self._world.model, self._world.data, self._world.wheels
         wheels[0] = (forward_m_s - turning_m_s) / self.geometry.radius_m
@@ -177,7 +177,7 @@ class Physics:
 
     def _choose_world(self) -> None:
         """Step the world without solids as long as none is near: it is the same, and quicker."""
-        self._free_m -= self._base.max_linear_m_s * CONTROL_PERIOD_S
+        self._free_m -= self._top_m_s * CONTROL_PERIOD_S
         if self._free_m > 0:
             return
         here = self.pose
