@@ -41,6 +41,8 @@ class Attempt:
     duration_s: float | None = 30.0
     steps: Sequence[StepRecord] = ()
     judged: bool = True
+    proposed: bool = False
+    """Its verdict is the protocol's and awaits a person's word."""
     final: Pose | None = None
     begins: Pose = field(default_factory=lambda: Pose(1.0, 1.0))
     operator: str = ""
@@ -113,6 +115,7 @@ def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetim
             end_reason=attempt.end_reason,
             actions=attempt.actions,
             verdict=verdict if attempt.judged else None,
+            proposed=attempt.proposed,
             path_length_m=attempt.path_m,
             geodesic_m=attempt.remaining_m,
             duration_s=attempt.duration_s,

@@ -31,21 +31,17 @@ def show(as_json: Json = False) -> None:
         vsnbench config show
         VSNBENCH_ROBOT=turtlebot2 vsnbench config show --json
     """
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, print_list, prose_column
     from vsnbench.lab_file import FILE_NAME, VARIABLE_OF, lab_defaults
 
     defaults = lab_defaults()
     if as_json:
         print_json([asdict(each) for each in defaults])
         return
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("default", "value", "from"):
-        table.add_column(heading, overflow="fold")
+    rows = []
     for each in defaults:
         unsaid = f"[dim]not said: {VARIABLE_OF[each.name]} or vsnbench.toml may[/dim]"
         source = FILE_NAME if each.source == str(Path.cwd() / FILE_NAME) else each.source
-        table.add_row(each.name, escape(each.value) or "[dim]-[/dim]", escape(source) or unsaid)
-    Console().print(table, highlight=False)
+        rows.append((each.name, safe(each.value) or "[dim]-[/dim]", safe(source) or unsaid))
+    print_list((ListColumn("default"), prose_column("value"), prose_column("from")), rows)

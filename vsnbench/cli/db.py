@@ -37,9 +37,8 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     """
     from dataclasses import asdict
 
-    from rich.table import Table
-
-    from vsnbench.cli.episode_page import page, safe
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, name_column, print_list
     from vsnbench.database.engine import open_engine
     from vsnbench.database.migrate import schema_state
     from vsnbench.database.queries import campaign_states, count_episodes
@@ -80,25 +79,25 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     typer.echo(f"episodes  {sum(episodes.values())}" + (f" ({told})" if told else ""))
     if not campaigns:
         return
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name, justify in (
-        ("campaign", "right"),
-        ("name", "left"),
-        ("robot", "left"),
-        ("trials done", "right"),
-        ("begun (UTC)", "left"),
-    ):
-        table.add_column(name, justify="right" if justify == "right" else "left")
-    for campaign in campaigns:
-        table.add_row(
+    columns = (
+        ListColumn("campaign", right=True),
+        name_column("name", least=32),
+        ListColumn("robot", rank=2),
+        ListColumn("trials done", right=True),
+        ListColumn("begun (UTC)", rank=1),
+    )
+    rows = [
+        (
             str(campaign.id),
             safe(campaign.name),
             "simulated" if campaign.simulated else "real",
             f"{campaign.done} of {campaign.trials}",
             f"{campaign.created_at:%Y-%m-%d %H:%M}",
         )
+        for campaign in campaigns
+    ]
     typer.echo()
-    page().print(table)
+    print_list(columns, rows)
 
 
 @app.command()

@@ -45,9 +45,8 @@ def list_(
 
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
-    from rich.table import Table
-
-    from vsnbench.cli.episode_page import COLORS, metres, page, safe
+    from vsnbench.cli.episode_page import COLORS, metres, safe
+    from vsnbench.cli.listing import ListColumn, name_column, print_list
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import count_episodes, list_episodes
     from vsnbench.database.read_shapes import OUTCOMES, EpisodeFilter
@@ -68,12 +67,20 @@ def list_(
     if not episodes:
         typer.echo("no such episodes", err=True)
         return
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("episode", "model", "goal", "start", "result", "actions", "to goal", "began (UTC)"):
-        table.add_column(name, justify="right" if name in ("episode", "start", "actions", "to goal") else "left")
+    columns = (
+        ListColumn("episode", right=True),
+        name_column("model"),
+        ListColumn("goal"),
+        ListColumn("start", right=True),
+        ListColumn("result"),
+        ListColumn("actions", right=True, rank=1),
+        ListColumn("to goal", right=True, rank=2),
+        ListColumn("began (UTC)", rank=3),
+    )
+    rows = []
     for episode in episodes:
         color, why = COLORS[episode.outcome], episode.end_reason if episode.success is not True else None
-        table.add_row(
+        row = (
             str(episode.id),
             safe(episode.model),
             safe(episode.goal),
@@ -83,7 +90,8 @@ def list_(
             metres(episode.distance_to_goal_m),
             f"{episode.started_at:%Y-%m-%d %H:%M}",
         )
-    page().print(table)
+        rows.append(row)
+    print_list(columns, rows)
     if total > len(episodes):
         typer.echo(f"the latest {len(episodes)} of {total}; --limit 0 shows all", err=True)
 

@@ -194,9 +194,8 @@ def _proposal(details: "EpisodeDetails") -> "Verdict":
 
 
 def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
-    from rich.table import Table
-
-    from vsnbench.cli.episode_page import page, safe
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, name_column, print_list, prose_column
     from vsnbench.database.migrate import open_record
     from vsnbench.database.queries import pending_episodes
     from vsnbench.protocol.judge import EndReason
@@ -225,18 +224,23 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     if not waiting:
         typer.echo("no episode awaits a person's word", err=True)
         return
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("episode", "model", "goal", "start", "ended (UTC)", "proposal"):
-        table.add_column(name, justify="right" if name in ("episode", "start") else "left")
+    columns = (
+        ListColumn("episode", right=True),
+        name_column("model"),
+        ListColumn("goal"),
+        ListColumn("start", right=True),
+        ListColumn("ended (UTC)", rank=1),
+        prose_column("proposal"),
+    )
+    rows = []
     for one in waiting:
         start = str(one.start) + (f" ({one.repetition})" if one.repetition > 1 else "")
         proposal = one.proposal or f"none: it was {one.origin}, and ended with {one.end_reason}"
         if not one.proposal and not EndReason(one.end_reason).is_result:
             proposal += ": --collision WHAT or --void WHY"
-        table.add_row(
-            str(one.id), safe(one.model), safe(one.goal), start, f"{one.ended_at:%Y-%m-%d %H:%M}", safe(proposal)
-        )
-    page().print(table)
+        ended = f"{one.ended_at:%Y-%m-%d %H:%M}"
+        rows.append((str(one.id), safe(one.model), safe(one.goal), start, ended, safe(proposal)))
+    print_list(columns, rows)
     ways = ["--confirm"] if any(one.proposal for one in waiting) else []
     ways += ["--distance 0.84"] if any(one.end_reason == EndReason.STOP.value for one in waiting) else []
     typer.echo(f"vsnbench judge N {', or '.join([*ways, '--void WHY'])} ...{place.options}", err=True)

@@ -7,6 +7,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from vsnbench.cli.episode_page import safe
+from vsnbench.cli.listing import name_column, print_list, prose_column
 from vsnbench.cli.model_serving import check_against_contract, check_served, serve
 from vsnbench.cli.model_starting import new
 from vsnbench.cli.output import Json, print_files, print_json
@@ -43,14 +45,16 @@ def list_models(as_json: Json = False) -> None:
     if as_json:
         print_json([_description_json(model) for model in described] + broken)
         return
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("model", "what it is", "goals", "weights"):
-        table.add_column(heading, overflow="fold")
-    for model in described:
-        table.add_row(model.name, model.summary, _goals(model), _weights_state(model))
-    for each in broken:
-        table.add_row(each["name"], f"[red]{each['error']}[/red]")
-    Console().print(table)
+    columns = (
+        name_column("model"),
+        prose_column("what it is"),
+        prose_column("goals", rank=1),
+        prose_column("weights"),
+    )
+    rows = [(safe(model.name), safe(model.summary), safe(_goals(model)), _weights_state(model)) for model in described]
+    print_list(
+        columns, [*rows, *((safe(each["name"]), f"[red]{safe(each['error'])}[/red]", "", "") for each in broken)]
+    )
 
 
 @app.command()

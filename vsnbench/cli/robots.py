@@ -24,9 +24,8 @@ RobotArgument = Annotated[str, typer.Argument(help="A profile's name, or the pat
 @app.command("list")
 def list_robots(as_json: Json = False) -> None:
     """List what --robot knows."""
-    from rich.console import Console
-    from rich.table import Table
-
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import name_column, print_list, prose_column
     from vsnbench.robots.interface_kinds import INTERFACE_KINDS
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
@@ -47,10 +46,8 @@ def list_robots(as_json: Json = False) -> None:
     if as_json:
         print_json([{"name": name, "what": text} for name, text in rows])
         return
-    table = Table("--robot", "what it is", box=None, pad_edge=False)
-    for name, text in rows:
-        table.add_row(name, text)
-    Console().print(table)
+    columns = (name_column("--robot", least=24), prose_column("what it is"))
+    print_list(columns, [(safe(name), safe(text)) for name, text in rows])
 
 
 @app.command()

@@ -31,9 +31,8 @@ SiteArgument = Annotated[str, typer.Argument(help="An embedded site's name, or t
 @app.command("list")
 def list_sites(as_json: Json = False) -> None:
     """List the sites that ship with vsnbench."""
-    from rich.console import Console
-    from rich.table import Table
-
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, name_column, print_list, prose_column
     from vsnbench.protocol.site import embedded_sites, load_site
 
     sites = [(load_site(name), path) for name, path in embedded_sites().items()]
@@ -52,13 +51,12 @@ def list_sites(as_json: Json = False) -> None:
         ]
         print_json(rows)
         return
-    table = Table("name", "title", box=None, pad_edge=False)
-    for column in ("area", "rooms", "objects", "starts"):
-        table.add_column(column, justify="right")
+    numbers = (ListColumn(heading, right=True) for heading in ("area", "rooms", "objects", "starts"))
+    rows = []
     for site, _ in sites:
         counts = (len(site.rooms), len(site.objects), len(site.starts))
-        table.add_row(site.name, site.title, f"{site.area_m2:.1f} m²", *map(str, counts))
-    Console().print(table)
+        rows.append((safe(site.name), safe(site.title), f"{site.area_m2:.1f} m²", *map(str, counts)))
+    print_list((name_column("name"), prose_column("title"), *numbers), rows)
 
 
 @app.command()
@@ -68,8 +66,9 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
     vsnbench sites show apartment
     """
     from rich.console import Console
-    from rich.table import Table
 
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, print_list, prose_column
     from vsnbench.protocol.categories import GOAL_CATEGORIES
     from vsnbench.protocol.site import load_site
 
@@ -87,16 +86,17 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
         f"{door.name} {door.clear_width_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors
     )
     console.print(f"doors: {doors or 'none'}\n", highlight=False)
-    goals = Table("goal", "instances", box=None, pad_edge=False)
-    for goal in GOAL_CATEGORIES:
-        names = [thing.id for thing in site.instances(goal)]
-        goals.add_row(goal, ", ".join(names) or "[yellow]none[/yellow]")
-    console.print(goals)
-    starts = Table("\nstart", "\nat", "\nheading", "\nnote", box=None, pad_edge=False)
+    instances = {goal: ", ".join(safe(thing.id) for thing in site.instances(goal)) for goal in GOAL_CATEGORIES}
+    goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]
+    print_list((ListColumn("goal"), prose_column("instances")), goals)
+    typer.echo()
+    starts = []
     for start in site.starts:
         x_m, y_m = start.position
-        starts.add_row(str(start.number), f"({x_m:.2f}, {y_m:.2f})", f"{start.heading_deg:g}°", start.note)
-    console.print(starts)
+        row = (str(start.number), f"({x_m:.2f}, {y_m:.2f})", f"{start.heading_deg:g}°", safe(start.note))
+        starts.append(row)
+    numbers = (ListColumn(heading, right=True) for heading in ("start", "at", "heading"))
+    print_list((*numbers, prose_column("note")), starts)
 
 
 @app.command()

@@ -109,9 +109,8 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None, 
 
     [bold]vsnbench study status study.yaml[/bold]
     """
-    from rich.table import Table
-
-    from vsnbench.cli.episode_page import page, safe
+    from vsnbench.cli.episode_page import safe
+    from vsnbench.cli.listing import ListColumn, name_column, print_list
     from vsnbench.cli.study_file import open_study
     from vsnbench.database.migrate import open_record
     from vsnbench.database.study_entries import AMEND
@@ -141,13 +140,9 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None, 
     typer.echo(f"blind     {blind}")
     done = sum(one.done for one in standing)
     typer.echo(f"trials    {done} of {len(standing)} done, {sum(one.voids for one in standing)} void attempts")
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("arm", "done", "left", "void attempts"):
-        table.add_column(name, justify="left" if name == "arm" else "right")
-    for line in standings:
-        table.add_row(*(safe(value) for value in line.values()))
+    numbers = (ListColumn(heading, right=True) for heading in ("done", "left", "void attempts"))
     typer.echo()
-    page().print(table)
+    print_list((name_column("arm"), *numbers), [[safe(value) for value in line.values()] for line in standings])
     _tell_of_change(study)
 
 

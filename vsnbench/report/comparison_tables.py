@@ -62,7 +62,7 @@ def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> lis
             *(others if all_tests else ()),
         ),
         rows=tuple(_rate_row(rate, comparison.asked, all_tests=all_tests) for rate in comparison.rates),
-        notes=verdicts(comparison),
+        notes=(*_shared_goals(comparison), *verdicts(comparison)),
         footnotes=footnotes([comparison.first, comparison.second]),
     )
     if not comparison.effects:
@@ -190,8 +190,13 @@ def comparison_fields(comparison: Comparison) -> dict[str, Any]:
     }
 
 
+def _shared_goals(comparison: Comparison) -> tuple[str, ...]:
+    return tuple(f"Shared goals: {listed(rate.goals[0])}." for rate in comparison.rates if rate.scope == SHARED)
+
+
 def _rate_row(rate: RateComparison, asked: int, *, all_tests: bool) -> Row:
-    scope = f"shared: {listed(rate.goals[0])}" if rate.scope == SHARED else rate.scope
+    # A line of its own below says which goals are shared: a list would break the cell on a narrow terminal.
+    scope = {ALL: "all", SHARED: "shared"}.get(rate.scope, rate.scope)
     matches, (mine, theirs), cells = rate.matches, rate.compared, rate.cells
     unknown = Cell(UNKNOWN, -math.inf)
     others = rate.others if all_tests else None

@@ -164,13 +164,14 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
         table = Table(
             title=Text(harmless(sheet.title), style="bold"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
         )
-        for column in sheet.columns:
-            # Numbers are never broken; on a narrow terminal it is the words that wrap.
+        for column, longest in zip(sheet.columns, _longest_words(sheet), strict=True):
+            # Numbers are never broken; on a narrow terminal words wrap, and none is broken but a long name.
             table.add_column(
                 Text(harmless(column.heading)),
                 justify="right" if column.number else "left",
                 no_wrap=column.number,
                 overflow="fold",
+                min_width=min(_WRAP, longest),
             )
         for index, row in enumerate(sheet.rows):
             if row.total and index and not sheet.rows[index - 1].total:
@@ -187,14 +188,22 @@ def print_sheets(sheets: Iterable[Sheet], console: "Console") -> None:
         console.print(Text(harmless(words), style="dim"))
 
 
-def _width(sheet: Sheet) -> int:
-    texts = [
+def _texts(sheet: Sheet) -> list[list[str]]:
+    """Return what stands in each column, its heading first."""
+    return [
         [column.heading, *(harmless(row.cells[place].text) for row in sheet.rows)]
         for place, column in enumerate(sheet.columns)
     ]
+
+
+def _longest_words(sheet: Sheet) -> list[int]:
+    return [max((len(word) for text in column for word in text.split()), default=0) for column in _texts(sheet)]
+
+
+def _width(sheet: Sheet) -> int:
     # A word column may wrap to some extent, a number must not.
     widest = [
         max(map(len, words)) if column.number else min(_WRAP, max(map(len, words)))
-        for column, words in zip(sheet.columns, texts, strict=True)
+        for column, words in zip(sheet.columns, _texts(sheet), strict=True)
     ]
     return sum(widest) + 3 * len(widest) + 1

@@ -135,7 +135,7 @@ def end_sheet(results: Results) -> Sheet:
             Column("end reason", number=False),
             Column("attempts"),
             Column("counted"),
-            Column("% of counted"),
+            Column("% of counted", rank=1),
             Column("kind", number=False),
         ),
         rows=tuple(rows),
