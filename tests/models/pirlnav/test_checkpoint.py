@@ -1,6 +1,8 @@
 """Checkpoints of the released layout are read whole, with either prefix and with or without a critic."""
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -90,3 +92,16 @@ def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> 
     for step in range(2):
         decision = policy.act(Observation(rgb, None, Pose(0.25 * step, 0.0), float(step), CAMERA))
         assert sum(decision.diagnostics.probabilities.values()) == pytest.approx(1)
+
+
+def test_sizes_are_known_without_loading_pytorch_s_compiler() -> None:
+    """It takes 2.5 s of the processor, in every process and worker that loads the model."""
+    program = """
+import sys
+from vsnbench.models.pirlnav.architecture import Architecture
+from vsnbench.models.pirlnav.network import expected_shapes
+assert len(expected_shapes(Architecture())) == 185
+assert "torch._dynamo" not in sys.modules
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -28,9 +28,8 @@ def load_module(path: Path) -> ModuleType:
     return module
 
 
-@pytest.fixture(scope="session")
-def value_tensors() -> dict[str, Tensor]:
-    """Every tensor of the released file, drawn by recipe; the backbone stored twice, as there."""
+def released_tensors() -> dict[str, Tensor]:
+    """Return every tensor of the released file, drawn by recipe; the backbone stored twice, as there."""
     shapes = {name: tuple(shape) for name, shape in json.loads((DATA / "vlv" / "shapes.json").read_text()).items()}
     drawn = load_module(DATA / "vlv" / "weights.py").state_dict(shapes)
     twins = {"0": "conv1", "1": "bn1", "4": "layer1", "5": "layer2", "6": "layer3", "7": "layer4"}
@@ -41,11 +40,20 @@ def value_tensors() -> dict[str, Tensor]:
     return {name: torch.from_numpy(np.asarray(array)) for name, array in drawn.items()}
 
 
+def write_value_network(path: Path, tensors: dict[str, Tensor]) -> Path:
+    """Write a file of the released layout."""
+    torch.save({"model_state_dict": tensors, "epoch": 3}, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def value_tensors() -> dict[str, Tensor]:
+    return released_tensors()
+
+
 @pytest.fixture(scope="session")
 def value_file(tmp_path_factory: pytest.TempPathFactory, value_tensors: dict[str, Tensor]) -> Path:
-    path = tmp_path_factory.mktemp("weights") / "vlv_model.torch"
-    torch.save({"model_state_dict": value_tensors, "epoch": 3}, path)
-    return path
+    return write_value_network(tmp_path_factory.mktemp("weights") / "vlv_model.torch", value_tensors)
 
 
 @pytest.fixture(scope="session")

@@ -3,10 +3,12 @@
 Module names follow the authors' checkpoints, so that a state dict without its prefix fits as it is.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
 
 from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
 
@@ -199,15 +201,27 @@ class PIRLNavNetwork(nn.Module):
         return NetworkOutput(logits, value, after)
 
 
+class _Undrawn(TorchFunctionMode):
+    """Draws no first values of embeddings: of tensors without values that loads PyTorch's compiler, for 2.5 s."""
+
+    def __torch_function__(
+        self, function: Callable[..., Any], _types: Any, arguments: Any = (), options: Mapping[str, Any] | None = None
+    ) -> Any:
+        named = options or {}
+        if function is nn.init.normal_:
+            return [*arguments, *named.values()][0]  # the tensor that it would draw
+        return function(*arguments, **named)
+
+
 def expected_shapes(architecture: Architecture) -> dict[str, tuple[int, ...]]:
     """Return every weight of the network with its shape; allocates none of them."""
-    with torch.device("meta"):
+    with torch.device("meta"), _Undrawn():
         return {name: tuple(weight.shape) for name, weight in PIRLNavNetwork(architecture).state_dict().items()}
 
 
 def build_network(architecture: Architecture, weights: dict[str, Tensor]) -> PIRLNavNetwork:
     """Return the network in evaluation mode, on the CPU, holding `weights`, which fit `expected_shapes`."""
-    with torch.device("meta"):
+    with torch.device("meta"), _Undrawn():
         network = PIRLNavNetwork(architecture)
     network.load_state_dict(weights, assign=True)
     return network.requires_grad_(requires_grad=False).eval()
