@@ -59,9 +59,13 @@ def print_list(columns: Sequence[ListColumn], rows: Sequence[Sequence[str]]) -> 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, _GAP, 0, 0))
     for place, width in widths.items():
         column = columns[place]
-        overflow = "fold" if column.wraps else "ellipsis"
-        justify = "right" if column.right else "left"
-        table.add_column(column.heading, justify=justify, no_wrap=not column.wraps, overflow=overflow, width=width)
+        table.add_column(
+            column.heading,
+            justify="right" if column.right else "left",
+            no_wrap=not column.wraps,
+            overflow="fold" if column.wraps else "ellipsis",
+            width=width,
+        )
     for row in cells:
         table.add_row(*(row[place] for place in widths))
     console.print(table)

@@ -52,11 +52,11 @@ def list_sites(as_json: Json = False) -> None:
         print_json(rows)
         return
     numbers = (ListColumn(heading, right=True) for heading in ("area", "rooms", "objects", "starts"))
-    rows = []
+    lines = []
     for site, _ in sites:
         counts = (len(site.rooms), len(site.objects), len(site.starts))
-        rows.append((safe(site.name), safe(site.title), f"{site.area_m2:.1f} m²", *map(str, counts)))
-    print_list((name_column("name"), prose_column("title"), *numbers), rows)
+        lines.append((safe(site.name), safe(site.title), f"{site.area_m2:.1f} m²", *map(str, counts)))
+    print_list((name_column("name"), prose_column("title"), *numbers), lines)
 
 
 @app.command()

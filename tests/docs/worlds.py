@@ -1,0 +1,97 @@
+"""What a reader of a page has before the first command: files of a lab's own, and a record of earlier trials."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.docs.pages import ROOT
+from tests.docs.reading import Shell
+from tests.models.pirlnav.checkpoints import write_checkpoint
+from tests.models.vlv.conftest import released_tensors, write_value_network
+from tests.report.records import Attempt, Lab
+from vsnbench.protocol.judge import EndReason
+
+
+def _code(page: str, language: str) -> str:
+    """Return the first block of a page in a language."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[0]
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
+def _locked_study(shell: Shell) -> None:
+    shell.types("vsnbench study new --arm oracle --arm random --goal chair --seed 7")
+    shell.types("vsnbench study lock")
+
+
+def _spinner(shell: Shell) -> None:
+    _write(shell.directory / "examples" / "spinner.py", _code("models.md", "python"))
+
+
+def _released_pirlnav(shell: Shell) -> None:
+    write_checkpoint(shell.directory / "objectnav_rl_ft_hd.ckpt")
+
+
+def _two_models(shell: Shell) -> None:
+    """A driven episode with its images, a record of two models, and other tools' results."""
+    shell.types("vsnbench run --model random --goal chair --starts 1")
+    lab = Lab(shell.directory / "results")
+    for model, successes in (("vlv", 9), ("pirlnav", 6)):
+        lab.write([Attempt(start=number, success=number <= successes) for number in range(1, 16)], model=model)
+    _write(shell.directory / "log" / "datos.csv", "1700000000.5,chair,['Forward', 'Left', 'Stop'],3\n")
+    episode = {"object_category": "bed", "success": 1, "num_steps": 71}
+    _write(shell.directory / "episodes.json", json.dumps([episode]))
+
+
+def _awaiting(shell: Shell) -> None:
+    """Records of several days, one with seventeen episodes that await a person's word."""
+    collided = Attempt(goal="bed", success=False, end_reason=EndReason.COLLISION, distance_m=2.0)
+    days = {"results": "vlv", "lab-b/results": "pirlnav", "monday": "random", "tuesday": "forward"}
+    for place, model in days.items():
+        (shell.directory / place).mkdir(parents=True)
+        for number in Lab(shell.directory / place).write([Attempt(start=each) for each in range(1, 16)], model=model):
+            _write(shell.directory / place / f"episodes/{number:06}/trajectory.tum", "")
+    first = Lab(shell.directory / "results")
+    first.write([collided], model="oracle")
+    first.write([Attempt(goal="sofa", proposed=True)], model="vlv", simulated=False)
+
+
+def _robot_of_the_examples(shell: Shell) -> None:
+    shutil.copytree(ROOT / "examples", shell.directory / "examples", ignore=shutil.ignore_patterns("__pycache__"))
+
+
+def _surveyed(shell: Shell) -> None:
+    """The page's own example as lab.yaml, a drawing of it, and the map that a robot made of a place."""
+    _write(shell.directory / "lab.yaml", _code("sites.md", "yaml"))
+    shell.types("vsnbench sites export lab.yaml --svg plan.svg --map map.yaml")
+
+
+def _trained(shell: Shell) -> None:
+    target = shell.directory / "training-runs" / "full" / "pirlnav-embedded.ckpt"
+    target.parent.mkdir(parents=True)
+    shutil.copy(ROOT / "weights" / "pirlnav.ckpt", target)
+
+
+def _released_vlv(shell: Shell) -> None:
+    write_value_network(shell.directory / "vlv_model.torch", released_tensors())
+
+
+BEFORE: dict[str, Callable[[Shell], None]] = {
+    "console.md": _locked_study,
+    "models.md": _spinner,
+    "pirlnav.md": _released_pirlnav,
+    "report.md": _two_models,
+    "results.md": _awaiting,
+    "robot.md": _awaiting,
+    "robots.md": _robot_of_the_examples,
+    "sites.md": _surveyed,
+    "training.md": _trained,
+    "vlv.md": _released_vlv,
+}
+"""Page -> what makes it; all other pages begin in an empty directory."""
