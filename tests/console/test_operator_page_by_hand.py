@@ -5,13 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, Route
 
 from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium
 from tests.console.desk_session import Session, ended_of
 from vsnbench.database.queries import episode_details
+from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.pose import Pose
+from vsnbench.runner.attendant import Judgement
 from vsnbench.runner.board import ShownStep
 from vsnbench.runner.desk import Asks
 
@@ -75,6 +77,26 @@ def test_a_form_for_what_another_judges_meanwhile_closes_and_says_who_it_was(pag
         page.get_by_text("#1: Ben judged it meanwhile. What was typed here was not sent.").wait_for()
         page.get_by_text("failure · Ben").wait_for()
         assert page.locator(".judging-form").count() == 0
+
+
+def test_whoever_judges_second_is_told_who_was_first_though_the_screen_has_gone(page: Page, session: Session) -> None:
+    session.desk.board.episode_ended(ended_of(session))
+    with session.desk.ask(Asks.JUDGE) as question:
+
+        def after_ben(route: Route) -> None:
+            failed = Judgement(Verdict(EndReason.STEP_LIMIT, False, "failed"))
+            session.desk.reply(question.number, failed, "Ben", "the page")
+            route.continue_()
+
+        page.route("**/judge", after_ben)
+        page.goto(session.address)
+        page.fill("#name", "Anna")
+        page.keyboard.press("Enter")
+        page.click("#judging [data-touched=no]")
+        page.click("#judging .judging-form button.go")
+        page.wait_for_selector("#words:has-text('#1: Ben judged it first, at the page')")
+        page.wait_for_selector("#judging", state="hidden")
+        assert page.locator("#words").is_visible()
 
 
 def test_a_mark_outside_the_plan_is_said_in_words(page: Page, session: Session) -> None:

@@ -106,7 +106,11 @@ export function judgingForm(theCase, options) {
     event.preventDefault();
     say("");
     if (!draft.touched) return say(felt ? "say whether there was a collision" : "say whether it touched anything");
-    if (felt) return draft.touched === "yes" ? send({ felt: true }) : say("then it is no result: say below why it is void");
+    if (felt && draft.touched === "yes") return send({ felt: true });
+    if (felt) {
+      aside.open = true;
+      return say("then it is no result: say below why");
+    }
     if (draft.touched === "yes" && !draft.what.trim()) return say("say what it touched");
     const distance = theCase.ended_with === "stop" && draft.touched === "no" ? draft.distance : "";
     send({ touched: draft.touched === "no" ? "no" : draft.what, distance });

@@ -126,7 +126,10 @@ function renderJudging(visible) {
     element("p", { class: "verdict" }, `Proposed: ${theCase.proposal}`),
     judgingForm(theCase, {
       kept: `said-of-${theCase.episode}`,
-      send: (word) => post("/judge", { question, episode: theCase.episode, ...word }),
+      send: (word) => post("/judge", { question, episode: theCase.episode, ...word }).catch((error) => {
+        if (error.status === 409) say(`#${theCase.episode}: ${error.message}`); // its screen goes, this stays
+        throw error;
+      }),
       later: async () => { if (await answer("later")) say(`#${theCase.episode} awaits its judgement: it stands in the list below.`); },
     }),
   );
@@ -187,7 +190,7 @@ const link = new Link(
     if (!before?.driving && state.driving) at("stop-words").textContent = "";
     render();
     showEpisodes(at("episodes"), state, before, say);
-    if (state.question?.asks === "finish") showSummary(at("summary"), state, before);
+    if (state.question?.asks === "finish" || state.ended_by) showSummary(at("summary"), state, before);
     if (!plan) drawPlan(at("plan")).then((made) => { plan = made; render(); }).catch(() => { planFails = true; render(); });
     if (before === null) get("/state").catch(() => {});
   },
