@@ -7,7 +7,7 @@ Where one look does not determine the pose, a turn on the spot is measured too. 
 trial follows from the seed and its number alone, so what a rows file holds is not done again.
 
     python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near | --well] [--walls CM] [--surveyed CM]
-                                            [--no-turn] [--rows FILE] [--json FILE]
+                                            [--no-turn] [--rows FILE] [--json FILE] [--map FILE]
 """
 
 import argparse
@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,10 +30,14 @@ from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.placement import MeasuredPlacement
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site, StartingPosition, load_site
+from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.depth_view import Pinhole
 from vsnbench.simulator.renderer import eye_of
 from vsnbench.simulator.twins.generate import generate_site
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TURN_ERROR = 0.01
 """Standard deviation of how far the robot turns beside what its odometry says."""
@@ -110,6 +115,9 @@ def main() -> None:
         "--rows", type=Path, help="a line of JSON for each measurement; what it holds is not done again"
     )
     parser.add_argument("--json", type=Path, help="the figures")
+    parser.add_argument(
+        "--map", type=Path, help="a plan of the apartment: how often a look determines each mark, as PNG"
+    )
     asked = parser.parse_args()
     compute_with_one_thread()
     camera = load_profile("turtlebot2").camera
@@ -126,6 +134,8 @@ def main() -> None:
                 with asked.rows.open("a") as file:
                     file.writelines(json.dumps(asdict(row)) + "\n" for row in new)
     say(rows, asked.json)
+    if asked.map:
+        draw_map(load_site("apartment"), rows, asked.map)
 
 
 def measured(number: int, site: Site, start: StartingPosition, camera: Camera, asked: argparse.Namespace) -> list[Row]:
@@ -227,6 +237,26 @@ def summary(rows: Sequence[Row]) -> dict[str, float | int]:
         "median_cpu_s": quantile([row.cpu_s for row in rows], 0.5, 2),
         "most_cpu_s": quantile([row.cpu_s for row in rows], 1.0, 2),
     }
+
+
+def draw_map(site: Site, rows: Sequence[Row], path: Path) -> None:
+    """Draw at each mark of a site, as the filled part of a disk, in how many of its looks the pose was determined."""
+    from matplotlib.patches import Circle, Wedge
+
+    axes = draw_floor_plan(site, style=PlanStyle(labels=False, legend=False))
+    for start in site.starts:
+        looks = [row for row in rows if row.method == "look" and row.mark == f"{site.name} {start.number}"]
+        if not looks:
+            continue
+        sure = sum(row.determined for row in looks)
+        axes.add_artist(Circle(start.position, 0.24, facecolor="white", edgecolor="black", linewidth=0.7, zorder=12))
+        turned_deg = 360 * sure / len(looks)
+        axes.add_artist(Wedge(start.position, 0.24, 90 - turned_deg, 90, facecolor="#2e7d32", alpha=0.55, zorder=12.1))
+        axes.text(*start.position, str(start.number), ha="center", va="center_baseline", fontsize=8, zorder=13)
+        x_m, y_m = start.position
+        axes.text(x_m, y_m - 0.4, f"{sure}/{len(looks)}", ha="center", va="center", fontsize=7, zorder=13)
+    figure: Figure = axes.figure  # type: ignore[assignment]  # a new figure, never a sub-figure
+    figure.savefig(path, dpi=120, bbox_inches="tight", pad_inches=0.03)
 
 
 if __name__ == "__main__":

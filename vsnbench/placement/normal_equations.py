@@ -130,11 +130,8 @@ class NormalEquations:
             clear = self._own_own[one] - mixed.T @ free
             without_step = said_right - mixed @ step + said @ away
             pull = self._own_right[one] + self._own_own[one] @ step - mixed.T @ away + free.T @ without_step
-            odds = (
-                moved
-                / (1 - moved)
-                * math.exp(min(_evidence(clear, pull, moved_m) - _evidence(clear, pull, surveyed_m), 50.0))
-            )
+            told = _evidence(clear, pull, moved_m) - _evidence(clear, pull, surveyed_m)
+            odds = moved / (1 - moved) * math.exp(min(told, 50.0))
             widened += odds / (1 + odds) * (others - covariance + np.outer(away, away))
         return np.asarray(widened, np.float64)
 
