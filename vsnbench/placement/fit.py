@@ -15,7 +15,7 @@ import numpy as np
 
 from vsnbench.placement.looks import SmallLook
 from vsnbench.placement.normal_equations import Floats, NormalEquations, Prior, Rows
-from vsnbench.placement.twin import Twin
+from vsnbench.placement.twin import Twin, outward
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site
@@ -209,8 +209,10 @@ def _rows_of(
     group = twin.group_of[face].astype(np.intp)
     building = ~twin.is_object[group]
     middle, reach_m = twin.middle[group], twin.half_length_m[group]
-    aside = (-ny * (x_m - middle[:, 0]) + nx * (y_m - middle[:, 1])) / reach_m
-    own = np.column_stack([np.where(building, -1.0, -nx), np.where(building, -aside, -ny)])
+    to_x, to_y = outward(normal).T
+    side = np.where(building & (nx * to_x + ny * to_y < 0), 1.0, -1.0)
+    aside = (-to_y * (x_m - middle[:, 0]) + to_x * (y_m - middle[:, 1])) / reach_m
+    own = np.column_stack([np.where(building, side, -nx), np.where(building, side * aside, -ny)])
     residual_m = nx * x_m + ny * y_m + nz * height_m - twin.plane_m[face]
     residual_m += (own * state.steps[group]).sum(axis=1)
     common = np.empty((len(face), _COMMON))
