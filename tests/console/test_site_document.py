@@ -37,9 +37,10 @@ def test_entries_come_and_go_and_the_site_says_what_the_page_said() -> None:
     page["objects"][7]["color"] = "#ffffff"
     page["objects"].append({"id": "stool", "category": "chair", "position": [5, 3.00004], "size_m": [0.4, 0.4, 0.5]})
     page["title"] = "It says: true"
+    page["survey_error_m"] = 0.02
     after = apartment().with_content(page)
     site = parse_site(after.text, "after")
-    assert site.title == "It says: true"
+    assert (site.title, site.survey_error_m) == ("It says: true", 0.02)
     assert [thing.id for thing in site.objects] == [thing["id"] for thing in page["objects"]]
     assert [start.number for start in site.starts] == [start["number"] for start in page["starts"]]
     assert site.objects[-1].position == (5, 3)

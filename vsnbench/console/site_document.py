@@ -18,7 +18,7 @@ from vsnbench.protocol.settings_file import MOST_CHARACTERS, parse_plain
 from vsnbench.whole_files import write_whole
 
 LISTS: Final = ("rooms", "walls", "doors", "windows", "objects", "starts")
-SCALARS: Final = ("name", "title", "ceiling_height_m")
+SCALARS: Final = ("name", "title", "ceiling_height_m", "survey_error_m")
 WAS: Final = "_was"
 """In an entry of the page: its place, from 0, in the text that the page was given."""
 _DECIMALS = 4

@@ -48,6 +48,7 @@ export class Panel {
     if (!entry) {
       this.#input("name", "text", model.site.name ?? "", (value) => { model.site.name = value; });
       this.#input("ceiling_height_m", "number", model.site.ceiling_height_m ?? 2.5, (value) => { model.site.ceiling_height_m = value; });
+      this.#input("survey_error_m", "number", model.site.survey_error_m ?? 0.01, (value) => { model.site.survey_error_m = value; });
       if (focused) document.getElementById(focused)?.focus();
       return;
     }
