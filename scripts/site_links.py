@@ -30,3 +30,10 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def _as_path(link: "re.Match[str]") -> str:
     words, path = link.groups()
     return f"`{path}`" if path in words else f"{words} (`{path}`)"
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Return a finished page, whose search says to a screen reader what it is."""
+    return output.replace(
+        'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
+    )
