@@ -61,6 +61,7 @@ def test_what_is_kept_is_said_where_the_thumb_is_and_taken_back_there(page: Page
         box = page.locator("#kept-undo").bounding_box()
         assert box is not None
         assert HEIGHT_PX / 2 < box["y"] < HEIGHT_PX - box["height"], "in sight on the next screen, below its middle"
+        assert accessibility_findings(page) == [], "what was kept, the end and its summary"
         page.click("#kept-undo")
         page.wait_for_selector("#episodes .judging-form [data-touched=no]")  # another judgement is asked for at once
         assert page.locator("#kept").is_hidden()

@@ -124,6 +124,19 @@ class Drawn:
         field.press("Enter")
 
 
+def box_of(page: Page, selector: str) -> dict[str, float]:
+    """Return where something is drawn, as soon as it is: the plan is drawn anew with every change."""
+    found = page.wait_for_function(
+        """selector => {
+          const box = document.querySelector(selector)?.getBoundingClientRect();
+          return box && box.width + box.height > 0 ? box.toJSON() : null;
+        }""",
+        arg=selector,
+    )
+    box: dict[str, float] = found.json_value()
+    return box
+
+
 @pytest.mark.browser
 @pytest.mark.slow
 def test_a_flat_is_drawn_from_a_robots_map_with_mouse_and_keyboard(tmp_path: Path) -> None:
@@ -232,8 +245,7 @@ def test_on_a_tablet_a_picture_is_scaled_and_found_again_and_fingers_draw_and_pi
         drawn.tool("choose")
         page.get_by_role("button", name="Outline it as a polygon").click()
         page.evaluate("window.scrollTo(0, 0)")
-        handle = page.locator("[data-handle='footprint 2 new']").bounding_box()
-        assert handle is not None
+        handle = box_of(page, "[data-handle='footprint 2 new']")
         x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
         dragged_by_fingers(page, [(x - 10 * step, y) for step in range(6)])
         page.click("#save")
@@ -264,10 +276,7 @@ def test_by_keyboard_alone_a_wall_is_drawn_moved_undone_and_saved(tmp_path: Path
         while page.evaluate(focused) != "wall":
             page.keyboard.press("Tab")
         page.keyboard.press("Enter")
-        box = page.locator(".p-wall.p-chosen").bounding_box()
-        plan = page.locator("#plan").bounding_box()
-        assert box is not None
-        assert plan is not None
+        box, plan = box_of(page, ".p-wall.p-chosen"), box_of(page, "#plan")
         assert box["height"] < plan["height"] / 10, "what is chosen is marked, not covered"
         there = float(page.input_value("#field-start-x-m"))
         for key in ("ArrowRight", "ArrowRight", "Control+z", "Control+s"):
