@@ -110,13 +110,11 @@ class EpisodeWriter:
         Raises:
             EpisodeClosedError: the episode does not run here: another process took this one for dead.
         """
-        row = step_row(episode_id, step)
-        with transaction(self.engine) as connection:
-            if not self._steps.append(connection, self._process_id, row):
-                raise EpisodeClosedError(
-                    f"episode {episode_id} does not run here (any more), so its step {step.number} was not recorded: "
-                    "another process took this one for dead, or it has ended"
-                )
+        if not self._steps.append(self._process_id, step_row(episode_id, step)):
+            raise EpisodeClosedError(
+                f"episode {episode_id} does not run here (any more), so its step {step.number} was not recorded: "
+                "another process took this one for dead, or it has ended"
+            )
 
     def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
         """Write an episode's end and the protocol's verdict or proposal, both or neither.

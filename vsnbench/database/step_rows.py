@@ -4,21 +4,26 @@ The two statements of a step are put into the database's own words once: compose
 are, they cost more than the database itself, on a thread that competes with the model for the interpreter.
 """
 
+import logging
 import math
+import sqlite3
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Self
 
-from sqlalchemy import Connection, Dialect, Engine, bindparam, insert, update
+from sqlalchemy import Dialect, Engine, bindparam, insert, update
 from sqlalchemy.sql.dml import UpdateBase
 
+from vsnbench.database.engine import transaction
 from vsnbench.database.lifecycle import LEASE, EpisodeState, lease
 from vsnbench.database.row_encoding import Row, fix_of_columns, number, pose_columns, pose_of_columns, text
 from vsnbench.database.tables import Episode, Step
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.protocol.step_record import StepRecord, StepTimings
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +54,14 @@ class DriverStatement:
         order = tuple(compiled.positiontup) if compiled.positiontup is not None else None
         return cls(str(compiled), order, encoders, given)
 
-    def execute(self, connection: Connection, values: Row) -> int:
-        """Carry it out; return how many rows it has changed."""
+    def execute(self, run: Callable[[str, Any], Any], values: Row) -> int:
+        """Have it carried out by what takes a statement and its parameters; return how many rows it has changed."""
         encoded = {**self.given, **values}
         for name, encode in self.encoders.items():
             if name in values:
                 encoded[name] = encode(values[name])
         parameters = encoded if self.order is None else tuple(encoded[name] for name in self.order)
-        return connection.exec_driver_sql(self.text, parameters).rowcount
+        return int(run(self.text, parameters).rowcount)
 
 
 def _same(value: object) -> object:
@@ -67,6 +72,8 @@ class StepStatements:
     """Appends steps to episodes that run in one process."""
 
     def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._is_sqlite = engine.dialect.name == "sqlite"
         until = lease(engine)  # a server's own clock is a part of the statement
         self._tells_time = isinstance(until, datetime)
         self._sign_of_life = DriverStatement.of(
@@ -83,20 +90,49 @@ class StepStatements:
         columns = [column.name for column in Step.__table__.columns]
         self._insert = DriverStatement.of(insert(Step).inline(), engine.dialect, columns)
 
-    def append(self, connection: Connection, process_id: int, row: Row) -> bool:
-        """Insert a step's row, which is a sign of life of its episode; False, and nothing, where that runs elsewhere.
+    def append(self, process_id: int, row: Row) -> bool:
+        """Commit a step's row, which is a sign of life of its episode; False, and nothing, where that runs elsewhere.
 
         Args:
-            connection: a transaction that may write.
             process_id: whose episode it has to be.
             row: as `step_row` makes it.
+
+        Raises:
+            RecordError: the database could not be used.
         """
+        if self._is_sqlite:
+            try:
+                return self._commit_with_driver(process_id, row)
+            except (
+                sqlite3.Error
+            ) as error:  # nothing was written: the usual way waits for a lock, and says what is wrong
+                logger.debug("step %s again, the usual way: %s", row["number"], error)
+        with transaction(self._engine) as connection:
+            return self._write(connection.exec_driver_sql, process_id, row)
+
+    def _commit_with_driver(self, process_id: int, row: Row) -> bool:
+        """Do it in a transaction of SQLite's own driver, which costs half of one of SQLAlchemy's."""
+        pooled = self._engine.raw_connection()
+        try:
+            connection: Any = pooled.driver_connection
+            connection.execute("BEGIN IMMEDIATE")
+            try:
+                written = self._write(connection.execute, process_id, row)
+                connection.execute("COMMIT")
+            except BaseException:
+                connection.rollback()
+                raise
+            return written
+        finally:
+            pooled.close()
+
+    def _write(self, run: Callable[[str, Any], Any], process_id: int, row: Row) -> bool:
         alive: Row = {"episode": row["episode_id"], "process": process_id}
         if self._tells_time:
             alive["until"] = datetime.now(UTC) + LEASE
-        if self._sign_of_life.execute(connection, alive) != 1:
+        if self._sign_of_life.execute(run, alive) != 1:
             return False
-        self._insert.execute(connection, row)
+        self._insert.execute(run, row)
         return True
 
 
