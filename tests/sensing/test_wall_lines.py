@@ -43,6 +43,22 @@ def test_a_cupboard_is_no_wall() -> None:
     assert line.length_m == pytest.approx(6.0, abs=0.1)
 
 
+def test_a_wall_with_a_shelf_against_it_is_proposed_and_the_doorway_beside_it() -> None:
+    walls = [wall(2, 1, 2, 3), wall(2, 3.7, 2, 5), wall(2, 1, 7, 1)]
+    grid = drawn(*walls, shapely.box(1.45, 1.0, 1.95, 2.55))
+    assert covered(grid, [(2, 1, 2, 3)]) > 0.9
+    (line,) = [each for each in propose_walls(grid) if each.doorways]
+    assert sorted([line.start[1], line.end[1]]) == pytest.approx([1.0, 5.0], abs=0.15)
+
+
+def test_cupboards_along_a_wall_take_nothing_from_it() -> None:
+    """In a scan a wall is a cell thick, and the sides of what stands before it run across it."""
+    cupboards = [shapely.box(x, 4.25, x + 0.35, 5.0) for x in (1.6, 2.2, 2.8, 3.4, 4.0, 4.6, 5.2, 5.8)]
+    uprights = [wall(x, 0.5, x, 5.0) for x in (1.0, 7.0)]
+    grid = drawn(wall(1, 5.025, 7, 5.025, 0.05), *uprights, *cupboards)
+    assert covered(grid, [(1, 5.025, 7, 5.025)]) > 0.95
+
+
 def test_proposals_lie_in_the_sites_frame() -> None:
     (line,) = propose_walls(drawn(wall(1, 1, 7, 1), origin=Pose(10.0, 20.0, math.pi / 2)))
     ends = sorted([line.start, line.end], key=lambda end: end[1])

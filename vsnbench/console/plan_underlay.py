@@ -14,7 +14,8 @@ from vsnbench.errors import UsageError
 from vsnbench.exchange.ros_map import bytes_of, decoded, grid_of, parse_ros_map, read_ros_map
 from vsnbench.protocol.pose import Pose
 from vsnbench.sensing.plan_grid import FREE, OCCUPIED, PlanGrid
-from vsnbench.sensing.wall_lines import WallLine, propose_walls
+from vsnbench.sensing.wall_corners import WallLine
+from vsnbench.sensing.wall_lines import propose_walls
 from vsnbench.whole_files import write_whole
 
 _PICTURE_M = 10.0

@@ -1,8 +1,9 @@
 """Follows a robot by odometry, corrected by the walls that it sees again; what odometry cannot have erred is refused.
 
-The pose is the likeliest one given three things: odometry, with an uncertainty that grows as it drives and turns; how
+The pose is the likeliest one given two things: odometry, with an uncertainty that grows as it drives and turns; and how
 far the walls seen lie from those in the memory, along the way these face (point to line, so that nothing is pulled
-along a wall); and, where walls stand at right angles, how far they are turned from these. How much too long odometry
+along a wall). Where too few were seen before, right angles take their place if the walls stand at such: furniture is
+turned a little off them, so that walls seen again know the heading better. How much too long odometry
 counts ways and turns is estimated beside it (an extended Kalman filter of five numbers).
 """
 
@@ -151,14 +152,13 @@ class WallTracker:
         right_angle = self._memory.right_angle()
         knowledge = before
         for _ in range(_ITERATIONS):
-            lines = self._by_lines(pieces, pose)
-            angles = None if right_angle is None else _by_right_angles(pieces, pose, right_angle)
-            terms = [each for each in (lines, angles) if each is not None]
-            if not terms:
+            said = self._by_lines(pieces, pose)
+            if said is None and right_angle is not None:
+                said = _by_right_angles(pieces, pose, right_angle)
+            if said is None:
                 return None
-            knowledge = before + sum(known for known, _ in terms)
-            asked = before @ _difference(pose, self._pose) + sum(pull for _, pull in terms)
-            step = np.linalg.solve(knowledge, -asked)
+            knowledge = before + said[0]
+            step = np.linalg.solve(knowledge, -(before @ _difference(pose, self._pose) + said[1]))
             pose = Pose(pose.x_m + float(step[0]), pose.y_m + float(step[1]), pose.heading_rad + float(step[2]))
             if math.hypot(step[0], step[1]) < 2e-4 and abs(step[2]) < 1e-4:
                 break

@@ -17,7 +17,7 @@ _FACING_M: Final = 0.3
 """So many metres apart count two pieces that face 1 radian apart."""
 _RIGHT_ANGLES: Final = 0.5
 """So strongly have the walls to run in two directions at a right angle."""
-_NEAR_RAD: Final = math.radians(4)
+_NEARER_RAD: Final = (math.radians(4), math.radians(2), math.radians(1))
 _LEAST_PIECES: Final = 20
 _OFFSET: Final = 1 << 20
 
@@ -92,9 +92,9 @@ class WallMemory:
         if math.hypot(*four) < _RIGHT_ANGLES:
             return None
         found = math.atan2(four[1], four[0]) / 4
-        for _ in range(3):
+        for within_rad in _NEARER_RAD:
             off = from_right_angle(facing, found)
-            near = np.abs(off) < _NEAR_RAD
+            near = np.abs(off) < within_rad
             found += float(np.average(off[near], weights=weight[near])) if near.any() else 0.0
         return found
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.sensing.plan_grid import FREE, OCCUPIED, PlanGrid
+from vsnbench.sensing.wall_corners import WallLine, main_direction, straightened, with_closed_corners
 
 SHORTEST_M = 0.6
 """Shorter runs are furniture as often as wall."""
@@ -33,27 +34,13 @@ _LEAST_SHARE = 0.02
 _FILLED = 0.6
 _AS_LONG = 0.7
 """A strip beside a wall's is its thickness where it is occupied for so much of its length."""
+_LONGER = 0.85
+"""The same where a wall would be too thick otherwise."""
 _TAKEN = 0.5
 """Runs of which so much is in walls already are their rims."""
 _STEP_DEG = 1.0
 
 Points = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class WallLine:
-    """A proposed wall by the ends of its centre line, metres in the site's frame."""
-
-    start: tuple[float, float]
-    end: tuple[float, float]
-    thickness_m: float
-    doorways: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = ()
-    """The ends of each clear opening, on the centre line."""
-
-    @property
-    def length_m(self) -> float:
-        """Distance between the ends, metres."""
-        return math.dist(self.start, self.end)
 
 
 def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLine]:
@@ -67,15 +54,18 @@ def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLi
 
     def lines(at_least_m: float) -> list[WallLine]:
         found = []
-        for angle_rad in directions:
-            for first, last, thickness, used in _runs(points, left, angle_rad, grid.resolution_m, at_least_m):
-                (x0, y0), (x1, y1) = grid.in_site(np.array([first, last])).tolist()
-                found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
-                left[used] = False
+        for first, last, thickness, used in _runs(points, left.copy(), directions, grid.resolution_m, at_least_m):
+            (x0, y0), (x1, y1) = grid.in_site(np.array([first, last])).tolist()
+            found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
+            left[used] = False
         return found
 
     walls = lines(shortest_m)
-    return sorted(_joined(walls, lines(_STUB_M), grid), key=lambda line: -line.length_m)
+    stubs = lines(_STUB_M)
+    joined = _joined(walls, stubs, grid)
+    main_rad = main_direction(points, directions[0]) + grid.origin.heading_rad
+    straight = [straightened(line, main_rad) for line in joined]
+    return sorted(with_closed_corners(straight, grid), key=lambda line: -line.length_m)
 
 
 def _joined(walls: list[WallLine], stubs: list[WallLine], grid: PlanGrid) -> list[WallLine]:
@@ -170,28 +160,45 @@ class _Run:
 
 
 def _runs(
-    points: Points, left: npt.NDArray[np.bool_], angle_rad: float, resolution_m: float, shortest_m: float
+    points: Points, left: npt.NDArray[np.bool_], directions: list[float], resolution_m: float, shortest_m: float
 ) -> Iterator[tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]]]:
-    """Yield first and last point of each wall in a direction, its thickness in cells, and the cells that it is."""
-    way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
-    runs = _strips(points, np.flatnonzero(left), way, resolution_m, shortest_m)
-    gone = ~left
-    for seed in sorted(runs, key=lambda run: -run.length):
+    """Yield first and last point of each wall, its thickness in cells, and the cells that it is.
+
+    The longest line through a cell has it, in whichever direction: a cupboard's side takes nothing from its wall.
+    """
+    ways = [np.array([math.cos(angle), math.sin(angle)]) for angle in directions]
+    runs = [_strips(points, np.flatnonzero(left), way, resolution_m, shortest_m) for way in ways]
+    taken, rims = ~left, np.zeros((len(ways), len(points)), np.bool_)
+    order = [(number, run) for number, along in enumerate(runs) for run in along]
+    for number, seed in sorted(order, key=lambda one: -one[1].length):
+        gone = taken | rims[number]
         if gone[seed.cells].mean() > _TAKEN:
             continue
-        wall = [seed]
-        for step in (-1, 1):
-            strip = seed.strip + step
-            while beside := [run for run in runs if run.strip == strip and _lies_beside(run, seed, gone)]:
-                wall += beside
-                strip += step
-        if len({run.strip for run in wall}) * resolution_m > THICKEST_M:
-            gone[np.concatenate([run.cells for run in wall])] = True  # furniture
+        whole = wall = _grown(seed, runs[number], gone, _AS_LONG)
+        if _too_thick(wall, resolution_m):
+            wall = _grown(seed, runs[number], gone, _LONGER)  # something shorter stands against it
+        if _too_thick(wall, resolution_m):
+            rims[number, np.concatenate([run.cells for run in whole])] = True  # furniture
             continue
-        fitted = _one_wall(wall, points, way)
-        gone[fitted[3]] = True
-        gone[_near(points, fitted, way, 1.5)] = True
+        fitted = _one_wall(wall, points, ways[number])
+        taken[fitted[3]] = True
+        rims[number, _near(points, fitted, ways[number], 1.5)] = True
         yield fitted
+
+
+def _too_thick(wall: list[_Run], resolution_m: float) -> bool:
+    return len({run.strip for run in wall}) * resolution_m > THICKEST_M
+
+
+def _grown(seed: _Run, runs: list[_Run], gone: npt.NDArray[np.bool_], as_long: float) -> list[_Run]:
+    """Return a run with those on its two sides, strip by strip, that lie beside so much of it."""
+    wall = [seed]
+    for step in (-1, 1):
+        strip = seed.strip + step
+        while beside := [run for run in runs if run.strip == strip and _lies_beside(run, seed, gone, as_long)]:
+            wall += beside
+            strip += step
+    return wall
 
 
 def _strips(
@@ -212,10 +219,10 @@ def _strips(
     return found
 
 
-def _lies_beside(run: _Run, seed: _Run, gone: npt.NDArray[np.bool_]) -> bool:
+def _lies_beside(run: _Run, seed: _Run, gone: npt.NDArray[np.bool_], as_long: float) -> bool:
     """Whether a run belongs to the thickness of the wall that another is."""
     shared = min(run.last, seed.last) - max(run.first, seed.first)
-    return shared > _AS_LONG * seed.length and not gone[run.cells].mean() > _TAKEN
+    return shared > as_long * seed.length and not gone[run.cells].mean() > _TAKEN
 
 
 def _near(

@@ -173,7 +173,7 @@ export class UnderlayCard {
     model.change((site) => {
       for (const line of lines) {
         const [start, end] = [line.start, line.end].map((point) => point.map((each) => rounded(each, 0.01)));
-        const straight = (axis) => Math.abs(start[axis] - end[axis]) < 0.02 * distance(start, end);
+        const straight = (axis) => Math.abs(start[axis] - end[axis]) < 0.005 * distance(start, end);
         for (const axis of [0, 1]) if (straight(axis)) end[axis] = start[axis] = rounded((start[axis] + end[axis]) / 2, 0.01);
         const thick = rounded(Math.min(Math.max(line.thickness_m, 0.05), 0.5), 0.01);
         site.walls.push({ start, end, ...(Math.abs(thick - 0.1) < 0.035 ? {} : { thickness_m: thick }) });
