@@ -175,3 +175,28 @@ def test_everybody_can_read_the_page_and_work_it_by_keyboard_alone(page: Page, s
     with session.desk.ask(Asks.JUDGE):
         page.wait_for_selector("#judging form")
         assert accessibility_findings(page) == [], "judging"
+
+
+def test_an_episode_is_judged_taken_back_and_made_void_by_keyboard_alone(page: Page, session: Session) -> None:
+    def press_enter_on(selector: str) -> None:
+        page.locator(selector).press("Enter")
+
+    with session.desk.ask(Asks.PLACE):
+        signed_in(page, session)
+        press_enter_on("#episodes [data-amend]")
+        press_enter_on("#episodes .judging-form summary")
+        assert accessibility_findings(page) == [], "a form with everything open"
+        page.locator("#episodes [data-touched=no]").press("Space")
+        assert page.locator("#episodes [aria-pressed=true]").inner_text() == "No, nothing"
+        page.locator("#episodes [data-name=distance]").press_sequentially("3")
+        press_enter_on("#episodes [data-name=distance]")
+        page.wait_for_selector("dialog[open] [value=no]:focus")  # a slip of the finger confirms nothing
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        page.get_by_text("Kept: #1").wait_for()
+        press_enter_on("#kept-undo")
+        press_enter_on("#episodes .judging-form summary")
+        page.locator("#episodes [data-name=void]").press_sequentially("a visitor")
+        press_enter_on("#episodes [data-void]")
+        page.get_by_text("no result, its trial comes again").wait_for()
+    assert episode_details(session.journal.engine, 1).summary.outcome == "void"

@@ -15,6 +15,12 @@ function element(name, attributes = {}, ...children) {
 
 export { element };
 
+// A button that is chosen, for the eye and for who hears the page.
+function press(button, chosen) {
+  button.classList.toggle("on", chosen);
+  button.setAttribute("aria-pressed", chosen);
+}
+
 // What the robot saw: a dozen pictures from the first action to the last.
 export function strip(episode, actions) {
   const count = Math.min(12, actions);
@@ -50,8 +56,8 @@ export function judgingForm(theCase, options) {
   const choose = (touched) => {
     draft.touched = touched;
     keep();
-    no.classList.toggle("on", touched === "no");
-    yes.classList.toggle("on", touched === "yes");
+    press(no, touched === "no");
+    press(yes, touched === "yes");
     what.hidden = touched !== "yes" || felt;
     tape.hidden = touched !== "no" || theCase.ended_with !== "stop";
   };
@@ -68,11 +74,12 @@ export function judgingForm(theCase, options) {
     parts.push(tape);
   }
   const chips = TAGS.map((tag) => {
-    const chip = element("button", { type: "button", class: `button${draft.tags.includes(tag) ? " on" : ""}`, onclick: () => {
+    const chip = element("button", { type: "button", class: "button", onclick: () => {
       draft.tags = draft.tags.includes(tag) ? draft.tags.filter((one) => one !== tag) : [...draft.tags, tag];
-      chip.classList.toggle("on");
+      press(chip, draft.tags.includes(tag));
       keep();
     } }, tag);
+    press(chip, draft.tags.includes(tag));
     return chip;
   });
   parts.push(...field("note", options.reason ? "Why is it corrected?" : "Note"), element("div", { class: "chips" }, ...chips), words);
