@@ -223,7 +223,9 @@ class MotionController:
         linear_m = angular_rad = 0.0
         until_s = now_s
         for at_s, command in reversed(self._sent):
-            lasted_s = max(until_s - max(at_s, since_s), 0.0)
+            lasted_s = until_s - (at_s if at_s > since_s else since_s)
+            if lasted_s <= 0.0:
+                lasted_s = 0.0  # a comparison costs a third of a call of max, and this is every period's
             linear_m += command.linear_m_s * lasted_s
             angular_rad += command.angular_rad_s * lasted_s
             until_s = at_s

@@ -1,8 +1,12 @@
 """A quick lower bound of how far a point of the floor plan is from anything that a robot could touch."""
 
+import math
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.compilation import compiled
 from vsnbench.simulator.primitives import Primitive, Quaternion
 
 
@@ -20,11 +24,20 @@ class Clearance:
         """Return a distance that is at most the one to the nearest solid; infinite where there is none."""
         if not self.solids:
             return float("inf")
-        away = np.array([x_m, y_m]) - self._centres
-        cos, sin = self._axes[:, 0], self._axes[:, 1]
-        local = np.column_stack((cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0]))
-        outside = np.maximum(np.abs(local) - self._half_sizes, 0.0)
-        return float(np.sqrt((outside**2).sum(axis=1).min()))
+        return float(_nearest_m(x_m, y_m, self._centres, self._axes, self._half_sizes))
+
+
+@compiled
+def _nearest_m(x_m: float, y_m: float, centres: Any, axes: Any, half_sizes: Any) -> float:
+    """Return the distance from a point to the nearest of some rectangles: (N, 2) each, sides along `axes`."""
+    nearest_m2 = np.inf
+    for one in range(len(centres)):
+        right_m, up_m = x_m - centres[one, 0], y_m - centres[one, 1]
+        cos, sin = axes[one, 0], axes[one, 1]
+        along_m = max(abs(cos * right_m + sin * up_m) - half_sizes[one, 0], 0.0)
+        across_m = max(abs(cos * up_m - sin * right_m) - half_sizes[one, 1], 0.0)
+        nearest_m2 = min(nearest_m2, along_m * along_m + across_m * across_m)
+    return math.sqrt(nearest_m2)
 
 
 def _in_band(solid: Primitive, low_m: float, high_m: float) -> bool:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -52,9 +52,8 @@ class Touch:
     """Where on the shell, counter-clockwise from straight ahead."""
 
 
-@dataclass(frozen=True, slots=True)
-class WheelAngles:
-    """How far each wheel has turned, radians; forward is positive."""
+class WheelAngles(NamedTuple):
+    """How far each wheel has turned, radians; forward is positive. A tuple: it is made every period of driving."""
 
     left_rad: float
     right_rad: float
@@ -109,8 +108,8 @@ class Physics:
     def wheel_angles(self) -> WheelAngles:
         """What the wheels' encoders read; zero where the base was placed."""
         left, right = self._wheel_angle
-        angles = self._world.positions
-        return WheelAngles(float(angles[left]), float(angles[right]))
+        positions = self._world.positions
+        return WheelAngles(float(positions[left]), float(positions[right]))
 
     def place(self, pose: Pose) -> None:
         """Put the base down at `pose`, at rest, with time and wheel angles at zero."""
