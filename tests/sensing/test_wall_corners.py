@@ -25,6 +25,11 @@ def test_walls_that_nearly_meet_do(gap_m: float) -> None:
     assert np.array(ends(other)) == pytest.approx(np.array([[4.2, 0], [4.2, 3]]))
 
 
+def test_a_wall_that_runs_past_a_corner_is_shortened_whatever_is_there() -> None:
+    _, other = with_closed_corners([LONG, WallLine((2.0, -0.1), (2.0, 3.0), 0.1)], OPEN)
+    assert other.start == pytest.approx((2.0, 0.0))
+
+
 def test_a_wall_that_abuts_another_leaves_that_one_as_it_is() -> None:
     one, other = with_closed_corners([LONG, WallLine((2.0, 0.2), (2.0, 3.0), 0.1)], UNSEEN)
     assert one == LONG

@@ -106,7 +106,8 @@ def _corner(end: Point, other_end: Point, wall: WallLine, walls: list[WallLine],
         past_m = float((at - crossing.start) @ along)
         if not -_REACH_M <= past_m <= crossing.length_m + _REACH_M:
             continue
-        if -_OVERSHOT_M <= further_m <= _REACH_M and abs(further_m) < least and _hidden(end, at, grid):
+        is_free = further_m > 0 and not _hidden(end, at, grid)
+        if -_OVERSHOT_M <= further_m <= _REACH_M and abs(further_m) < least and not is_free:
             best, least = at, abs(further_m)
     return best
 
