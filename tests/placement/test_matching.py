@@ -12,6 +12,7 @@ from vsnbench.protocol.placement import PlacementMethod
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import load_site
 from vsnbench.robots.profiles import load_profile
+from vsnbench.simulator.twins.generate import generate_site
 
 APARTMENT = load_site("apartment")
 CAMERA = load_profile("turtlebot2").camera
@@ -125,3 +126,13 @@ def test_a_site_that_was_surveyed_coarsely_says_so_and_is_measured_with_as_much_
     usual, doubting = (PlacementMatcher(site, CAMERA).measure(start, [look]) for site in (APARTMENT, coarse))
     assert doubting.region_holds(start.pose)
     assert doubting.region_m > 1.5 * usual.region_m
+
+
+def test_what_fits_farther_off_than_robots_are_looked_for_is_not_where_it_stands() -> None:
+    site = generate_site(1)
+    rng = np.random.default_rng([33, 40])
+    trial = draw_trial(site, site.start(6), rng, 0.15, 5.0)
+    look = NoisyEye(trial.room, CAMERA, trial.depth_scale, rng).look(trial.pose)
+    got = PlacementMatcher(site, CAMERA).measure(trial.start, [look])
+    assert not got.determined or got.region_holds(trial.pose)
+    assert not got.fits or math.hypot(*got.offset.position) < 0.60, "a cupboard's front of the same kind is 1 m aside"

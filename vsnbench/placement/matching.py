@@ -82,7 +82,8 @@ class PlacementMatcher:
             state, misfit = FitState(start.pose), 0.0
             covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
         now = state.pose_of(fine[-1])
-        undetermined, fits = _undetermined(covariance, now), misfit < _MISFIT_LIMIT
+        undetermined = _undetermined(covariance, now)
+        fits = misfit < _MISFIT_LIMIT and _within_reach(state.pose, start.pose)
         moved = gone(twin, camera, fine, state) if fits and not undetermined else frozenset[int]()
         return MeasuredPlacement(
             start=start.number,
@@ -122,10 +123,12 @@ class PlacementMatcher:
             if _within_reach(state.pose, mark):
                 poses = [state.pose_of(look) for look in sparse]
                 rough.append(_Basin(state, misfit_of(twin, camera, sparse, poses, state.scale), frozenset()))
-        basins = _apart([self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]])
+        settled = [self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]]
+        basins = _apart([one for one in settled if _within_reach(one.state.pose, mark)] or settled)
         # What may compete is fitted to its end: on the way to the best place it would be taken for another one.
         rivals = [basin for basin, weight in zip(basins, _weights(basins), strict=True) if weight][1:]
-        basins = _apart([basins[0], *(self._settled(middle, basin.state) for basin in rivals)])
+        rivals = [self._settled(middle, basin.state) for basin in rivals]
+        basins = _apart([basins[0], *(one for one in rivals if _within_reach(one.state.pose, mark))])
         return basins, self._beside(sparse, basins[0])
 
     def _beside(self, looks: Sequence[SmallLook], best: "_Basin") -> Floats:
