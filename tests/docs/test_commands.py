@@ -85,6 +85,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", TYPED, ids=lambda page: page.name)
 def test_the_commands_of_a_page_do_what_it_says_one_after_the_other(
     page: Path, machine: dict[str, str], tmp_path: Path
@@ -131,6 +132,7 @@ def ros(tmp_path: Path) -> Iterator[RosNetwork]:
 
 @pytest.mark.ros
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals(ros: RosNetwork, tmp_path: Path) -> None:
     on_it = {name: ros.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR")}
     shell = Shell(tmp_path, on_it)

@@ -41,8 +41,13 @@ link.sendmsg([len(words).to_bytes(4, "big")], streams)
 link.sendall(words)
 heard = link.makefile()
 pid = int(heard.readline())
+def pass_on(number, _):
+    try:
+        os.kill(pid, number)
+    except ProcessLookupError:
+        pass  # it has just ended
 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-    signal.signal(number, lambda number, _: os.kill(pid, number))
+    signal.signal(number, pass_on)
 sys.exit(int(heard.readline()))
 """
 
