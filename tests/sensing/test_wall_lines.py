@@ -85,6 +85,17 @@ def test_a_stub_beyond_a_doorway_belongs_to_the_wall_and_is_none_alone() -> None
     assert propose_walls(drawn(wall(4.7, 3, 5, 3))) == []
 
 
+def test_a_doorway_that_noise_narrowed_by_a_cell_on_both_sides_is_one() -> None:
+    (line,) = propose_walls(drawn(wall(1, 2, 4, 2), wall(4.55, 2, 6, 2)))
+    assert len(line.doorways) == 1
+
+
+def test_a_wall_that_is_drawn_a_little_slanted_is_in_one_line_with_the_rest_when_it_is_straight() -> None:
+    rest = [wall(1.98, 3.7, 1.98, 4.3, 0.1), wall(2, 1, 7, 1), wall(2, 4.3, 7, 4.3)]
+    lines = propose_walls(drawn(wall(1.98, 1, 2.06, 3.0, 0.1), *rest))
+    assert [len(line.doorways) for line in lines] == [0, 0, 1]
+
+
 def test_two_doorways_lie_on_one_wall() -> None:
     (line,) = propose_walls(drawn(wall(1, 2, 3, 2), wall(3.9, 2, 5, 2), wall(5.7, 2, 7, 2)))
     assert len(line.doorways) == 2

@@ -64,8 +64,10 @@ def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLi
     stubs = lines(_STUB_M)
     joined = _joined(walls, stubs, grid)
     main_rad = main_direction(points, directions[0]) + grid.origin.heading_rad
-    straight = [straightened(line, main_rad) for line in joined]
-    return sorted(with_closed_corners(straight, grid), key=lambda line: -line.length_m)
+    straight, straight_stubs = ([straightened(line, main_rad) for line in each] for each in (joined, stubs))
+    # Once more: what slanted by a cupboard beside it is in one line now.
+    whole = _joined(straight, straight_stubs, grid)
+    return sorted(with_closed_corners(whole, grid), key=lambda line: -line.length_m)
 
 
 def _joined(walls: list[WallLine], stubs: list[WallLine], grid: PlanGrid) -> list[WallLine]:
@@ -93,8 +95,8 @@ def _over_doorway(wall: WallLine, other: WallLine, grid: PlanGrid) -> WallLine |
     near, far = sorted(ends, key=lambda end: abs(float(end @ way) - wall.length_m / 2))
     ahead = float(near @ way) > wall.length_m / 2
     gap_m = float(near @ way) - wall.length_m if ahead else -float(near @ way)
-    slack_m = grid.resolution_m
-    if not NARROWEST_DOOR_M - slack_m <= gap_m <= WIDEST_DOOR_M + slack_m or abs(float(near @ normal)) > _IN_LINE_M:
+    slack_m = grid.resolution_m  # a noisy map has each jamb a cell nearer
+    if not NARROWEST_DOOR_M - 2 * slack_m <= gap_m <= WIDEST_DOOR_M + slack_m or abs(float(near @ normal)) > _IN_LINE_M:
         return None
     turn = abs(math.atan2(float((far - near) @ normal), abs(float((far - near) @ way))))
     if turn > _IN_LINE_RAD and abs(float(far @ normal)) > _IN_LINE_M:
