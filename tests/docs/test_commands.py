@@ -21,6 +21,7 @@ NOT_RUN = {
     "a robot": "its base, its camera and whoever carries it; robot.md's own are run against `ros1 simulate`, below",
     "a robot on ROS 1": "run below, against `ros1 simulate`, where ROS 1 is",
     "ROS 1": "run below: four terminals, of which one plays the robot",
+    "ROS 1 and a person": "tests/console/at_the_page.py plays who carries the robot, in tests/robots and tests/ros2",
     "a robot on ROS 2": "its network; tests/ros2 drives the same verbs against `ros2 simulate`",
     "ROS 2": "its packages must not be in one environment with the tests; tests/ros2 runs the rehearsal",
     "the robot's computer": "drivers of the base and the camera, which are others' programs",
@@ -31,6 +32,8 @@ NOT_RUN = {
 }
 """What a block needs, as the page says in a comment before it -> why its commands are looked at and not run."""
 
+OF_A_ROBOT = re.compile(r"vsnbench (ros[12]|doctor)\b|--robot (?!simulated|\w+:)|--cluster|^(pip|make|ray|ros\w+) ")
+"""What a block may ask for only where the page says what it needs."""
 SERVED = (
     (re.compile(r"vsnbench sites edit "), " --port 0", 0),
     (re.compile(r"vsnbench report --serve"), "", 0),
@@ -70,6 +73,7 @@ def test_what_is_to_be_typed_stands_in_a_shell_block_and_names_what_there_is(pag
     for block in blocks(text):
         for command in block.commands:
             look_at(command)
+            assert block.needs or not OF_A_ROBOT.search(command), f"{command}: say <!-- needs: ... --> before its block"
     for words in spans(text):
         understand(shlex.split(plain(words))[1:], strict=False)
     assert [script for script in scripts(text) if not (ROOT / script).is_file()] == []

@@ -81,7 +81,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
         return
     columns = (
         ListColumn("campaign", right=True),
-        name_column("name", least=32),
+        name_column("name", least=44),
         ListColumn("robot", rank=2),
         ListColumn("trials done", right=True),
         ListColumn("begun (UTC)", rank=1),
@@ -92,7 +92,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
             safe(campaign.name),
             "simulated" if campaign.simulated else "real",
             f"{campaign.done} of {campaign.trials}",
-            f"{campaign.created_at:%Y-%m-%d %H:%M}",
+            f"{campaign.created_at:%Y-%m-%d}",
         )
         for campaign in campaigns
     ]
