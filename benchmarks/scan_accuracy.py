@@ -1,6 +1,6 @@
 """How well a map by `vsnbench sites scan` shows a site's walls: how much of their length, and how much is proposed.
 
-usage: python benchmarks/scan_accuracy.py [--site apartment] [--noise] [--seed N] [--map FILE]
+usage: python benchmarks/scan_accuracy.py [--site apartment | twin:3] [--noise] [--seed N] [--map FILE]
 
 The scan is the command's own, left alone (`--auto`); with --map a map that is there is measured.
 
@@ -27,9 +27,10 @@ from vsnbench.exchange.ros_map import read_ros_map
 from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Site, load_site
+from vsnbench.protocol.site import Site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.runner.scan import RANGE_M, TOP_M
+from vsnbench.runner.selection import named_site
 from vsnbench.sensing.plan_grid import OCCUPIED, PlanGrid
 from vsnbench.sensing.wall_lines import propose_walls
 from vsnbench.simulator.renderer import Renderer
@@ -144,7 +145,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--map", type=Path)
     asked = parser.parse_args()
-    site, profile = load_site(asked.site), load_profile("turtlebot2")
+    site, profile = named_site(asked.site), load_profile("turtlebot2")
     with tempfile.TemporaryDirectory() as folder:
         path = asked.map or Path(folder) / "scan.yaml"
         if asked.map is None:
