@@ -42,10 +42,20 @@ def import_factory(where: str, kind: str, name: str, makes: str, error_class: ty
         for part in attribute.split("."):
             found = getattr(found, part)
     except (Exception, SystemExit) as error:  # importing a plug-in runs its code: anything can happen
-        raise error_class(f"{asked_for}: cannot import {where}: {error_line(error)}") from error
+        advice = _where_it_was_looked_for(module_name, error) if name == where else ""
+        raise error_class(f"{asked_for}: cannot import {where}: {error_line(error)}", advice=advice) from error
     if not callable(found):
         raise error_class(f"{asked_for}: {where} is neither a class nor a function that makes {makes}")
     return found
+
+
+def _where_it_was_looked_for(module_name: str, error: BaseException) -> str:
+    """Return what to do about a module of the user's own that is nowhere; empty where something else is missing."""
+    missing = error.name if isinstance(error, ModuleNotFoundError) else None
+    if missing is None or not f"{module_name}.".startswith(f"{missing}."):
+        return ""
+    package = module_name.partition(".")[0]
+    return f"it is neither installed nor in {Path.cwd()}: go to the directory that holds {package}"
 
 
 def source_sha256(made: type) -> str:

@@ -97,6 +97,12 @@ def test_a_package_begun_with_models_new_passes_its_own_tests(type_in: Type, tmp
     assert "not empty" in type_in(tmp_path, "models", "new", "my-model").err
 
 
+def test_what_is_next_can_be_typed_also_where_the_directory_has_a_space(type_in: Type, tmp_path: Path) -> None:
+    assert (
+        "next: cd 'my model' && vsnbench models check my_model." in type_in(tmp_path, "models", "new", "my model").err
+    )
+
+
 @pytest.mark.parametrize("name", ["3x", "class"])
 def test_a_name_that_makes_no_package_is_refused(type_in: Type, tmp_path: Path, name: str) -> None:
     refused = type_in(tmp_path, "models", "new", f"./{name}")

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from tests.cli.console import vsnbench
 from vsnbench.cli.main import VERBS, build_app
-from vsnbench.cli.output import WITHOUT_RESULT
+from vsnbench.cli.output import WITHOUT_RESULT, flowing
 from vsnbench.errors import ExitCode
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
@@ -41,6 +41,14 @@ def test_what_prints_no_result_is_a_verb_that_there_is() -> None:
 def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]) -> None:
     options = {option for parameter in ALL[words].params for option in parameter.opts}
     assert {"--json", "--quiet"} <= options
+
+
+def test_prose_of_a_help_fills_the_terminal_and_what_is_to_be_typed_keeps_its_lines() -> None:
+    prose = f"{'Long ' * 20}line\nthat goes on."
+    assert flowing(f"First.\n\n    {prose}") == "First.\n\n    " + prose
+    assert flowing(f"First.\n\n{prose}") == f"First.\n\n{'Long ' * 20}line that goes on."
+    typed = f"Two.\n\nvsnbench {'word ' * 20}\nvsnbench sites\n\n    vsnbench {'word ' * 20}\n    vsnbench"
+    assert flowing(typed) == typed
 
 
 @pytest.fixture

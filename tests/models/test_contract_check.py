@@ -61,6 +61,12 @@ class Wordy(Sound):
         return "left"
 
 
+class Untyped(Sound):
+    def act(self, observation):
+        super().act(observation)
+        return Decision("FLY")
+
+
 def failed(policy) -> dict[str, str]:
     return {finding.what: finding.seen for finding in check_policy(policy) if not finding.passed}
 
@@ -78,6 +84,7 @@ def test_a_sound_policy_passes_everything() -> None:
         (OneSize, "other image sizes", "33 x 17: AssertionError: this network is built for 640 columns"),
         (NeedsDepth, "black image, no depth anywhere", "All-NaN slice"),
         (Wordy, "one seed, one answer", "Decision"),
+        (Untyped, "one seed, one answer", "its action is no Action but a str: give Action.MOVE_FORWARD"),
     ],
 )
 def test_a_fault_is_found_and_said(policy, what, seen) -> None:
@@ -91,6 +98,15 @@ def test_an_error_that_is_its_own_cause_is_told_like_any_other() -> None:
             raise error from error
 
     assert "round and round" in failed(Ring())["sensors on the card are read"]
+
+
+def test_what_a_model_raises_is_told_with_the_line_of_its_own_code() -> None:
+    class Misspelt(Sound):
+        def act(self, observation):
+            return Decision(Action["FLY"])  # raised in the standard library, asked for here
+
+    line = Misspelt.act.__code__.co_firstlineno + 1
+    assert failed(Misspelt())["one seed, one answer"] == f"KeyError: 'FLY' (test_contract_check.py, line {line})"
 
 
 def test_a_sensor_that_is_never_read_is_pointed_out() -> None:

@@ -102,6 +102,13 @@ def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, words
         registry.create_policy(name)
 
 
+def test_a_model_that_is_nowhere_is_told_where_it_was_looked_for(plug_in_module: str) -> None:
+    with pytest.raises(ModelError, match=r"is neither installed nor in .*: go to the directory that holds walker"):
+        registry.create_policy("walker.policy:Walker")
+    with pytest.raises(ModelError, match=r"has no attribute 'Missing'$"):
+        registry.create_policy(f"{plug_in_module}:Missing")
+
+
 def test_a_plug_in_that_raises_when_made_is_a_model_error(plug_in_module: str) -> None:
     with pytest.raises(ModelError, match="RuntimeError: a statue is patient"):
         registry.create_policy("statues:Statue", patience=-1)

@@ -47,3 +47,38 @@ def test_slips_are_told_at_once_in_words_of_ours(tmp_path: Path) -> None:
     assert problems(tmp_path, commas) == [
         "4 values in place of 2: a decimal comma? 1.5 is written with a point: [0.38, 7.12]"
     ]
+
+
+@pytest.mark.parametrize(
+    ("right", "slip", "told"),
+    [
+        ("size_m: [2.05, ", "size_m: [2050, ", "these look like millimetres; in metres it is 2.05"),
+        ("size_m: [2.05, ", "size_m: [2000, ", "these look like centimetres or millimetres; in metres it is 20 or 2"),
+        ("size_m: [2.05, ", "size_m: [205, ", "these look like centimetres; in metres it is 2.05"),
+        (
+            "position: [8.8, 4.32]",
+            "position: '8.8, 4.32'",
+            "'8.8, 4.32' is no list of coordinates: a list is written",
+        ),
+        ("position: [8.8, 4.32]", "position: [8.8, 4.32, 0]", "a height beside x and y? It is left out"),
+        ("position: [8.8, 4.32]", "pos: [8.8, 4.32]", "there is no such field: did you mean position?"),
+        ("heading_deg: 165", "heading_deg: North-West", "up 90: write 135"),
+        (
+            "category: rug",
+            "category: round rug",
+            "'round rug': write rug; `model` says of which kind",
+        ),
+        ("starts:", "starts:\nplaces:", "nothing stands under it"),
+    ],
+)
+def test_slips_of_newcomers_are_told_with_what_to_write(tmp_path: Path, right: str, slip: str, told: str) -> None:
+    assert right in apartment()
+    faults = [f"{fault.problem} {fault.mend}" for fault in site_file_faults(place(tmp_path, right, slip))]
+    assert [fault for fault in faults if told in fault], faults
+
+
+def place(tmp_path: Path, right: str, slip: str) -> Path:
+    """Write the apartment's file with one slip."""
+    path = tmp_path / "flat.yaml"
+    path.write_text(apartment().replace(right, slip, 1), encoding="utf-8")
+    return path

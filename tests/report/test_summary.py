@@ -199,9 +199,9 @@ def test_a_failure_counts_0_in_spl_whatever_is_known_of_its_path(lab: Lab) -> No
     assert (total.spl, total.spl_episodes, total.soft_spl_episodes) == (0.25, 2, 1)
     assert total.trivial == 1
     notes = " ".join(goal_sheet(results_of(lab).conditions[0]).notes)
-    assert "SPL is over 2 episodes: the path lengths of 1 successes are unknown" in notes
-    assert "SoftSPL is over the 1 episodes" in notes
-    assert "1 episodes are trivial" in notes
+    assert "SPL is over 2 episodes: the path length of 1 success is unknown" in notes
+    assert "SoftSPL is over the 1 episode whose path length is known." in notes
+    assert "1 episode is trivial: it began within" in notes
 
 
 def test_failures_alone_do_not_make_a_path_efficiency(tmp_path: Path) -> None:

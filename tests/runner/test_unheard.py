@@ -84,3 +84,13 @@ def test_a_model_may_raise_and_what_follows_is_heard(capfd: pytest.CaptureFixtur
         print("heard")
         os.write(1, b"also heard\n")
     assert capfd.readouterr().out.splitlines() == ["heard", "also heard"]
+
+
+def test_whoever_kept_the_stream_goes_on_in_the_terminal_afterwards(capfd: pytest.CaptureFixture[str]) -> None:
+    with ModelsUnheard([]):
+        kept = sys.stdout
+        print("during")
+    assert kept.isatty() == sys.stdout.isatty()
+    kept.write("afterwards\n")
+    kept.flush()
+    assert capfd.readouterr().out.splitlines() == ["during", "afterwards"]

@@ -1,5 +1,6 @@
 """`vsnbench init`: a directory for a lab's work."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -49,7 +50,7 @@ def command(
         typer.echo(file)
     for file in kept:
         typer.echo(f"{file} (was already there, and stays)")
-    go_there = "" if target.resolve() == Path.cwd() else f"cd {target} && "
+    go_there = "" if target.resolve() == Path.cwd() else f"cd {shlex.quote(str(target))} && "
     typer.echo(f"next: {go_there}vsnbench sites check lab.yaml", err=True)
     typer.echo("      vsnbench run --model oracle --goal all", err=True)
     typer.echo("      vsnbench report", err=True)

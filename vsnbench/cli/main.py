@@ -17,7 +17,7 @@ from typer.main import get_command
 
 from vsnbench import __version__
 from vsnbench.cli.options import refuse_repeated
-from vsnbench.cli.output import WITHOUT_RESULT, hushable
+from vsnbench.cli.output import WITHOUT_RESULT, flowing, hushable
 from vsnbench.errors import VsnbenchError
 from vsnbench.lab_file import LabDefault, take_lab_defaults
 
@@ -114,9 +114,10 @@ def build_app(verb: str | None) -> typer.Typer:
                 own_name = command.name or command.callback.__name__
                 if (name, own_name) not in WITHOUT_RESULT:
                     command.callback = hushable(command.callback)
-            root.add_typer(module.app, name=verb, help=module.app.info.help or summary)
+                command.help = flowing(command.help or command.callback.__doc__)
+            root.add_typer(module.app, name=verb, help=flowing(module.app.info.help) or summary)
         else:
-            root.command(verb)(hushable(module.command))
+            root.command(verb, help=flowing(module.command.__doc__))(hushable(module.command))
     return root
 
 

@@ -1,5 +1,6 @@
 """`vsnbench models new`: a package to begin a model of one's own with."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -24,5 +25,5 @@ def new(
 
     model, files = write_model_package(directory)
     print_files(files, as_json=as_json, model=model)
-    typer.echo(f"next: cd {directory} && vsnbench models check {model}", err=True)
+    typer.echo(f"next: cd {shlex.quote(str(directory))} && vsnbench models check {model}", err=True)
     typer.echo(f"      vsnbench run --model {model} --goal chair --starts 1 --watch", err=True)

@@ -50,6 +50,24 @@ def hushable(function: Callable[..., Any]) -> Callable[..., Any]:
     return verb
 
 
+_TERMINAL = 80
+"""Columns. A longer line of a docstring was filled in the source, and goes on in the next; a shorter one is meant."""
+
+
+def flowing(docstring: object) -> str:
+    """Return a docstring as a help text whose prose fills the terminal; what is indented, or typed, keeps its lines."""
+    lines: list[str] = []
+    filled = False
+    for line in inspect.cleandoc(docstring if isinstance(docstring, str) else "").split("\n"):
+        prose = bool(line) and not line.startswith((" ", "vsnbench "))
+        if filled and prose:
+            lines[-1] += f" {line}"
+        else:
+            lines.append(line)
+        filled = prose and len(line) > _TERMINAL
+    return "\n".join(lines)
+
+
 _hush = 0
 
 

@@ -1,14 +1,17 @@
 """Tries a policy against the contract of docs/models.md: for people who write one."""
 
 import statistics
+import sysconfig
 import time
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
-from vsnbench.harmless_text import error_line
+from vsnbench.harmless_text import error_line, harmless
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.categories import GOAL_CATEGORIES
@@ -21,6 +24,7 @@ STEPS = 20
 SEED = 11
 SIZES = ((640, 480), (640, 360), (33, 17))
 _NO_GOAL = "no such goal"
+_NOT_THE_MODEL = (Path(__file__).parents[1], *(Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +45,7 @@ def try_each(trials: Mapping[str, Callable[[], str]]) -> list[ContractFinding]:
         except VsnbenchError as error:
             findings.append(ContractFinding(what, False, str(error)))
         except (Exception, SystemExit) as error:  # a third party's code: anything can happen
-            findings.append(ContractFinding(what, False, error_line(error)))
+            findings.append(ContractFinding(what, False, _line_and_place(error)))
     return findings
 
 
@@ -137,7 +141,7 @@ def sizes(policy: Policy, goal: str) -> str:
         except ModelLostError:
             raise
         except Exception as error:
-            raise ModelError(f"{width} x {height}: {_line(error)}") from error
+            raise ModelError(f"{width} x {height}: {_line_and_place(error)}") from error
     return ", ".join(f"{width} x {height}" for width, height in SIZES)
 
 
@@ -215,8 +219,20 @@ def _first_difference(first: list[Decision], again: list[Decision]) -> int:
     return next((number for number, (a, b) in enumerate(zip(first, again, strict=True), 1) if a.action != b.action), 0)
 
 
-def _line(error: Exception) -> str:
+def _line(error: BaseException) -> str:
     return str(error) if isinstance(error, VsnbenchError) else error_line(error)
+
+
+def _line_and_place(error: BaseException) -> str:
+    """Return what a model raised, and the last line of its own code on the way there."""
+    own = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<") and not any(map(Path(frame.filename).is_relative_to, _NOT_THE_MODEL))
+    ]
+    if not own or isinstance(error, VsnbenchError):
+        return _line(error)
+    return f"{_line(error)} ({harmless(Path(own[-1].filename).name)}, line {own[-1].lineno})"
 
 
 def _everything(number: int, width: int = 640, height: int = 480, *, blind: bool = False) -> Observation:

@@ -67,5 +67,8 @@ def meant_category(name: str, known: Collection[str] = CATEGORIES) -> str:
     other = plain if plain in known else _ALSO_CALLED.get(plain)
     if other in known:
         return f"write {other}"
+    kind = plain.rpartition("_")[2]  # a kind of it: an office chair, a dining table
+    if kind in known:
+        return f"write {kind}; `model` says of which kind"
     near = get_close_matches(name, sorted(known), n=1, cutoff=0.75)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"

@@ -63,5 +63,6 @@ class Decision:
     diagnostics: Diagnostics = field(default_factory=Diagnostics)
 
     def __post_init__(self) -> None:
-        if not self.raw_action:
+        # What is no action is refused by `checked_decision`, in words.
+        if not self.raw_action and isinstance(self.action, Action):
             object.__setattr__(self, "raw_action", self.action.value)

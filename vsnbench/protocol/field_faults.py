@@ -11,8 +11,12 @@ from pydantic_core import ErrorDetails
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+")
 _WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*(mm|cm|m|°|deg|degrees|rad)")
 _IN_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_EITHER_UNIT = 300
+"""Things of three metres are rare, and so are those of thirty centimetres: from here a number may be of either unit."""
+_IN_BRACKETS = {"tuple_type": "no list of coordinates", "list_type": "no list"}
 _OUT_OF_BOUNDS = {"less_than", "less_than_equal", "greater_than", "greater_than_equal"}
 _DIRECTIONS = {"right": 0, "east": 0, "up": 90, "north": 90, "left": 180, "west": 180, "down": -90, "south": -90}
+_DIRECTIONS |= {"northeast": 45, "northwest": 135, "southwest": -135, "southeast": -45}
 
 
 def words_of(detail: ErrorDetails, model: type[BaseModel]) -> tuple[str, str]:
@@ -36,6 +40,8 @@ def words_of(detail: ErrorDetails, model: type[BaseModel]) -> tuple[str, str]:
         return (f"at least {least} {'is' if least == 1 else 'are'} needed, and there " + _counted(len(given)), "")
     if kind in _OUT_OF_BOUNDS and isinstance(given, int | float) and not isinstance(given, bool):
         return _out_of_bounds(detail, float(given))
+    if given is None and kind in _IN_BRACKETS:
+        return "nothing stands under it", "give its entries, or leave the field out if it may be left out"
     if kind == "string_type" and isinstance(given, int | float | bool):
         return detail["msg"], f'in quotes it is one, "{str(given).lower() if isinstance(given, bool) else given}"'
     return detail["msg"], ""
@@ -61,9 +67,11 @@ def _text_for_number(detail: ErrorDetails, given: str) -> tuple[str, str]:
         number, unit = float(measured[1].replace(",", ".")), measured[2]
         plain = number * _IN_METRES.get(unit, 1.0) if unit != "rad" else number * 57.29578
         return f"{given!r} is no number", f"units are not written: {plain:g}"
-    if field.endswith("_deg") and given.lower() in _DIRECTIONS:
-        way = _DIRECTIONS[given.lower()]
+    way = _DIRECTIONS.get(re.sub(r"[\s_-]", "", given.lower()))
+    if field.endswith("_deg") and way is not None:
         return f"{given!r} is no number", f"degrees counter-clockwise from x, so right is 0 and up 90: write {way}"
+    if (kind := detail["type"]) in _IN_BRACKETS:
+        return f"{given[:40]!r} is {_IN_BRACKETS[kind]}", "a list is written in brackets and without quotes, [1.5, 2]"
     return detail["msg"], ""
 
 
@@ -72,6 +80,8 @@ def _too_many(given: list[Any], most: int) -> tuple[str, str]:
     if len(given) == 2 * most and all(isinstance(each, int) for each in given):
         read = ", ".join(f"{whole}.{part}" for whole, part in zip(given[::2], given[1::2], strict=True))
         return problem, f"a decimal comma? 1.5 is written with a point: [{read}]"
+    if (len(given), most) == (3, 2):
+        return problem, "a decimal comma? 1.5 is written with a point; a height beside x and y? It is left out"
     return problem, "a decimal comma? 1.5 is written with a point" if len(given) <= 2 * most else ""
 
 
@@ -83,9 +93,16 @@ def _out_of_bounds(detail: ErrorDetails, given: float) -> tuple[str, str]:
     most = next((float(allowed[bound]) for bound in ("lt", "le") if bound in allowed), None)
     if most is None:
         return detail["msg"], ""
-    for unit, times in (("centimetres", 100), ("millimetres", 1000)):
-        if given / times <= most:
-            return f"{given:g} m is more than {most:g} m", f"these look like {unit}; in metres it is {given / times:g}"
+    problem, centimetres, millimetres = f"{given:g} m is more than {most:g} m", given / 100, given / 1000
+    if centimetres <= most and given < _EITHER_UNIT:
+        return problem, f"these look like centimetres; in metres it is {centimetres:g}"
+    if centimetres <= most:
+        return (
+            problem,
+            f"these look like centimetres or millimetres; in metres it is {centimetres:g} or {millimetres:g}",
+        )
+    if millimetres <= most:
+        return problem, f"these look like millimetres; in metres it is {millimetres:g}"
     return detail["msg"], ""
 
 
@@ -96,6 +113,7 @@ def _meant_field(model: type[BaseModel], location: tuple[int | str, ...]) -> str
     name = str(location[-1])
     near = get_close_matches(name, sorted(fields), n=1, cutoff=0.7)
     near = near or [field for field in sorted(fields) if field.startswith(f"{name}_") or name.startswith(f"{field}_")]
+    near = near or [field for field in sorted(fields) if len(name) >= 3 and field.startswith(name)]  # pos, cat
     return f"did you mean {near[0]}?" if near else ""
 
 

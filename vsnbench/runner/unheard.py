@@ -91,7 +91,10 @@ class ModelsUnheard:
         stream.flush()
         with contextlib.suppress(OSError, ValueError, io.UnsupportedOperation):
             own = os.fdopen(os.dup(stream.fileno()), "w", 1, encoding=stream.encoding, errors=stream.errors)
-            return _Stream(stack.enter_context(own), self)
+            replaced = _Stream(own, self)
+            stack.callback(replaced.lead_to, stream)
+            stack.enter_context(own)
+            return replaced
         return _Stream(stream, self)
 
 
@@ -101,6 +104,10 @@ class _Stream:
     def __init__(self, stream: TextIO, unheard: ModelsUnheard) -> None:
         self._stream = stream
         self._unheard = unheard
+
+    def lead_to(self, stream: TextIO) -> None:
+        """Go on in another stream: whoever took this one for `sys.stdout`, colours at exit say, writes to it later."""
+        self._stream = stream
 
     def write(self, text: str) -> int:
         self._stream.write(self._unheard.said(text))
