@@ -242,7 +242,9 @@ def summary(rows: Sequence[Row]) -> dict[str, float | int]:
 def draw_map(site: Site, rows: Sequence[Row], path: Path) -> None:
     """Draw at each mark of a site, as the filled part of a disk, in how many of its looks the pose was determined."""
     from matplotlib.patches import Circle, Wedge
+    from matplotlib.patheffects import withStroke
 
+    halo = [withStroke(linewidth=2.0, foreground="white")]  # to be read over a wall too
     axes = draw_floor_plan(site, style=PlanStyle(labels=False, legend=False))
     for start in site.starts:
         looks = [row for row in rows if row.method == "look" and row.mark == f"{site.name} {start.number}"]
@@ -254,7 +256,8 @@ def draw_map(site: Site, rows: Sequence[Row], path: Path) -> None:
         axes.add_artist(Wedge(start.position, 0.24, 90 - turned_deg, 90, facecolor="#2e7d32", alpha=0.55, zorder=12.1))
         axes.text(*start.position, str(start.number), ha="center", va="center_baseline", fontsize=8, zorder=13)
         x_m, y_m = start.position
-        axes.text(x_m, y_m - 0.4, f"{sure}/{len(looks)}", ha="center", va="center", fontsize=7, zorder=13)
+        words = f"{sure}/{len(looks)}"
+        axes.text(x_m, y_m - 0.4, words, ha="center", va="center", fontsize=7, zorder=13, path_effects=halo)
     figure: Figure = axes.figure  # type: ignore[assignment]  # a new figure, never a sub-figure
     figure.savefig(path, dpi=120, bbox_inches="tight", pad_inches=0.03)
 
