@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.harmless_text import LONGEST_LINE, error_line, harmless
+from vsnbench.harmless_text import LONGEST_LINE, counted, error_line, harmless
 
 
 def test_what_a_terminal_or_a_browser_would_act_on_is_shown() -> None:
@@ -41,3 +41,8 @@ def test_an_error_with_a_message_of_megabytes_is_cut() -> None:
     line = error_line(ValueError("\x00" * 10_000_000))
     assert len(line) == LONGEST_LINE
     assert line.endswith("…")
+
+
+def test_a_number_goes_with_its_noun() -> None:
+    assert (counted(1, "episode"), counted(0, "episode")) == ("1 episode", "0 episodes")
+    assert [counted(number, "success is", "successes are") for number in (1, 2)] == ["1 success is", "2 successes are"]

@@ -34,6 +34,11 @@ def error_line(error: BaseException, *, named: bool = True) -> str:
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number with its noun: `1 episode`, `2 episodes`; `several` where another letter than an s is added."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
 def _visible(mark: str) -> str:
     if mark in _SPACES or unicodedata.category(mark) == "Zs":
         return " "

@@ -50,7 +50,11 @@ def import_factory(where: str, kind: str, name: str, makes: str, error_class: ty
 
 
 def _where_it_was_looked_for(module_name: str, error: BaseException) -> str:
-    """Return what to do about a module of the user's own that is nowhere; empty where something else is missing."""
+    """Return what to do about a module of the user's own that is not found; empty where something else is missing."""
+    if "/" in module_name or module_name.endswith(".py"):
+        return (
+            "name the module and not its file: walker/policy.py is walker.policy, from the directory that holds walker"
+        )
     missing = error.name if isinstance(error, ModuleNotFoundError) else None
     if missing is None or not f"{module_name}.".startswith(f"{missing}."):
         return ""

@@ -51,6 +51,13 @@ def test_prose_of_a_help_fills_the_terminal_and_what_is_to_be_typed_keeps_its_li
     assert flowing(typed) == typed
 
 
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_what_is_to_be_typed_fits_into_a_line_of_the_terminal(words: tuple[str, ...]) -> None:
+    margin = 2
+    typed = [line for line in (ALL[words].help or "").splitlines() if line.strip().startswith("vsnbench ")]
+    assert [line for line in typed if len(line) > 80 - margin] == []
+
+
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 
@@ -8,7 +9,7 @@ from vsnbench.database.blinding import HIDDEN
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import gather_provenance
 from vsnbench.database.queries import campaign_states
-from vsnbench.database.study_entries import SESSION, SESSION_END
+from vsnbench.database.study_entries import SESSION, SESSION_END, RecordedArm, RecordedStudy
 from vsnbench.database.study_queries import find_study, study_of_campaign
 from vsnbench.errors import StudyError
 
@@ -60,3 +61,17 @@ def test_who_else_runs_a_study_is_named_while_that_process_lives(url: str) -> No
         assert hers.who_else_runs(study.id) == ""
         hers.note_in_study(study.id, SESSION_END)
         assert mine.who_else_runs(study.id) == ""
+
+
+def test_a_name_of_one_letter_is_not_in_every_word_that_a_blind_study_says() -> None:
+    arms = [
+        RecordedArm(name, code, 1, "", "", model, "", "", surveyed=False)
+        for name, code, model in (("a", "B", "oracle"), ("il", "A", "pirlnav"))
+    ]
+    when = datetime(2026, 1, 1, tzinfo=UTC)
+    study = RecordedStudy(1, "", "T", "", "", "", "", True, when, None, tuple(arms), ())
+    for telling in ("line 3 is `A: x`", "weights: il.ckpt", "model: PIRLNav-2", "arms/oracles.py"):
+        assert study.gives_away(telling), telling
+    for harmless in ("line 25 is `starting_positions: 1-3`, and was `starting_positions: 1-2`", "until 8"):
+        assert not study.gives_away(harmless), harmless
+    assert not replace(study, unblinded_at=when).gives_away("oracle")

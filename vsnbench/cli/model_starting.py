@@ -17,9 +17,9 @@ def new(
 
     [bold]Example[/bold]
 
-        vsnbench models new mymodel
-        cd mymodel
-        vsnbench run --model mymodel.policy:Mymodel --goal chair --starts 1 --watch
+        vsnbench models new mine
+        cd mine
+        vsnbench run --model mine.policy:Mine --goal chair --starts 1 --watch
     """
     from vsnbench.models.starting import write_model_package
 

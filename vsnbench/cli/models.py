@@ -155,7 +155,7 @@ def fetch(
 
     [bold]Example[/bold]
 
-        vsnbench models fetch pirlnav https://example.org/objectnav_rl_ft_hd.ckpt --sha256 5d1c...
+        vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
     """
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 

@@ -30,7 +30,7 @@ def discrete_move(
 
         vsnbench ros1 discrete-move --robot turtlebot2
 
-        vsnbench ros1 discrete-move --robot lola2 _timeout_s:=20 /odom:=/lola2/odom
+        vsnbench ros1 discrete-move --robot lola2 _timeout_s:=20 /odom:=/odom2
 
         rosservice call /discrete_move Left 30
     """

@@ -239,13 +239,13 @@ def command(
         vsnbench run --model mylab.policy:Policy --goal bed,sofa
         vsnbench run --model mylab.policy:Policy --goal chair --starts 1 --watch
         vsnbench run --model ws://gpu-box:8765 --goal all
-        vsnbench run --model mymodel:Agent --python ~/envs/old/bin/python --goal bed
+        vsnbench run --model mine:Agent --python ~/envs/old/bin/python --goal bed
         vsnbench run --model forward --goal chair --live
         vsnbench run --model oracle --goal chair --starts 3 --pretend-real
         vsnbench run --model vlv --goal all --robot lola2 --console
         vsnbench run --model oracle --goal all --site lab.yaml
         vsnbench run --model pirlnav --goal all --cluster ray://head:10001
-        vsnbench run --model oracle,random --seeds 0-4 --sites twins:0-9 --goal all
+        vsnbench run --model vlv,random --seeds 0-4 --sites twins:0-9 --goal all
 
     Ctrl-C halts the robot and ends the current episode as aborted.
     The same command goes on with the trials that are left.

@@ -23,7 +23,7 @@ def export_site(
 
     vsnbench sites export apartment --map apartment-map.yaml
 
-    vsnbench sites export apartment --geojson apartment.geojson --svg apartment.svg
+    vsnbench sites export apartment --geojson flat.geojson --svg flat.svg
     """
     from vsnbench.errors import UsageError
     from vsnbench.exchange.ros_map import write_ros_map

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from vsnbench.harmless_text import counted
+
 if TYPE_CHECKING:
     from vsnbench.database.study_entries import LockedArm
     from vsnbench.record.results import ResultsDirectory
@@ -65,8 +67,9 @@ def power_sheet(place: "StudyPlace", rate: float) -> "Sheet":
     design = design_of_study(study, starts, rate)
     wanted = tuple(sorted({*DIFFERENCES, study.difference}))
     found = planned_power(study, design, wanted)
-    size = f"{starts} starting positions, {len(study.goals)} goals, {study.repetitions} repetitions"
-    level = f"alpha {study.alpha:g} over {pairs_of(study)} questions"
+    goals, again = counted(len(study.goals), "goal"), counted(study.repetitions, "repetition")
+    size = f"{counted(starts, 'starting position')}, {goals}, {again}"
+    level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
     alike = "how hard cells are differs (correlation 0.3, 0.1 across a position's goals), half of it for both models"
     notes = [f"{size}; mean rate {rate:.0%}; {level}. Hundreds of simulated studies a line.", f"Assumed: {alike}."]
     if study.margin:

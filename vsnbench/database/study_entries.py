@@ -1,5 +1,6 @@
 """What a study is to the record, as plain values: what is locked, what is read back, what was done to it."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -17,6 +18,8 @@ LOCK, AMEND, UNBLIND, SESSION, SESSION_END, SUSPEND, OVER = (
     "over",
 )
 """Kinds of entries."""
+_IN_EVERY_WORD = 2
+"""Letters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +127,11 @@ class RecordedStudy:
         return f"arm {self.by_name[arm].code}"
 
     def gives_away(self, words: str) -> bool:
-        """Whether these words name a model to people who are blind now."""
-        known = {word for arm in self.arms for word in (arm.name, arm.model, arm.weights_label) if word}
-        return self.is_blind and any(word.lower() in words.lower() for word in known)
+        """Whether these words name a model to people who are blind now; a name of a letter or two is in every word."""
+        known = {word.lower() for arm in self.arms for word in (arm.name, arm.model, arm.weights_label) if word}
+        said = words.lower()
+        by_itself = set(re.findall("[a-z0-9]+", said))
+        return self.is_blind and any(word in (said if len(word) > _IN_EVERY_WORD else by_itself) for word in known)
 
     @property
     def by_name(self) -> Mapping[str, RecordedArm]:

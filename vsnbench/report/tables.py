@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from vsnbench.harmless_text import counted
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.activity import ActionCount, RobotActivity
@@ -228,7 +229,7 @@ _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 
 
 def _caveats(total: Summary) -> list[str]:
-    episodes, trials = _counted(total.episodes, "episode"), _counted(total.planned, "planned trial")
+    episodes, trials = counted(total.episodes, "episode"), counted(total.planned, "planned trial")
     notes = [f"n = {episodes} of {trials} ({100 * total.coverage:.1f} %)."]
     if total.repeats:
         notes.append(f"{total.repeats}: repetitions of a cell are no new places, and the intervals know it.")
@@ -237,25 +238,21 @@ def _caveats(total: Summary) -> list[str]:
     elif total.episodes < total.planned:
         notes.append("Incomplete: the rates are of the trials done.")
     if total.unjudged:
-        waiting = _counted(total.unjudged, "episode awaits", "episodes await")
+        waiting = counted(total.unjudged, "episode awaits", "episodes await")
         notes.append(f"{waiting} a verdict, and no rate has them.")
     if total.successes and not total.spl_episodes:
         notes.append(f"SPL is not known: the path length of no success is ({total.successes} of them).")
     if 0 < total.spl_episodes < total.episodes:
-        unknown = _counted(total.episodes - total.spl_episodes, "success is", "successes are")
-        known = _counted(total.spl_episodes, "episode")
+        unknown = counted(total.episodes - total.spl_episodes, "success is", "successes are")
+        known = counted(total.spl_episodes, "episode")
         notes.append(f"SPL is over {known}: the path length of {unknown} unknown.")
     if 0 < total.soft_spl_episodes < total.episodes:
-        known = _counted(total.soft_spl_episodes, "episode whose path length is", "episodes whose path lengths are")
+        known = counted(total.soft_spl_episodes, "episode whose path length is", "episodes whose path lengths are")
         notes.append(f"SoftSPL is over the {known} known.")
     if total.trivial:
-        began = _counted(total.trivial, "episode is trivial: it began", "episodes are trivial: they began")
+        began = counted(total.trivial, "episode is trivial: it began", "episodes are trivial: they began")
         notes.append(f"{began} within {TRIVIAL_M:g} m, one move, of success.")
     return notes
-
-
-def _counted(number: int, one: str, several: str = "") -> str:
-    return f"{number} {one if number == 1 else several or one + 's'}"
 
 
 def _summary_row(name: str, summary: Summary, *, total: bool = False) -> Row:
