@@ -52,14 +52,12 @@ def import_factory(where: str, kind: str, name: str, makes: str, error_class: ty
 def _where_it_was_looked_for(module_name: str, error: BaseException) -> str:
     """Return what to do about a module of the user's own that is not found; empty where something else is missing."""
     if "/" in module_name or module_name.endswith(".py"):
-        return (
-            "name the module and not its file: walker/policy.py is walker.policy, from the directory that holds walker"
-        )
+        return "name the module, not its file: walker/policy.py is walker.policy where walker lies"
     missing = error.name if isinstance(error, ModuleNotFoundError) else None
     if missing is None or not f"{module_name}.".startswith(f"{missing}."):
         return ""
-    package = module_name.partition(".")[0]
-    return f"it is neither installed nor in {Path.cwd()}: go to the directory that holds {package}"
+    file = module_name.replace(".", "/") + ".py"
+    return f"it is neither installed nor in {Path.cwd()}: go to the directory that has {file} in it"
 
 
 def source_sha256(made: type) -> str:

@@ -103,10 +103,12 @@ def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, words
 
 
 def test_a_model_that_is_nowhere_is_told_where_it_was_looked_for(plug_in_module: str) -> None:
-    with pytest.raises(ModelError, match=r"is neither installed nor in .*: go to the directory that holds walker"):
+    with pytest.raises(
+        ModelError, match=r"is neither installed nor in .*: go to the directory that has walker/policy.py in it"
+    ):
         registry.create_policy("walker.policy:Walker")
     for file in ("walker/policy.py:Walker", "../walker/policy.py:Walker", "policy.py:Walker"):
-        with pytest.raises(ModelError, match=r"name the module and not its file: walker/policy.py is walker.policy"):
+        with pytest.raises(ModelError, match=r"name the module, not its file: walker/policy.py is walker.policy"):
             registry.create_policy(file)
     with pytest.raises(ModelError, match=r"has no attribute 'Missing'$"):
         registry.create_policy(f"{plug_in_module}:Missing")
