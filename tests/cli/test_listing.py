@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import Answer
+from tests.database.records_of_a_lab import plan
 from tests.report.records import Attempt, Lab, void
 from vsnbench.cli.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.database.journal import Journal
+from vsnbench.database_url import sqlite_url
 from vsnbench.protocol.judge import EndReason
 
 LONG_NAME = "examples.widest_opening:WidestOpening"
@@ -65,6 +68,18 @@ def test_dates_and_counts_of_campaigns_stay_whole(shown: Callable[..., Answer]) 
     today = f"{datetime.now(UTC):%Y-}"
     assert all(re.search(rf"\d+ of \d+  {today}\d\d-\d\d$", line.rstrip()) for line in lines), lines
     assert sum("…" in line for line in lines) == 1, "only the name that no column holds is cut"
+
+
+def test_campaigns_that_differ_in_their_seed_alone_say_it(
+    tmp_path: Path, typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        for seed in (7, 8):
+            journal.find_or_create_campaign(plan(seed=seed))
+    lines = typed("db", "status", "--results", str(tmp_path)).out.splitlines()
+    assert re.search(r"name +seed +", lines[-3])
+    assert [re.search(r" (\d+) +0 of 4", line)[1] for line in lines[-2:]] == ["7", "8"]  # type: ignore[index]
 
 
 @pytest.mark.parametrize(

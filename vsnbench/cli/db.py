@@ -82,6 +82,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     columns = (
         ListColumn("campaign", right=True),
         name_column("name", least=44),
+        ListColumn("seed", right=True, rank=0 if len({campaign.seed for campaign in campaigns}) > 1 else 3),
         ListColumn("robot", rank=2),
         ListColumn("trials done", right=True),
         ListColumn("begun (UTC)", rank=1),
@@ -90,6 +91,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
         (
             str(campaign.id),
             safe(campaign.name),
+            str(campaign.seed),
             "simulated" if campaign.simulated else "real",
             f"{campaign.done} of {campaign.trials}",
             f"{campaign.created_at:%Y-%m-%d}",

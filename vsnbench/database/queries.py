@@ -196,6 +196,7 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
             Robot.name,
             Robot.simulated,
             Site.name,
+            Campaign.seed,
             planned,
             done,
         )

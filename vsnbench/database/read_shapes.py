@@ -196,6 +196,7 @@ class CampaignState:
     simulated: bool
     """Of the robot."""
     site: str
+    seed: int
     trials: int
     done: int
     """Trials with an episode that counts."""
