@@ -35,9 +35,10 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def shown(record: Path, typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
-    """Types words at a terminal of 80 columns."""
+    """Types words at a terminal of 80 columns, above the results: their path is printed whole, however long it is."""
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setenv("VSNBENCH_RESULTS", str(record))
+    monkeypatch.chdir(record.parent)
+    monkeypatch.setenv("VSNBENCH_RESULTS", record.name)
 
     def call(*words: str) -> Answer:
         answer = typed(*words)
