@@ -107,6 +107,7 @@ def kill_node(results: Path, words: list[str], asked: argparse.Namespace, chance
     ports = [port() for _ in range(2)]
     token = secrets.token_hex(16)
     known = os.environ | {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": token, "RAY_USAGE_STATS_ENABLED": "0"}
+    known["GRPC_ENABLE_FORK_SUPPORT"] = "0"  # see docs/scale.md
     small = ["--num-cpus=1", "--object-store-memory=200000000", "--min-worker-port=0", "--max-worker-port=0"]
     here = f"/tmp/ray-{os.getpid()}"
     start = [*PYTHON, "ray.scripts.scripts", "start", *small]

@@ -227,7 +227,7 @@ def _refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:
     if isinstance(error, ConnectionError) and _SERVER_FAILED in words:
         return VsnbenchError(
             f"--cluster {address}: the head node could not start a client server in time",
-            advice="try again when it has less to do; its logs say why (ray_client_server_*.err)",
+            advice="try again; start the head with GRPC_ENABLE_FORK_SUPPORT=0, as docs/scale.md does",
         )
     if isinstance(error, ConnectionError):  # a wrong token reads like silence
         return VsnbenchError(
