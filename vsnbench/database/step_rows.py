@@ -103,9 +103,8 @@ class StepStatements:
         if self._is_sqlite:
             try:
                 return self._commit_with_driver(process_id, row)
-            except (
-                sqlite3.Error
-            ) as error:  # nothing was written: the usual way waits for a lock, and says what is wrong
+            except sqlite3.Error as error:
+                # Nothing was written: the usual way waits for a lock, and says what is wrong.
                 logger.debug("step %s again, the usual way: %s", row["number"], error)
         with transaction(self._engine) as connection:
             return self._write(connection.exec_driver_sql, process_id, row)
