@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from vsnbench.placement.looks import SmallLook
+from vsnbench.placement.looks import Sighting, SmallLook
 from vsnbench.placement.search import Candidate, along_surfaces
 from vsnbench.placement.trials import NoisyEye
 from vsnbench.placement.twin import twin_of
@@ -19,7 +19,8 @@ FACING_A_BARE_WALL, FACING_A_CORNER = Pose(7.6, 5.9, math.pi), APARTMENT.start(1
 
 def beside(pose: Pose) -> tuple[Candidate, ...]:
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(pose)
-    return along_surfaces(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)], Candidate(pose, 0.0), 1.0)
+    sighting = Sighting(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)])
+    return along_surfaces(sighting, Candidate(pose, 0.0), 1.0)
 
 
 def test_along_a_bare_wall_another_place_fits_as_well() -> None:

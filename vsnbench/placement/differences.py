@@ -4,7 +4,6 @@ Two questions, two rules. A fit leaves out what might mislead it, on slight susp
 where the plan says, and goes to look: only what is seen through more than it is seen, by pixels enough.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.placement.fit import ErrorModel, FitState
-from vsnbench.placement.looks import SmallLook
+from vsnbench.placement.looks import Sighting, SmallLook
 from vsnbench.placement.normal_equations import Floats
-from vsnbench.placement.twin import Twin
-from vsnbench.protocol.camera import Camera
 from vsnbench.simulator.renderer import eye_of
 
 _SUSPECT_M, _SUSPECT_SHARE, _SUSPECT_PIXELS, _SUSPECT_STEPS = 0.12, 0.45, 25, 3.0
@@ -27,13 +24,12 @@ _TIMES, _LEAST_SHARE = 1.5, 0.0025
 """Gone is what is seen through in so many times as many pixels as agree, in that share of the picture at least."""
 
 
-def suspects(
-    twin: Twin, camera: Camera, looks: Sequence[SmallLook], state: FitState, errors: ErrorModel
-) -> frozenset[int]:
+def suspects(sighting: Sighting, state: FitState, errors: ErrorModel) -> frozenset[int]:
     """Return the objects, by their numbers as groups of the twin, that a fit had better leave out."""
+    twin = sighting.twin
     expected, through = np.zeros(twin.groups), np.zeros(twin.groups)
-    for look in looks:
-        seen = _Seen.of(twin, camera, look, state)
+    for look in sighting.looks:
+        seen = _Seen.of(sighting, look, state)
         expected += seen.count(np.ones(len(seen.group), np.bool_))
         through += seen.count(seen.beyond_m > _SUSPECT_M)
     off = np.hypot(*state.steps.T) > _SUSPECT_STEPS * errors.object_m
@@ -41,16 +37,17 @@ def suspects(
     return frozenset(np.nonzero(twin.is_object & (away | off))[0].tolist())
 
 
-def gone(twin: Twin, camera: Camera, looks: Sequence[SmallLook], state: FitState) -> frozenset[int]:
+def gone(sighting: Sighting, state: FitState) -> frozenset[int]:
     """Return the objects, by their numbers as groups of the twin, that are not where the survey has them.
 
     What stands behind something that came is not named: of that nothing is known. Neither do pixels count in which the
     building would be seen at about the same depth without the object.
     """
+    twin, looks = sighting.twin, sighting.looks
     agrees, through = np.zeros(twin.groups), np.zeros(twin.groups)
     for look in looks:
-        seen = _Seen.of(twin, camera, look, state)
-        behind = twin.building.draw(eye_of(camera, state.pose_of(look)), look.pinhole)
+        seen = _Seen.of(sighting, look, state)
+        behind = twin.building.draw(eye_of(sighting.camera, state.pose_of(look)), look.pinhole)
         width_m = _AGREES_M + _AGREES_SHARE * seen.depth_m
         tells = behind.depth_m[seen.where] - seen.depth_m > 2 * width_m
         agrees += seen.count(tells & (np.abs(seen.beyond_m) <= width_m))
@@ -74,9 +71,9 @@ class _Seen:
     groups: int
 
     @classmethod
-    def of(cls, twin: Twin, camera: Camera, look: SmallLook, state: FitState) -> "_Seen":
+    def of(cls, sighting: Sighting, look: SmallLook, state: FitState) -> "_Seen":
         """Return those of a look."""
-        view = twin.drawer.draw(eye_of(camera, state.pose_of(look)), look.pinhole)
+        twin, view = sighting.twin, sighting.expected(look, state.pose_of(look))
         where = (view.face >= 0) & np.isfinite(look.depth_m)
         depth_m = view.depth_m[where]
         beyond_m = look.depth_m[where] * state.scale - depth_m

@@ -7,19 +7,16 @@ that is left for the pose says what those errors do to it, which pixels by the t
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 
-from vsnbench.placement.looks import SmallLook
+from vsnbench.placement.looks import Sighting, SmallLook
 from vsnbench.placement.normal_equations import Floats, NormalEquations, Prior, Rows
 from vsnbench.placement.twin import Twin, outward
-from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site
-from vsnbench.simulator.renderer import eye_of
 
 _POSE, _SCALE, _TILT, _TURN = slice(0, 3), 3, 4, 5
 _COMMON = 6
@@ -61,7 +58,7 @@ class ErrorModel:
         return cls(wall_m=site.survey_error_m, object_m=2 * site.survey_error_m)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FitState:
     """Where the fit has got to."""
 
@@ -78,6 +75,23 @@ class FitState:
     covariance: Floats = field(default_factory=lambda: np.eye(_COMMON))
     """(6, 6) of the pose, the scale, the tilt and the turning."""
 
+    @classmethod
+    def at(cls, pose: Pose, twin: Twin) -> Self:
+        """Return where a fit begins: at `pose`, with everything as surveyed."""
+        return cls(pose, steps=np.zeros((twin.groups, 2)))
+
+    def moved(self, step: Floats, own_step: Floats) -> Self:
+        """Return the state after a (6,) step of pose, scale, tilt and turning, and a (G, 2) one of the groups."""
+        x_m, y_m, heading_rad, scale, tilt_rad, turn = step.tolist()
+        return replace(
+            self,
+            pose=Pose(self.pose.x_m + x_m, self.pose.y_m + y_m, self.pose.heading_rad + heading_rad),
+            scale=self.scale + scale,
+            tilt_rad=self.tilt_rad + tilt_rad,
+            turn=self.turn + turn,
+            steps=self.steps + own_step,
+        )
+
     def pose_of(self, look: SmallLook) -> Pose:
         """Return where a look was taken."""
         return self.pose.compose(
@@ -92,138 +106,92 @@ class FitState:
         return np.asarray(by_common @ self.covariance @ by_common.T)
 
 
-def refine(
-    twin: Twin,
-    camera: Camera,
-    looks: Sequence[SmallLook],
-    start: Pose,
-    errors: ErrorModel,
-    rounds: int,
-    widths_m: tuple[float, float],
-    left_out: frozenset[int] = frozenset(),
-    state: FitState | None = None,
-) -> FitState:
-    """Fit the pose of the first look, from `start`.
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """What a fit goes by: what was seen, what may be how far off, and what it leaves out."""
 
-    Args:
-        twin: what should be seen.
-        camera: the robot's.
-        looks: what was seen.
-        start: near the solution.
-        errors: what may be how far off.
-        rounds: of linearisation.
-        widths_m: of the robust loss in the first and in the last round.
-        left_out: groups that stand elsewhere than the survey says.
-        state: to go on from, instead of `start`.
-    """
-    state = FitState(start, steps=np.zeros((twin.groups, 2))) if state is None else state
-    for number in range(rounds):
-        share = number / max(rounds - 1, 1)
-        width_m = widths_m[0] * (widths_m[1] / widths_m[0]) ** share
-        step, own_step = _equations(twin, camera, looks, state, errors, width_m, left_out).step(_LIMIT)
-        state.pose = Pose(
-            state.pose.x_m + float(step[0]), state.pose.y_m + float(step[1]), state.pose.heading_rad + float(step[2])
-        )
-        state.scale += float(step[_SCALE])
-        state.tilt_rad += float(step[_TILT])
-        state.turn += float(step[_TURN])
-        state.steps = state.steps + own_step
-    return state
+    sighting: Sighting
+    errors: ErrorModel
+    left_out: frozenset[int] = frozenset()
+    """Groups that stand elsewhere than the survey says."""
 
+    def refined(self, state: FitState, rounds: int, widths_m: tuple[float, float]) -> FitState:
+        """Fit the pose of the first look, from `state` on.
 
-def doubt(
-    twin: Twin,
-    camera: Camera,
-    looks: Sequence[SmallLook],
-    state: FitState,
-    errors: ErrorModel,
-    width_m: float,
-    left_out: frozenset[int],
-) -> Floats:
-    """Return the (6, 6) covariance of pose, scale, tilt and turning where a fit has ended.
+        Args:
+            state: near the solution.
+            rounds: of linearisation.
+            widths_m: of the robust loss in the first and in the last round.
+        """
+        for number in range(rounds):
+            share = number / max(rounds - 1, 1)
+            width_m = widths_m[0] * (widths_m[1] / widths_m[0]) ** share
+            state = state.moved(*self._equations(state, width_m).step(_LIMIT))
+        return state
 
-    Args:
-        twin: what should be seen.
-        camera: the robot's.
-        looks: what was seen.
-        state: where the fit has ended.
-        errors: what may be how far off.
-        width_m: of the robust loss.
-        left_out: groups that stand elsewhere than the survey says.
-    """
-    equations = _equations(twin, camera, looks, state, errors, width_m, left_out)
-    objects = np.nonzero(twin.is_object)[0].tolist()
-    return equations.doubted(objects, errors.moved, errors.object_m, errors.moved_m)
+    def doubt(self, state: FitState, width_m: float) -> Floats:
+        """Return the (6, 6) covariance of pose, scale, tilt and turning where a fit has ended.
 
+        Args:
+            state: where the fit has ended.
+            width_m: of the robust loss.
+        """
+        objects, errors = np.nonzero(self.sighting.twin.is_object)[0].tolist(), self.errors
+        return self._equations(state, width_m).doubted(objects, errors.moved, errors.object_m, errors.moved_m)
 
-def _equations(
-    twin: Twin,
-    camera: Camera,
-    looks: Sequence[SmallLook],
-    state: FitState,
-    errors: ErrorModel,
-    width_m: float,
-    left_out: frozenset[int],
-) -> NormalEquations:
-    common = np.array([errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn])
-    own_m = np.where(twin.is_object, errors.object_m, np.where(twin.is_floor, errors.floor_m, errors.wall_m))
-    rows = [_rows_of(twin, camera, look, state, errors, width_m, left_out) for look in looks]
-    now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn])
-    prior = Prior(common, np.repeat(own_m[:, None], 2, axis=1), errors.stretches)
-    return NormalEquations(rows, prior, now, state.steps)
+    def _equations(self, state: FitState, width_m: float) -> NormalEquations:
+        twin, errors = self.sighting.twin, self.errors
+        common = np.array([errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn])
+        own_m = np.where(twin.is_object, errors.object_m, np.where(twin.is_floor, errors.floor_m, errors.wall_m))
+        rows = [self._rows_of(look, state, width_m) for look in self.sighting.looks]
+        now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn])
+        prior = Prior(common, np.repeat(own_m[:, None], 2, axis=1), errors.stretches)
+        return NormalEquations(rows, prior, now, state.steps)
 
-
-def _rows_of(
-    twin: Twin,
-    camera: Camera,
-    look: SmallLook,
-    state: FitState,
-    errors: ErrorModel,
-    width_m: float,
-    left_out: frozenset[int],
-) -> Rows:
-    pose = state.pose_of(look)
-    view = twin.drawer.draw(eye_of(camera, pose), look.pinhole)
-    with np.errstate(invalid="ignore"):
-        gap = look.depth_m * state.scale - view.depth_m
-        close = np.abs(gap) < np.maximum(4 * width_m, 0.05) + 0.1 * view.depth_m
-    row, column = np.nonzero(close & (view.face >= 0))
-    face = view.face[row, column]
-    if left_out:
-        kept = ~np.isin(twin.group_of[face], list(left_out))
-        row, column, face = row[kept], column[kept], face[kept]
-    depth_m = look.depth_m[row, column] * state.scale
-    tilt_rad = math.radians(camera.tilt_deg) + state.tilt_rad
-    cos_t, sin_t = math.cos(tilt_rad), math.sin(tilt_rad)
-    down, left = look.down[row], -look.across[column]
-    ahead, up = cos_t + sin_t * down, sin_t - cos_t * down
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    forward_m, left_m = camera.mount_forward_m + depth_m * ahead, depth_m * left
-    height_m = camera.mount_height_m + depth_m * up
-    normal = twin.normals[face]
-    nx, ny, nz = normal[:, 0], normal[:, 1], normal[:, 2]
-    x_m = pose.x_m + cos * forward_m - sin * left_m
-    y_m = pose.y_m + sin * forward_m + cos * left_m
-    # Normals in the robot's frame, for what is measured there.
-    n_ahead, n_left = cos * nx + sin * ny, cos * ny - sin * nx
-    group = twin.group_of[face].astype(np.intp)
-    building = ~twin.is_object[group]
-    middle, reach_m = twin.middle[group], twin.half_length_m[group]
-    to_x, to_y = outward(normal).T
-    side = np.where(building & (nx * to_x + ny * to_y < 0), 1.0, -1.0)
-    aside = (-to_y * (x_m - middle[:, 0]) + to_x * (y_m - middle[:, 1])) / reach_m
-    own = np.column_stack([np.where(building, side, -nx), np.where(building, side * aside, -ny)])
-    residual_m = nx * x_m + ny * y_m + nz * height_m - twin.plane_m[face]
-    residual_m += (own * state.steps[group]).sum(axis=1)
-    common = np.empty((len(face), _COMMON))
-    common[:, 0], common[:, 1] = nx, ny
-    first_x, first_y = x_m - state.pose.x_m, y_m - state.pose.y_m
-    common[:, 2] = ny * first_x - nx * first_y
-    along_ray = n_ahead * ahead + n_left * left + nz * up
-    common[:, _SCALE] = along_ray * depth_m / state.scale
-    common[:, _TILT] = depth_m * (n_ahead * (cos_t * down - sin_t) + nz * (cos_t + sin_t * down))
-    common[:, _TURN] = (ny * (x_m - pose.x_m) - nx * (y_m - pose.y_m)) * look.odometry.heading_rad
-    noise_m = (0.002 + 0.0015 * depth_m**2) * np.abs(along_ray)
-    variance = errors.surface_m**2 + noise_m**2
-    robust = (width_m**2 / (width_m**2 + residual_m**2)) ** 2
-    return Rows(residual_m, common, group, own, robust / variance)
+    def _rows_of(self, look: SmallLook, state: FitState, width_m: float) -> Rows:
+        twin, camera, errors = self.sighting.twin, self.sighting.camera, self.errors
+        pose = state.pose_of(look)
+        view = self.sighting.expected(look, pose)
+        with np.errstate(invalid="ignore"):
+            gap = look.depth_m * state.scale - view.depth_m
+            close = np.abs(gap) < np.maximum(4 * width_m, 0.05) + 0.1 * view.depth_m
+        row, column = np.nonzero(close & (view.face >= 0))
+        face = view.face[row, column]
+        if self.left_out:
+            kept = ~np.isin(twin.group_of[face], list(self.left_out))
+            row, column, face = row[kept], column[kept], face[kept]
+        depth_m = look.depth_m[row, column] * state.scale
+        tilt_rad = math.radians(camera.tilt_deg) + state.tilt_rad
+        cos_t, sin_t = math.cos(tilt_rad), math.sin(tilt_rad)
+        down, left = look.down[row], -look.across[column]
+        ahead, up = cos_t + sin_t * down, sin_t - cos_t * down
+        cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        forward_m, left_m = camera.mount_forward_m + depth_m * ahead, depth_m * left
+        height_m = camera.mount_height_m + depth_m * up
+        normal = twin.normals[face]
+        nx, ny, nz = normal[:, 0], normal[:, 1], normal[:, 2]
+        x_m = pose.x_m + cos * forward_m - sin * left_m
+        y_m = pose.y_m + sin * forward_m + cos * left_m
+        # Normals in the robot's frame, for what is measured there.
+        n_ahead, n_left = cos * nx + sin * ny, cos * ny - sin * nx
+        group = twin.group_of[face].astype(np.intp)
+        building = ~twin.is_object[group]
+        middle, reach_m = twin.middle[group], twin.half_length_m[group]
+        to_x, to_y = outward(normal).T
+        side = np.where(building & (nx * to_x + ny * to_y < 0), 1.0, -1.0)
+        aside = (-to_y * (x_m - middle[:, 0]) + to_x * (y_m - middle[:, 1])) / reach_m
+        own = np.column_stack([np.where(building, side, -nx), np.where(building, side * aside, -ny)])
+        residual_m = nx * x_m + ny * y_m + nz * height_m - twin.plane_m[face]
+        residual_m += (own * state.steps[group]).sum(axis=1)
+        common = np.empty((len(face), _COMMON))
+        common[:, 0], common[:, 1] = nx, ny
+        first_x, first_y = x_m - state.pose.x_m, y_m - state.pose.y_m
+        common[:, 2] = ny * first_x - nx * first_y
+        along_ray = n_ahead * ahead + n_left * left + nz * up
+        common[:, _SCALE] = along_ray * depth_m / state.scale
+        common[:, _TILT] = depth_m * (n_ahead * (cos_t * down - sin_t) + nz * (cos_t + sin_t * down))
+        common[:, _TURN] = (ny * (x_m - pose.x_m) - nx * (y_m - pose.y_m)) * look.odometry.heading_rad
+        noise_m = (0.002 + 0.0015 * depth_m**2) * np.abs(along_ray)
+        variance = errors.surface_m**2 + noise_m**2
+        robust = (width_m**2 / (width_m**2 + residual_m**2)) ** 2
+        return Rows(residual_m, common, group, own, robust / variance)

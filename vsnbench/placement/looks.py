@@ -1,14 +1,17 @@
-"""A depth image, made small: what the matcher works on, with where it was taken from."""
+"""Depth images, made small: what the matcher works on, with where they were taken from and what they should show."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.placement.twin import Twin
 from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.pose import Pose
-from vsnbench.simulator.depth_view import Pinhole
+from vsnbench.simulator.depth_view import DepthView, Pinhole
+from vsnbench.simulator.renderer import eye_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -60,6 +63,20 @@ class SmallLook:
             (np.arange(h) - pinhole.centre_y) / focal_px,
             look.odometry,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What one camera saw from a spot, and the twin of the room, which says what it should have seen."""
+
+    twin: Twin
+    camera: Camera
+    looks: Sequence[SmallLook]
+    """The first is the one whose pose is sought."""
+
+    def expected(self, look: SmallLook, pose: Pose) -> DepthView:
+        """Return what a look should show that was taken at `pose`."""
+        return self.twin.drawer.draw(eye_of(self.camera, pose), look.pinhole)
 
 
 def _block_medians(depth: Floats, block: int, h: int, w: int) -> Floats:

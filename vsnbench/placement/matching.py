@@ -3,14 +3,14 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.placement.differences import gone, suspects
-from vsnbench.placement.fit import ErrorModel, FitState, doubt, refine
-from vsnbench.placement.looks import DepthLook, SmallLook
+from vsnbench.placement.fit import ErrorModel, Fit, FitState
+from vsnbench.placement.looks import DepthLook, Sighting, SmallLook
 from vsnbench.placement.search import (
     REACH_DEG,
     REACH_M,
@@ -67,24 +67,24 @@ class PlacementMatcher:
             tolerance: how far off it may stand; the protocol's default when None.
         """
         began_s = time.perf_counter()
-        twin, camera, errors = self._twin, self._camera, self._errors
+        errors = self._errors
         placed = _from_the_first(looks)
-        fine = [SmallLook.of(look, camera, _FINE_PX) for look in placed]
+        fine = self._sighting(placed, _FINE_PX)
         basins, beside = self._basins(placed, start.pose)
         if basins:
             best = basins[0]
-            left_out = frozenset(best.moved)
-            state = refine(twin, camera, fine, best.state.pose, errors, 4, (0.06, _FINEST_M), left_out, best.state)
-            state.covariance = doubt(twin, camera, fine, state, errors, _FINEST_M, left_out)
-            covariance = state.covariance_of(fine[-1]) + _of_other_places(state, basins) + beside
+            fit = Fit(fine, errors, left_out=best.moved)
+            state = fit.refined(best.state, 4, (0.06, _FINEST_M))
+            state = replace(state, covariance=fit.doubt(state, _FINEST_M))
+            covariance = state.covariance_of(fine.looks[-1]) + _of_other_places(state, basins) + beside
             misfit = best.misfit
         else:
             state, misfit = FitState(start.pose), 0.0
             covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
-        now = state.pose_of(fine[-1])
+        now = state.pose_of(fine.looks[-1])
         undetermined = _undetermined(covariance, now)
         fits = misfit < _MISFIT_LIMIT and _within_reach(state.pose, start.pose)
-        moved = gone(twin, camera, fine, state) if fits and not undetermined else frozenset[int]()
+        moved = gone(fine, state) if fits and not undetermined else frozenset[int]()
         return MeasuredPlacement(
             start=start.number,
             mark=start.pose,
@@ -100,29 +100,29 @@ class PlacementMatcher:
             took_s=time.perf_counter() - began_s,
         )
 
+    def _sighting(self, looks: Sequence[DepthLook], width: int) -> Sighting:
+        return Sighting(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
+
     def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "tuple[list[_Basin], Floats]":
         """Return the places where the robot may stand, best first, and what others beside it add to its covariance.
 
         There are none where next to nothing is seen.
         """
-        twin, camera = self._twin, self._camera
-        coarse = [SmallLook.of(look, camera, _COARSE_PX) for look in looks]
-        middle = [SmallLook.of(look, camera, _MIDDLE_PX) for look in looks]
-        coarse = [look for look in coarse if np.isfinite(look.depth_m).sum() >= _LEAST_SEEN]
+        middle = self._sighting(looks, _MIDDLE_PX)
+        coarse = [
+            look for look in self._sighting(looks, _COARSE_PX).looks if np.isfinite(look.depth_m).sum() >= _LEAST_SEEN
+        ]
         if not coarse:
             return [], np.zeros((3, 3))
-        sparse = coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))]
+        sparse = Sighting(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
         rough: list[_Basin] = []
-        for number, one in enumerate(candidates(twin, camera, sparse, mark, _CANDIDATES)):
+        for number, one in enumerate(candidates(sparse, mark, _CANDIDATES)):
             if number < _POLISHED:
-                better = polished(twin, camera, sparse, one)
-                rough.append(
-                    _Basin(FitState(better.pose, steps=np.zeros((twin.groups, 2))), better.misfit, frozenset())
-                )
-            state = refine(twin, camera, sparse, one.pose, self._errors, 6, (0.25, 0.10))
+                better = polished(sparse, one)
+                rough.append(_Basin(FitState.at(better.pose, self._twin), better.misfit, frozenset()))
+            state = Fit(sparse, self._errors).refined(FitState.at(one.pose, self._twin), 6, (0.25, 0.10))
             if _within_reach(state.pose, mark):
-                poses = [state.pose_of(look) for look in sparse]
-                rough.append(_Basin(state, misfit_of(twin, camera, sparse, poses, state.scale), frozenset()))
+                rough.append(_Basin(state, _misfit(sparse, state), frozenset()))
         settled = [self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]]
         basins = _apart([one for one in settled if _within_reach(one.state.pose, mark)] or settled)
         # What may compete is fitted to its end: on the way to the best place it would be taken for another one.
@@ -131,11 +131,11 @@ class PlacementMatcher:
         basins = _apart([basins[0], *(one for one in rivals if _within_reach(one.state.pose, mark))])
         return basins, self._beside(sparse, basins[0])
 
-    def _beside(self, looks: Sequence[SmallLook], best: "_Basin") -> Floats:
+    def _beside(self, sparse: Sighting, best: "_Basin") -> Floats:
         """Return what places along a surface that fit about as well add to the (3, 3) covariance of the best."""
-        twin, camera, state = self._twin, self._camera, best.state
-        misfit = misfit_of(twin, camera, looks, [state.pose_of(look) for look in looks], state.scale)
-        tried = along_surfaces(twin, camera, looks, Candidate(state.pose, misfit), state.scale)
+        state = best.state
+        misfit = _misfit(sparse, state)
+        tried = along_surfaces(sparse, Candidate(state.pose, misfit), state.scale)
         as_well = [one for one in tried if one.misfit < misfit + _DOUBT]
         if not as_well:
             return np.zeros((3, 3))
@@ -143,16 +143,14 @@ class PlacementMatcher:
         away = np.array([_difference(one.pose, state.pose) for one in as_well])
         return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
 
-    def _settled(self, looks: Sequence[SmallLook], state: FitState) -> "_Basin":
+    def _settled(self, middle: Sighting, state: FitState) -> "_Basin":
         """Fit on, without what turns out to stand elsewhere."""
-        twin, camera, errors = self._twin, self._camera, self._errors
-        state = refine(twin, camera, looks, state.pose, errors, 3, (0.12, 0.06), frozenset(), state)
-        moved = suspects(twin, camera, looks, state, errors)
+        state = Fit(middle, self._errors).refined(state, 3, (0.12, 0.06))
+        moved = suspects(middle, state, self._errors)
         if moved:
-            state = refine(twin, camera, looks, state.pose, errors, 3, (0.10, 0.06), frozenset(moved), state)
-            moved |= suspects(twin, camera, looks, state, errors)
-        misfit = misfit_of(twin, camera, looks, [state.pose_of(look) for look in looks], state.scale)
-        return _Basin(state, misfit, frozenset(moved))
+            state = Fit(middle, self._errors, left_out=moved).refined(state, 3, (0.10, 0.06))
+            moved |= suspects(middle, state, self._errors)
+        return _Basin(state, _misfit(middle, state), moved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +160,10 @@ class _Basin:
     state: FitState
     misfit: float
     moved: frozenset[int]
+
+
+def _misfit(sighting: Sighting, state: FitState) -> float:
+    return misfit_of(sighting, [state.pose_of(look) for look in sighting.looks], state.scale)
 
 
 def _apart(basins: Sequence[_Basin]) -> list[_Basin]:

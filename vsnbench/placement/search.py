@@ -6,11 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsnbench.placement.looks import SmallLook
-from vsnbench.placement.twin import Twin
-from vsnbench.protocol.camera import Camera
+from vsnbench.placement.looks import Sighting
 from vsnbench.protocol.pose import Pose
-from vsnbench.simulator.renderer import eye_of
 
 REACH_M, REACH_DEG = 0.45, 30.0
 """How far from its mark a robot is looked for."""
@@ -36,22 +33,20 @@ class Candidate:
     misfit: float
 
 
-def misfit_of(
-    twin: Twin, camera: Camera, looks: Sequence[SmallLook], poses: Sequence[Pose], scale: float = 1.0
-) -> float:
+def misfit_of(sighting: Sighting, poses: Sequence[Pose], scale: float = 1.0) -> float:
     """Return how badly the views from `poses` fit the looks: the mean of the cut residuals, as a share of the cut.
 
     To see through the building is impossible, and costs all; to see nearer than expected, or through an object, costs
     less, for things come and go.
     """
     total, pixels = 0.0, 0
-    for look, pose in zip(looks, poses, strict=True):
-        view = twin.drawer.draw(eye_of(camera, pose), look.pinhole)
+    for look, pose in zip(sighting.looks, poses, strict=True):
+        view = sighting.expected(look, pose)
         seen = np.isfinite(look.depth_m)
         with np.errstate(invalid="ignore", divide="ignore"):
             residual = np.log(scale * look.depth_m[seen] / view.depth_m[seen])
         residual = np.clip(np.nan_to_num(residual, nan=CUT), -CUT, CUT)
-        solid = twin.object_of[view.face[seen]] == 0
+        solid = sighting.twin.object_of[view.face[seen]] == 0
         cost = np.abs(residual)
         cost[(residual < 0) | ~solid] *= _CHANGED
         total += float(cost.sum())
@@ -59,25 +54,22 @@ def misfit_of(
     return total / (CUT * pixels) if pixels else 1.0
 
 
-def candidates(twin: Twin, camera: Camera, looks: Sequence[SmallLook], mark: Pose, most: int) -> tuple[Candidate, ...]:
+def candidates(sighting: Sighting, mark: Pose, most: int) -> tuple[Candidate, ...]:
     """Return the best basins about the mark, best first.
 
     Args:
-        twin: what should be seen.
-        camera: the robot's.
-        looks: what was seen, small; the first is the one whose pose is sought.
+        sighting: small.
         mark: the middle of the search.
         most: how many basins.
     """
     steps = np.arange(-REACH_M, REACH_M + 1e-9, _STEP_M)
     turns = np.radians(np.arange(-REACH_DEG, REACH_DEG + 1e-9, _STEP_DEG))
     tried = [
-        Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks]))
+        _tried(sighting, mark.compose(Pose(float(ahead), float(left), float(turn))))
         for ahead in steps
         for left in steps
         if math.hypot(ahead, left) <= REACH_M * 1.2
         for turn in turns
-        for pose in [mark.compose(Pose(float(ahead), float(left), float(turn)))]
     ]
     tried.sort(key=lambda candidate: candidate.misfit)
     basins: list[Candidate] = []
@@ -89,17 +81,14 @@ def candidates(twin: Twin, camera: Camera, looks: Sequence[SmallLook], mark: Pos
     return tuple(basins)
 
 
-def polished(twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candidate) -> Candidate:
+def polished(sighting: Sighting, one: Candidate) -> Candidate:
     """Return where its neighbours, and theirs, fit best: unlike a fit of surfaces, what was moved does not draw it."""
     for step_m, step_deg in _POLISH:
         turn_rad = math.radians(step_deg)
         ways = [Pose(step_m, 0.0), Pose(-step_m, 0.0), Pose(0.0, step_m), Pose(0.0, -step_m)]
         ways += [Pose(0.0, 0.0, turn_rad), Pose(0.0, 0.0, -turn_rad)]
         for _ in range(_POLISH_ROUNDS):
-            tried = [
-                Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks]))
-                for pose in (one.pose.compose(way) for way in ways)
-            ]
+            tried = [_tried(sighting, one.pose.compose(way)) for way in ways]
             best = min(tried, key=lambda each: each.misfit)
             if best.misfit >= one.misfit:
                 break
@@ -107,26 +96,22 @@ def polished(twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candid
     return one
 
 
-def along_surfaces(
-    twin: Twin, camera: Camera, looks: Sequence[SmallLook], one: Candidate, scale: float
-) -> tuple[Candidate, ...]:
+def along_surfaces(sighting: Sighting, one: Candidate, scale: float) -> tuple[Candidate, ...]:
     """Return the places beside one, along each upright surface in view, with the same heading.
 
     A surface looks the same from all along it, so where a fit may be far off with nothing to show it is along one. What
     then speaks against it is a few pixels, of a corner or of an object, that the fit of surfaces takes for sure.
 
     Args:
-        twin: what should be seen.
-        camera: the robot's.
-        looks: what was seen, small.
+        sighting: small.
         one: where.
         scale: what depth is to be multiplied with.
     """
     ways = round(math.pi / _SAME_WAY_RAD)
     filled = np.zeros(ways)
-    for look in looks:
-        face = twin.drawer.draw(eye_of(camera, one.pose.compose(look.odometry)), look.pinhole).face
-        normal = twin.normals[face[face >= 0]]
+    for look in sighting.looks:
+        face = sighting.expected(look, one.pose.compose(look.odometry)).face
+        normal = sighting.twin.normals[face[face >= 0]]
         normal = normal[np.abs(normal[:, 2]) < _UPRIGHT]
         along_rad = np.arctan2(normal[:, 0], -normal[:, 1])
         filled += np.bincount(np.rint(along_rad / _SAME_WAY_RAD).astype(int) % ways, minlength=ways) / face.size
@@ -136,13 +121,15 @@ def along_surfaces(
             one.pose.y_m + step_m * math.sin(way * _SAME_WAY_RAD),
             one.pose.heading_rad,
         )
-        for way in np.nonzero(filled >= _LEAST_FILLED * len(looks))[0].tolist()
+        for way in np.nonzero(filled >= _LEAST_FILLED * len(sighting.looks))[0].tolist()
         for step_m in _BESIDE_M
     ]
-    return tuple(
-        Candidate(pose, misfit_of(twin, camera, looks, [pose.compose(look.odometry) for look in looks], scale))
-        for pose in places
-    )
+    return tuple(_tried(sighting, pose, scale) for pose in places)
+
+
+def _tried(sighting: Sighting, pose: Pose, scale: float = 1.0) -> Candidate:
+    """Return how badly a pose of the first look fits, each other one being where odometry has it from there."""
+    return Candidate(pose, misfit_of(sighting, [pose.compose(look.odometry) for look in sighting.looks], scale))
 
 
 def near(one: Pose, other: Pose, share: float = 1.0) -> bool:
