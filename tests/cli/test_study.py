@@ -68,9 +68,8 @@ class Lab:
 
     def outcomes(self) -> list[tuple[object, ...]]:
         study = open_study(Path("study.yaml"), None, None)
-        engine = open_record(study.results.database_url)
-        found = trials_of(engine, study.recorded.id)
-        engine.dispose()
+        with open_record(study.results.database_url) as engine:
+            found = trials_of(engine, study.recorded.id)
         return [(one.arm, one.trial.goal, one.trial.start, one.success) for one in found]
 
 

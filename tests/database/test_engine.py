@@ -86,11 +86,10 @@ def test_a_url_that_is_none_is_a_mistake_of_the_command(url: str) -> None:
 
 def test_a_reader_makes_no_file_and_can_change_nothing(tmp_path: Path, sqlite: str) -> None:
     with pytest.raises(RecordError, match="there is no record"):
-        open_record(sqlite)
+        open_record(sqlite).__enter__()
     assert list(tmp_path.iterdir()) == []
     Journal.open(sqlite).close()
-    engine = open_record(sqlite)
-    with pytest.raises(Exception, match="readonly"), engine.begin() as connection:
+    with open_record(sqlite) as engine, pytest.raises(Exception, match="readonly"), engine.begin() as connection:
         connection.exec_driver_sql("DELETE FROM campaign")
 
 
@@ -101,10 +100,8 @@ from vsnbench.database.queries import list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
 
 def episodes():
-    engine = open_record(sys.argv[1])
-    found = len(list_episodes(engine, EpisodeFilter()))
-    engine.dispose()
-    return found
+    with open_record(sys.argv[1]) as engine:
+        return len(list_episodes(engine, EpisodeFilter()))
 
 assert episodes() == 1
 if os.getuid() == 0:  # root may write everywhere
@@ -203,4 +200,4 @@ def test_a_record_from_which_somebody_took_a_model_is_refused_and_not_reported_w
         database.execute("DELETE FROM model")
         database.commit()
     with pytest.raises(RecordError, match="the model of campaign 1 is not in it"):
-        open_record(sqlite)
+        open_record(sqlite).__enter__()

@@ -182,7 +182,7 @@ def test_a_database_from_a_newer_vsnbench_is_refused_in_a_clear_sentence(url: st
     migrate.upgrade(engine)
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '7777'"))
-    for refused in (lambda: Journal.open(url), lambda: migrate.open_record(url)):
+    for refused in (lambda: Journal.open(url), lambda: migrate.open_record(url).__enter__()):
         with pytest.raises(RecordError, match=r"newer vsnbench \(its schema is 7777.*upgrade vsnbench"):
             refused()
 
@@ -193,7 +193,7 @@ def test_a_reader_of_an_older_record_is_told_to_upgrade(
     migrate.upgrade(open_engine(sqlite))
     with_one_more_migration(tmp_path, monkeypatch, "pass")
     with pytest.raises(RecordError, match="vsnbench db upgrade"):
-        migrate.open_record(sqlite)
+        migrate.open_record(sqlite).__enter__()
 
 
 def test_somebody_elses_database_is_left_alone(sqlite: str, tmp_path: Path) -> None:

@@ -30,12 +30,9 @@ def merged(into: Path, *others: Path, url: str | None = None) -> Merged:
 
 def found(url: str) -> tuple[RecordedStudy, tuple[StudyTrialStanding, ...]]:
     """Return the one study of a record, with its trials."""
-    engine = open_record(url)
-    try:
+    with open_record(url) as engine:
         (study,) = studies(engine)
         return study, trials_of(engine, study.id)
-    finally:
-        engine.dispose()
 
 
 def scheduled(standing: tuple[StudyTrialStanding, ...]) -> list[tuple[object, ...]]:

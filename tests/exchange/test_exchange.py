@@ -11,7 +11,6 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from tests.report.records import Attempt, Lab, step, void
-from vsnbench.database.migrate import open_record
 from vsnbench.database.queries import campaign_states, episode_steps, list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.errors import RecordError, UsageError
@@ -42,13 +41,13 @@ def lab(tmp_path: Path) -> Lab:
 
 
 def episodes_of(lab: Lab) -> list[ExportedEpisode]:
-    return read_episodes(open_record(lab.url))
+    return read_episodes(lab.engine())
 
 
 def test_a_tum_file_has_a_unit_quaternion_a_step_in_the_frame_of_the_site(lab: Lab, tmp_path: Path) -> None:
     lab.write([Attempt(steps=STEPS)])
     (episode,) = episodes_of(lab)
-    assert write_tum(episode, episode_steps(open_record(lab.url), episode.id), tmp_path / "t.tum") == 3
+    assert write_tum(episode, episode_steps(lab.engine(), episode.id), tmp_path / "t.tum") == 3
     comment, *lines = (tmp_path / "t.tum").read_text().splitlines()
     assert "frame: site" in comment
     rows = np.array([[float(word) for word in line.split()] for line in lines])
@@ -129,7 +128,7 @@ def test_broken_habitat_results_are_one_clear_line(tmp_path: Path, content: str,
 
 def test_the_csv_has_a_line_a_step(lab: Lab, tmp_path: Path) -> None:
     lab.write([Attempt(steps=STEPS)])
-    engine = open_record(lab.url)
+    engine = lab.engine()
     assert write_steps(read_episodes(engine), lambda one: episode_steps(engine, one.id), tmp_path / "s.csv") == 3
     rows = list(csv.DictReader((tmp_path / "s.csv").open()))
     assert [row["blocked"] for row in rows] == ["False", "True", "False"]
@@ -145,7 +144,7 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert cv2.imwrite(str(directory / "rgb" / "0001.jpg"), np.zeros((3, 4, 3), np.uint8))
     assert cv2.imwrite(str(directory / "depth" / "0001.png"), depth)
     (episode,) = episodes_of(lab)
-    written = write_bag(episode, episode_steps(open_record(lab.url), episode.id), lab.directory, tmp_path / "e.bag")
+    written = write_bag(episode, episode_steps(lab.engine(), episode.id), lab.directory, tmp_path / "e.bag")
     assert written["/vsnbench/action"] == 3
     assert written["/camera/color/camera_info"] == written["/camera/depth/camera_info"] == 1
     with AnyReader([tmp_path / "e.bag"]) as reader:
@@ -196,7 +195,7 @@ def test_an_upstream_log_comes_in_unjudged_with_its_pictures(lab: Lab, tmp_path:
     assert (first.id, second.id) == numbers
     assert (first.goal, first.end_reason, first.success, first.counts) == ("chair", "stop", None, False)
     assert second.end_reason == "aborted"  # it just ends: what happened is for a person to say
-    steps = list(episode_steps(open_record(lab.url), second.id))
+    steps = list(episode_steps(lab.engine(), second.id))
     assert [(one.raw_action, one.action) for one in steps] == [
         ("MOVE_FORWARD", "MOVE_FORWARD"),
         ("TURN_LEFT", "TURN_LEFT"),
@@ -235,9 +234,9 @@ def test_a_folder_without_a_log_is_refused(tmp_path: Path) -> None:
 def test_an_episode_that_is_not_there_is_named(lab: Lab) -> None:
     lab.write([Attempt()])
     with pytest.raises(UsageError, match="no ended episode 7"):
-        read_episodes(open_record(lab.url), [7])
+        read_episodes(lab.engine(), [7])
     with pytest.raises(UsageError, match="no ended episode to export"):
-        read_episodes(open_record(lab.url), models=["nobody"])
+        read_episodes(lab.engine(), models=["nobody"])
 
 
 def imported(lab: Lab, log: Path) -> tuple[int, tuple[int, ...]]:

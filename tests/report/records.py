@@ -5,7 +5,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from sqlalchemy import Engine
+
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.database.engine import open_engine
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.journal import Journal
 from vsnbench.database_url import sqlite_url
@@ -59,6 +62,10 @@ class Lab:
     @property
     def url(self) -> str:
         return sqlite_url(self.directory / "vsnbench.db")
+
+    def engine(self) -> Engine:
+        """Return one on the record, for reading."""
+        return open_engine(self.url, read_only=True)
 
     def journal(self) -> Journal:
         return Journal.open(self.url)

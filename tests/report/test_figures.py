@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from tests.report.records import Attempt, Lab, step, void
-from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.build import Report, build
@@ -67,7 +66,7 @@ def test_tracks_begin_at_the_start_and_follow_the_site_or_else_the_odometry(lab:
     lost = [replace(step(number, Action.MOVE_FORWARD, x_m=0.25 * number), world=None) for number in (1, 2)]
     lab.write([Attempt(start=1, steps=[step(1, Action.MOVE_FORWARD, x_m=0.25)]), Attempt(start=2, steps=lost)])
     report, _ = drawn(lab)
-    first, second = read_tracks(open_record(lab.url), report.record, report.record.conditions[0])
+    first, second = read_tracks(lab.engine(), report.record, report.record.conditions[0])
     assert first.points == ((1.0, 1.0), (1.25, 1.0))
     assert second.points == ((1.0, 1.0), (1.25, 1.0), (1.5, 1.0))
 
@@ -75,7 +74,7 @@ def test_tracks_begin_at_the_start_and_follow_the_site_or_else_the_odometry(lab:
 def test_many_tracks_are_thinned_evenly(lab: Lab) -> None:
     lab.write([Attempt(start=s, repetition=r, steps=[step(1, Action.STOP)]) for r in (1, 2) for s in range(1, 16)])
     report, _ = drawn(lab)
-    tracks = read_tracks(open_record(lab.url), report.record, report.record.conditions[0], most_a_goal=10)
+    tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0], most_a_goal=10)
     assert [track.start for track in tracks] == [1, 4, 7, 10, 13, 1, 4, 7, 10, 13]
 
 
@@ -93,7 +92,7 @@ def test_outcomes_are_told_apart(lab: Lab) -> None:
         ]
     )
     report, figures = drawn(lab)
-    tracks = read_tracks(open_record(lab.url), report.record, report.record.conditions[0])
+    tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0])
     assert [outcome(track) for track in tracks] == [name for _, _, name in ends]
     assert {"chair 1/4", "success", "collision"} <= set(texts(figures["trajectories-1"]))
     assert "never a success from: 2, 3, 4" in texts(figures["success-map"])

@@ -8,7 +8,6 @@ import pytest
 
 from tests.report.records import Attempt, Lab, step
 from vsnbench.database.campaign_plan import PlannedTrial
-from vsnbench.database.migrate import open_record
 from vsnbench.protocol.actions import Action
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, Verdict
@@ -162,7 +161,7 @@ def test_failures_are_sorted_by_what_was_seen_and_done(lab: Lab) -> None:
         ]
     )
     record = read(lab.url, Selection())
-    (found,) = read_failures(open_record(lab.url), record)
+    (found,) = read_failures(lab.engine(), record)
     kinds = dict(found.looked_at)
     assert found.failed == found.examined == 5
     assert kinds[FailureKind.COLLISION] == kinds[FailureKind.STOPPED_EARLY] == kinds[FailureKind.STOPPED_FAR] == 1
@@ -193,7 +192,7 @@ def test_an_episode_that_reached_the_cap_had_seen_the_goal_or_not(
     steps = course(*[stands] * 40, blocked=refused)
     attempt = Attempt("bed", 1, success=False, end_reason=EndReason.STEP_LIMIT, distance_m=2.0, steps=steps)
     lab.write([replace(attempt, begins=stands)])
-    (found,) = read_failures(open_record(lab.url), read(lab.url, Selection()))
+    (found,) = read_failures(lab.engine(), read(lab.url, Selection()))
     assert found.looked_at == ((kind, 1),)
     assert found.never_in_view == (0 if faces else 1)
 
@@ -204,7 +203,7 @@ def test_who_overruled_the_protocol_is_said(lab: Lab) -> None:
         journal.judge(first, Verdict(EndReason.COLLISION, False, "it touched the sofa"), author="Ana")
         journal.judge(second, Verdict(EndReason.STOP, True, "seen"), author="Ben")
     record = read(lab.url, Selection())
-    (found,) = read_judgements(open_record(lab.url), record)
+    (found,) = read_judgements(lab.engine(), record)
     assert (found.judged, found.rate) == (2, 0.5)
     (change,) = found.overruled
     assert (change.episode, change.before, change.after, change.author) == (first, True, False, "Ana")

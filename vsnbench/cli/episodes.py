@@ -56,14 +56,13 @@ def list_(
     if outcome and outcome not in OUTCOMES:
         raise UsageError(f"no outcome {outcome!r}: there are {', '.join(OUTCOMES)}")
     which = EpisodeFilter(model=model, goal=goal, campaign=campaign, outcome=outcome)
-    engine = open_record(ResultsDirectory.locate(results, db).database_url)
     most = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
-    episodes = list_episodes(engine, which, most)
-    if as_json:
-        print_json([_summary_object(episode) for episode in episodes])
-        return
-    total = count_episodes(engine, which) if most and len(episodes) == most else len(episodes)
-    engine.dispose()
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        episodes = list_episodes(engine, which, most)
+        if as_json:
+            print_json([_summary_object(episode) for episode in episodes])
+            return
+        total = count_episodes(engine, which) if most and len(episodes) == most else len(episodes)
     if not episodes:
         typer.echo("no such episodes", err=True)
         return
@@ -116,10 +115,8 @@ def show(
     from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
-    engine = open_record(place.database_url)
-    details = episode_details(engine, number)
-    taken = episode_steps(engine, number)
-    engine.dispose()
+    with open_record(place.database_url) as engine:
+        details, taken = episode_details(engine, number), episode_steps(engine, number)
     directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
     if as_json:
         print_json(_details_object(details, taken, directory))

@@ -34,13 +34,12 @@ def tum(
     from vsnbench.exchange.episodes import read_episodes, write_tum
     from vsnbench.record.results import ResultsDirectory
 
-    engine = open_record(ResultsDirectory.locate(results, db).database_url)
     written = []
-    for episode in read_episodes(engine, numbers or (), model or ()):
-        path = directory / f"{episode.id:06d}.tum"
-        write_tum(episode, episode_steps(engine, episode.id), path)
-        written.append(path)
-    engine.dispose()
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        for episode in read_episodes(engine, numbers or (), model or ()):
+            path = directory / f"{episode.id:06d}.tum"
+            write_tum(episode, episode_steps(engine, episode.id), path)
+            written.append(path)
     print_files(written, as_json=as_json)
 
 
@@ -62,9 +61,8 @@ def habitat(
     from vsnbench.exchange.habitat import write_habitat
     from vsnbench.record.results import ResultsDirectory
 
-    engine = open_record(ResultsDirectory.locate(results, db).database_url)
-    written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
-    engine.dispose()
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        written = write_habitat(read_episodes(engine, numbers or (), model or ()), directory)
     files = [directory / name for name in ("episode_results.json", "aggregated_results.json")]
     if as_json:
         print_files(files, as_json=True, episodes=written)
@@ -91,11 +89,9 @@ def csv_(
     from vsnbench.exchange.step_csv import write_steps
     from vsnbench.record.results import ResultsDirectory
 
-    engine = open_record(ResultsDirectory.locate(results, db).database_url)
-    written = write_steps(
-        read_episodes(engine, numbers or (), model or ()), lambda one: episode_steps(engine, one.id), file
-    )
-    engine.dispose()
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        episodes = read_episodes(engine, numbers or (), model or ())
+        written = write_steps(episodes, lambda one: episode_steps(engine, one.id), file)
     if as_json:
         print_files([file], as_json=True, steps=written)
     else:
@@ -121,10 +117,9 @@ def bag(
     from vsnbench.record.results import ResultsDirectory
 
     place = ResultsDirectory.locate(results, db)
-    engine = open_record(place.database_url)
-    (episode,) = read_episodes(engine, [number])
-    messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
-    engine.dispose()
+    with open_record(place.database_url) as engine:
+        (episode,) = read_episodes(engine, [number])
+        messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
     if messages.get(COLOR) == 0:
         logger.warning("episode %d keeps no images: the bag has its odometry and actions", number)
     if as_json:

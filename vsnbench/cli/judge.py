@@ -98,9 +98,8 @@ def _judge(
     from vsnbench.database.provenance import gather_provenance
     from vsnbench.database.queries import episode_details
 
-    engine = open_record(place.database_url)
-    details = episode_details(engine, number)
-    engine.dispose()
+    with open_record(place.database_url) as engine:
+        details = episode_details(engine, number)
     verdict = _verdict(details, distance, collision, void)
     provenance = gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
@@ -200,9 +199,8 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     from vsnbench.database.queries import pending_episodes
     from vsnbench.protocol.judge import EndReason
 
-    engine = open_record(place.database_url)
-    waiting = pending_episodes(engine)
-    engine.dispose()
+    with open_record(place.database_url) as engine:
+        waiting = pending_episodes(engine)
     if as_json:
         told = [
             {

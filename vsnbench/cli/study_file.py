@@ -50,18 +50,15 @@ def open_study(file: Path, results: Path | None, db: str | None) -> OpenedStudy:
     elsewhere = f"{file} was locked in another record, {note.database}: name it with --results or --db" if note else ""
     unlocked = f"{file} is not locked in {place.shown_database}: `vsnbench study lock {file}` does it"
     try:
-        engine = open_record(place.database_url)
+        with open_record(place.database_url) as engine:
+            recorded = find_study(engine, note.study) if note is not None else None
+            if recorded is None:  # no note; or it was locked elsewhere too, and merged into this record
+                same = {sha256_of(text), note.sha256 if note else ""}
+                recorded = next((one for one in studies(engine) if same & {one.sha256, one.locked_sha256}), None)
     except RecordError as problem:
         if "no record at" in str(problem):
             raise StudyError(elsewhere or unlocked) from problem
         raise
-    try:
-        recorded = find_study(engine, note.study) if note is not None else None
-        if recorded is None:  # no note; or it was locked elsewhere too, and merged into this record
-            same = {sha256_of(text), note.sha256 if note else ""}
-            recorded = next((one for one in studies(engine) if same & {one.sha256, one.locked_sha256}), None)
-    finally:
-        engine.dispose()
     if recorded is None:
         raise StudyError(elsewhere or unlocked)
     plan = parse_study(recorded.content, f"{file} as it was locked")
@@ -76,12 +73,9 @@ def forget_blind_copies(results: ResultsDirectory, identity: str) -> None:
     """
     from vsnbench.viewer.recording import FILE_NAME
 
-    engine = open_record(results.database_url)
-    try:
+    with open_record(results.database_url) as engine:
         for directory in directories_of(engine, identity):
             (results.episode_directory(directory) / FILE_NAME).unlink(missing_ok=True)
-    finally:
-        engine.dispose()
 
 
 def _changed(file: Path, text: str, recorded: RecordedStudy) -> str:

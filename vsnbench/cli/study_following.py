@@ -118,9 +118,8 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None, 
 
     study = open_study(file, results, db)
     recorded = study.recorded
-    engine = open_record(study.results.database_url)
-    standing = trials_of(engine, recorded.id)
-    engine.dispose()
+    with open_record(study.results.database_url) as engine:
+        standing = trials_of(engine, recorded.id)
     amendments = sum(one.kind == AMEND for one in recorded.entries)
     standings = []
     for arm in recorded.arms:

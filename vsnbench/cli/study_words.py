@@ -100,13 +100,12 @@ def pace_words(place: "StudyPlace", results: "ResultsDirectory", seconds: float 
 
     trials, source = len(place.schedule.trials), "as given"
     if seconds is None:
+        robot = place.study.robot.partition(":")[2] or ("turtlebot2" if place.study.robot == "simulated" else "")
         try:
-            engine = open_record(results.database_url)
+            with open_record(results.database_url) as engine:
+                pace, known = pace_s(engine, robot or place.study.robot)
         except RecordError:
             return f"{trials} trials; no record tells how long one takes: --seconds 180, or run a few first"
-        robot = place.study.robot.partition(":")[2] or ("turtlebot2" if place.study.robot == "simulated" else "")
-        pace, known = pace_s(engine, robot or place.study.robot)
-        engine.dispose()
         if not known:
             return f"{trials} trials; the record has none of this robot: --seconds 180 says how long one takes"
         seconds, source = pace, f"the median of {known} in the record"

@@ -3,7 +3,8 @@
 import os
 import sqlite3
 import subprocess
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -51,21 +52,29 @@ def schema_state(engine: Engine) -> SchemaState:
         return _state(connection)
 
 
-def open_record(url: str) -> Engine:
-    """Return an engine on an existing record for reading only.
+@contextmanager
+def open_record(url: str) -> Iterator[Engine]:
+    """Open an existing record for reading only; it is closed again at the block's end.
 
     Raises:
         UsageError: the URL is not one.
         RecordError: there is no record, or its schema is not this version's; the message says what to do.
     """
     engine = open_engine(url, read_only=True)
+    try:
+        _check_readable(engine)
+        yield engine
+    finally:
+        engine.dispose()
+
+
+def _check_readable(engine: Engine) -> None:
     if _has_head(engine):
         _check_campaigns(engine)
-        return engine
+        return
     state = schema_state(engine)
     if state.up_to_date:
-        return engine
-    engine.dispose()
+        return
     if state.current is None:
         raise RecordError(f"the database {shown_database(engine)} is empty", advice="`vsnbench run` fills it")
     raise RecordError(

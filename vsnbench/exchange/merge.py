@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, Engine
 
 from vsnbench.database.engine import open_engine, reading, record_errors
 from vsnbench.database.journal import Journal
@@ -173,14 +173,17 @@ def _upgrade(target: ResultsDirectory) -> None:
 @contextmanager
 def _reading(target: ResultsDirectory) -> Iterator[Connection]:
     """Give the record as it is now; an empty one where there is none yet."""
-    if _exists(target):
-        engine = open_record(target.database_url)
-    else:
-        engine = open_engine("sqlite://")
-        upgrade(engine)
+    opened = open_record(target.database_url) if _exists(target) else _empty_record()
+    with opened as engine, record_errors(engine), reading(engine).begin() as connection:
+        yield connection
+
+
+@contextmanager
+def _empty_record() -> Iterator[Engine]:
+    engine = open_engine("sqlite://")
     try:
-        with record_errors(engine), reading(engine).begin() as connection:
-            yield connection
+        upgrade(engine)
+        yield engine
     finally:
         engine.dispose()
 

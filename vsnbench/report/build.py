@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sqlalchemy import Engine
+
+from vsnbench.database.engine import shown_database
 from vsnbench.database.migrate import open_record
-from vsnbench.database_url import shown_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.harmless_text import harmless
 from vsnbench.report.record import Record, Selection, goal_order, read_record
@@ -24,10 +26,8 @@ from vsnbench.report.tables import (
 )
 
 if TYPE_CHECKING:  # a table alone needs none of them, and importing them takes as long as reading a small record
-    from vsnbench.report.activity import ActionCount, Activity, RobotActivity
+    from vsnbench.report.activity import ActionCount, Activity
     from vsnbench.report.attended import Attended
-    from vsnbench.report.failures import Failures
-    from vsnbench.report.judgements import Judgements
     from vsnbench.report.question import Question
 
 
@@ -43,16 +43,19 @@ def read(url: str, selection: Selection, results_directory: Path | None = None) 
         RecordError: there is no record, nothing in it, or it cannot be read.
         UsageError: the selection fits nothing in it.
     """
-    engine = open_record(url)
-    try:
-        record = read_record(engine, selection, results_directory)
-        if record.conditions and not record.planned.empty:
-            return record
-        everything = read_record(engine, Selection(), results_directory)
-    finally:
-        engine.dispose()
+    with open_record(url) as engine:
+        return _read(engine, selection, results_directory)
+
+
+def _read(engine: Engine, selection: Selection, results_directory: Path | None) -> Record:
+    record = read_record(engine, selection, results_directory)
+    if record.conditions and not record.planned.empty:
+        return record
+    everything = read_record(engine, Selection(), results_directory)
     if not everything.conditions:
-        raise RecordError(f"the record in {shown_url(url)} holds no campaign yet", advice="`vsnbench run` makes one")
+        raise RecordError(
+            f"the record in {shown_database(engine)} holds no campaign yet", advice="`vsnbench run` makes one"
+        )
     models = ", ".join(sorted({harmless(one.model) for one in everything.conditions}))
     goals = ", ".join(sorted({harmless(goal) for goal in everything.planned["goal"]}, key=goal_order))
     raise UsageError(f"nothing in the record fits that selection: its models are {models}; its goals are {goals}")
@@ -166,67 +169,40 @@ def build(
         UsageError: the selection fits nothing in it.
     """
     if not activity:
-        return _uncounted(url, selection, results_directory, reference=reference)
-    from vsnbench.report.activity import Activity
+        with open_record(url) as engine:
+            record = _read(engine, selection, results_directory)
+            # A record that nobody stood beside is not asked who did: most are such, and a plain table comes at once.
+            attended = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
+        return Report(record, summarise(record), reference=reference, attended=attended)
+    from vsnbench.report.activity import Activity, read_robots
+    from vsnbench.report.failures import read_failures
+    from vsnbench.report.judgements import read_judgements
     from vsnbench.report.question import questions
 
     with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
+        # Handed over before the record is opened here: a forked process must not inherit that.
         counting = counter.submit(_actions, url, selection)
-        report = _uncounted(url, selection, results_directory, reference=reference, whole=True)
-        report = replace(report, questions=questions(report.record, report.results))
-        robots = _robots(url, report.record)
-        if meanwhile:
-            meanwhile(report)
-        failures, judgements = _judged(url, report.record)
+        with open_record(url) as engine:
+            record = _read(engine, selection, results_directory)
+            attended, results = _attended(engine, record), summarise(record)
+            report = Report(
+                record, results, reference=reference, questions=questions(record, results), attended=attended
+            )
+            robots = read_robots(engine, record)
+            if meanwhile:
+                meanwhile(report)
+            failures, judgements = read_failures(engine, record), read_judgements(engine, record)
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
 
 
-def _uncounted(
-    url: str, selection: Selection, results_directory: Path | None, *, reference: bool, whole: bool = False
-) -> Report:
-    record = read(url, selection, results_directory)
-    # A record that nobody stood beside is not asked who did: most are such, and a plain table is to come at once.
-    asked = whole or record.episodes["session"].nunique() > 1
-    attended = _attended(url, record) if asked else None
-    return Report(record, summarise(record), reference=reference, attended=attended)
-
-
-def _attended(url: str, record: Record) -> "Attended | None":
+def _attended(engine: Engine, record: Record) -> "Attended | None":
     from vsnbench.report.attended import read_attended
 
-    engine = open_record(url)
-    try:
-        return read_attended(engine, record)
-    finally:
-        engine.dispose()
+    return read_attended(engine, record)
 
 
 def _actions(url: str, selection: Selection) -> "tuple[ActionCount, ...]":
     from vsnbench.report.activity import read_actions
 
-    engine = open_record(url)
-    try:
+    with open_record(url) as engine:
         return read_actions(engine, selection)
-    finally:
-        engine.dispose()
-
-
-def _judged(url: str, record: Record) -> "tuple[tuple[Failures, ...], tuple[Judgements, ...]]":
-    from vsnbench.report.failures import read_failures
-    from vsnbench.report.judgements import read_judgements
-
-    engine = open_record(url)
-    try:
-        return read_failures(engine, record), read_judgements(engine, record)
-    finally:
-        engine.dispose()
-
-
-def _robots(url: str, record: Record) -> "tuple[RobotActivity, ...]":
-    from vsnbench.report.activity import read_robots
-
-    engine = open_record(url)
-    try:
-        return read_robots(engine, record)
-    finally:
-        engine.dispose()

@@ -177,12 +177,9 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
             f" Drawn for {MOST_TRAJECTORIES} of {len(placed)} conditions, not for {', '.join(others)}: "
             "`vsnbench report --model NAME --output DIR` draws those of one model."
         )
-    engine = open_record(url)
-    try:
+    with open_record(url) as engine:
         for site, one in placed[:MOST_TRAJECTORIES]:
             yield _Plan(site, one, read_tracks(engine, report.record, one.condition), left_out)
-    finally:
-        engine.dispose()
 
 
 def _site(report: Report, condition: Condition) -> Site | None:

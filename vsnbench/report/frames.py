@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sqlalchemy import Engine, select
+from sqlalchemy import select
 
 from vsnbench.database.engine import record_errors
 from vsnbench.database.migrate import open_record
@@ -35,11 +35,8 @@ def episodes(record: str | Path, selection: Selection | None = None) -> "pd.Data
     Raises:
         RecordError: there is no record, or it cannot be read.
     """
-    engine = _open(record)
-    try:
+    with open_record(_url(record)) as engine:
         found = read_record(engine, selection)
-    finally:
-        engine.dispose()
     frame = found.episodes.copy()
     by_number = {one.number: one for one in found.conditions}
     frame["model"] = frame["condition"].map({number: one.model for number, one in by_number.items()})
@@ -66,16 +63,12 @@ def steps(record: str | Path, numbers: Sequence[int]) -> "pd.DataFrame":
     import pandas as pd
 
     wanted = [column for column in Step.__table__.columns if column.name not in ("probabilities", "details")]
-    engine = _open(record)
-    try:
-        with record_errors(engine), engine.connect() as connection:
-            rows = connection.execute(
-                select(*wanted).where(Step.episode_id.in_(list(numbers))).order_by(Step.episode_id, Step.number)
-            ).all()
-    finally:
-        engine.dispose()
+    with open_record(_url(record)) as engine, record_errors(engine), engine.connect() as connection:
+        rows = connection.execute(
+            select(*wanted).where(Step.episode_id.in_(list(numbers))).order_by(Step.episode_id, Step.number)
+        ).all()
     return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in wanted])
 
 
-def _open(record: str | Path) -> Engine:
-    return open_record(str(record) if "://" in str(record) else sqlite_url(Path(record) / "vsnbench.db"))
+def _url(record: str | Path) -> str:
+    return str(record) if "://" in str(record) else sqlite_url(Path(record) / "vsnbench.db")

@@ -50,11 +50,8 @@ def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
         UsageError: there is no such episode.
         RecordError: the database cannot be read.
     """
-    engine = open_record(results.database_url)
-    try:
+    with open_record(results.database_url) as engine:
         details, steps = episode_details(engine, episode_id), episode_steps(engine, episode_id)
-    finally:
-        engine.dispose()
     images = details.summary.images_directory
     directory = results.episode_directory(images or f"episodes/{episode_id:06d}")
     entries = [*_steps_and_events(details, steps, directory if images else None), *_end(details)]

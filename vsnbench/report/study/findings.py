@@ -56,11 +56,8 @@ def read_findings(url: str, recorded: RecordedStudy, plan: StudyFile, changed: s
     Raises:
         RecordError: the record cannot be read.
     """
-    engine = open_record(url)
-    try:
+    with open_record(url) as engine:
         standing = trials_of(engine, recorded.id)
-    finally:
-        engine.dispose()
     # In the order of the codes: that of the file would tell which is which.
     primary = in_order(analyse(plan, standing), {arm.name: arm.code for arm in recorded.arms})
     shown = {arm.name: recorded.shown(arm.name) for arm in recorded.arms}
