@@ -35,13 +35,17 @@ def test_nothing_strikes_about_the_embedded_profiles(name: str) -> None:
     ("wrong", "right", "says"),
     [
         ("cliff:", "clif:", "interface.clif: there is no such field"),
-        ("command: /mobile_base", "command: mobile base", "interface.command: String should match pattern"),
+        (
+            "command: /mobile_base",
+            "command: mobile base",
+            "interface.command: 'mobile base/commands/velocity' is no name in ROS: ",
+        ),
         (
             "kind: ros1",
             "kind: ros1\n  bumper_type: kobuki_msgs/Bumper",
-            "interface.bumper_type: Input should be 'kobuki_msgs/BumperEvent'",
+            "'kobuki_msgs/Bumper' is none of its words: did you mean kobuki_msgs/BumperEvent?",
         ),
-        ("radius_m: 0.177", "radius_m: wide", "base.radius_m: Input should be a valid number"),
+        ("radius_m: 0.177", "radius_m: wide", "base.radius_m: 'wide' is no number: write one, in metres"),
     ],
 )
 def test_a_mistake_in_a_profile_is_named_with_its_line(

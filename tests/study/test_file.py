@@ -27,6 +27,21 @@ BAD = {
     ),
     "decided of nobody knows what": ({"stopping": "decided"}, "needs about: these-cells"),
     "a rate of nobody": ({"primary": {"kind": "rate", "arm": "three", "rate": 0.5}}, "there is no arm three"),
+    "percent for a share": (
+        {"power": 80},
+        "power: 80 is more than 1: it is a share of 1, and this looks like percent: 80 %",
+    ),
+    "goals that are no list": ({"goals": "chair"}, "goals: 'chair' is no list: in brackets it is one, [chair]"),
+    "arms that are a list": (
+        {"arms": ["vlv"]},
+        "arms: a list stands where a mapping belongs: a name for each, and under it",
+    ),
+    "starts as a list": (
+        {"starting_positions": [1, 2]},
+        'starting_positions: a list where text belongs: in quotes, "1,2"',
+    ),
+    "another kind of analysis": ({"primary": {"kind": "sr"}}, "there is no kind 'sr': write 'difference' or 'rate'"),
+    "an order that is none": ({"order": "block"}, "order: 'block' is none of its words: did you mean blocks?"),
     "a name that is none": ({"arms": {"a b": {"model": "x"}, "two": {"model": "y"}}}, "letters, digits"),
 }
 

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vsnbench.errors import RobotError
 from vsnbench.motion.settings import MotionSettings
+from vsnbench.protocol.field_faults import words_of
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.settings_file import read_settings
 
@@ -52,7 +53,8 @@ class DiscreteMoveParameters(BaseModel):
             return MotionSettings.model_validate(settings.model_dump() | changes)
         except ValidationError as error:
             first = error.errors()[0]
-            raise RobotError(f"discrete_move: {first['loc'][0]}: {first['msg']}") from error
+            statement, mend = words_of(first, MotionSettings)
+            raise RobotError(f"discrete_move: {first['loc'][0]}: {statement}", advice=mend) from error
 
 
 _FIELD_OF = {
@@ -86,6 +88,7 @@ def motion_settings(
         except ValidationError as error:
             first = error.errors()[0]
             name = ".".join(str(part) for part in first["loc"])
-            raise RobotError(f"ROS parameter ~{name} of discrete_move: {first['msg']}") from error
+            statement, mend = words_of(first, DiscreteMoveParameters)
+            raise RobotError(f"ROS parameter ~{name} of discrete_move: {statement}", advice=mend) from error
         settings = set_in_ros.over(settings, profile)
     return settings

@@ -1,5 +1,6 @@
 """Reads a YAML file into a pydantic model, with errors that name the line and the field; bounded in size and depth."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from ruamel.yaml.reader import ReaderError
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.field_faults import words_of
+from vsnbench.protocol.number_faults import as_written
 
 Settings = TypeVar("Settings", bound=BaseModel)
 
@@ -27,7 +29,7 @@ class SettingsFault:
     """One thing that is wrong with a file."""
 
     where: str
-    """`file:line: field`, or as much of it as is known."""
+    """`file:line: field`, or as much of it as is known; with what its object is called: `objects.0.size_m (sofa-1)`."""
     statement: str
     mend: str = ""
     """What to write in its place; empty where nothing better is known than the statement."""
@@ -133,20 +135,52 @@ def _parse(text: str, origin: str, model: type[Settings], what: str, *, checking
         required = [name for name, field in model.model_fields.items() if field.is_required()]
         fields = ", ".join(required or model.model_fields)
         raise _FaultyError(SettingsFault(f"{origin}:1", f"a {what} file is a mapping with {fields}"))
+    faults: list[SettingsFault] = []
+    settings: Settings | None = None
     try:
-        return model.model_validate(content, context={CHECKING: checking})
+        settings = model.model_validate(content, context={CHECKING: checking})
     except ValidationError as problem:
         # A misspelt field is missing under its right name too: the misspelling is what helps.
-        worst_first = sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden")
-        faults = [
-            SettingsFault(
-                f"{origin}:{line}: {'.'.join(str(part) for part in path) or what}", *words_of(one, model), line, path
-            )
-            for one in worst_first
-            for path in [_written_path(tree, one["loc"])]
-            for line in [_line_of(tree, path)]
-        ]
-        raise _FaultyError(*faults) from problem
+        for one in sorted(problem.errors(), key=lambda one: one["type"] != "extra_forbidden"):
+            path = _written_path(tree, one["loc"])
+            line = _line_of(tree, path)
+            where = f"{origin}:{line}: {'.'.join(map(str, path)) or what}{_called(content, path)}"
+            faults.append(SettingsFault(where, *words_of(one, model), line, path))
+    known = {fault.path for fault in faults}
+    for path, number in _endless(content, ()):
+        if path not in known:
+            line = _line_of(tree, path)
+            where = f"{origin}:{line}: {'.'.join(map(str, path))}{_called(content, path)}"
+            faults.append(SettingsFault(where, f"{as_written(number)} is no number", "write one", line, path))
+    if faults or settings is None:
+        raise _FaultyError(*faults)
+    return settings
+
+
+def _endless(content: Any, path: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], float]]:
+    """Yield where numbers stand that are none, or infinite: nothing in a settings file may be so."""
+    if isinstance(content, float) and not math.isfinite(content):
+        yield path, content
+    elif isinstance(content, dict):
+        for name, value in content.items():
+            yield from _endless(value, (*path, name))
+    elif isinstance(content, list):
+        for place, value in enumerate(content):
+            yield from _endless(value, (*path, place))
+
+
+def _called(content: Any, path: tuple[int | str, ...]) -> str:
+    """Return the innermost name on the way to a field, in brackets: that of an object, a room, a starting position."""
+    name = ""
+    for part in path[:-1]:
+        try:
+            content = content[part]
+        except (LookupError, TypeError):
+            break
+        if isinstance(part, int) and isinstance(content, dict):
+            key = next((key for key in ("id", "name", "number") if isinstance(content.get(key), str | int)), "")
+            name = f"{'number ' * (key == 'number')}{content[key]}"[:40] if key and key != path[-1] else ""
+    return f" ({name})" if name.isprintable() and name else ""
 
 
 def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:

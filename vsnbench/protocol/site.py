@@ -174,8 +174,7 @@ class SiteObject(_Strict):
         Annotated[float, Field(ge=0.001, lt=20)],
         Annotated[float, Field(ge=0.001, lt=20)],
         Annotated[float, Field(ge=0.001, lt=5)],
-    ]
-    """Depth along the heading, width across it, height; metres."""
+    ] = Field(description="depth along its heading, width across it, height; metres")
     elevation_m: float = Field(default=0.0, ge=0, lt=4, description="underside above the floor, metres")
     footprint: list[Point] | None = Field(default=None, min_length=3, description="surveyed outline, world frame")
     model: str | None = Field(default=None, description="which look the simulator gives it; by category when absent")
