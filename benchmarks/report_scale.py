@@ -101,12 +101,12 @@ FROM episode AS e JOIN attempt AS a ON a.id = e.id;
 WITH RECURSIVE number(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM number WHERE n < 2 * {steps})
 INSERT INTO step (episode_id, number, raw_action, action, blocked, completed, failure, recorded_at, stamp_s,
     observed_x_m, observed_y_m, observed_heading_rad, after_x_m, after_y_m, after_heading_rad, world_x_m, world_y_m,
-    world_heading_rad, world_source, displacement_m, turn_rad, duration_s, corrections, rgb_sha256, depth_sha256,
+    world_heading_rad, world_source, displacement_m, turn_rad, duration_s, corrections, rgb_digest, depth_digest,
     sense_s, infer_s, move_s)
 SELECT id, n, action, action, (id + n) % 50 = 0, 1, '', '2026-01-01 00:00:00.000000', n * 1.2, n * 0.1, luck, luck,
     n * 0.1, luck, luck, 1 + n * 0.05, 1 + luck, luck, 'simulated', 0.25, 0.0, 1.1, 0,
-    '0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef',
-    '0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef', 0.01, 0.02, 1.0
+    'blake3:0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef',
+    'blake3:0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef', 0.01, 0.02, 1.0
 FROM (
     SELECT id, n, luck, CASE WHEN n = actions AND luck < 0.5 THEN 'STOP'
         WHEN (id * 7919 + n * 104729) % 100 < 55 THEN 'MOVE_FORWARD'

@@ -27,7 +27,7 @@ from pathlib import Path
 STORY = """
     SELECT t.goal, t.start, t.repetition, e.seed, e.end_reason, e.distance_to_goal_m, s.number, s.action, s.blocked,
            s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
-           s.rgb_sha256, s.depth_sha256
+           s.rgb_digest, s.depth_digest
     FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
     WHERE e.state = 'judged' ORDER BY t.goal, t.start, t.repetition, s.number
 """

@@ -146,8 +146,8 @@ def is_image(value: Any) -> bool:
     if type(value).__name__ == "ndarray":
         return value.ndim == 3 and value.shape[2] == 3 and value.dtype.name == "uint8"
     if isinstance(value, Mapping):
-        return value.get("rgb_sha256") is not None
-    return getattr(value, "rgb_sha256", None) is not None
+        return value.get("rgb_digest") is not None
+    return getattr(value, "rgb_digest", None) is not None
 
 
 def command(*arguments: str) -> None:

@@ -49,7 +49,7 @@ def wait_for_steps(results: Path, count: int, process: "subprocess.Popen[str]") 
 STORY = """
     SELECT t.goal, t.start, e.seed, e.end_reason, e.distance_to_goal_m, v.success, s.number, s.action, s.blocked,
            s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
-           s.rgb_sha256, s.depth_sha256
+           s.rgb_digest, s.depth_digest
     FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
     JOIN verdict v ON v.episode_id = e.id ORDER BY e.id, s.number
 """

@@ -35,9 +35,9 @@ def test_what_is_kept_changes_nothing_that_happened(
     assert len(stories[Kept.FULL]) == 5
     assert stories[Kept.FULL] == stories[Kept.LEAN]
     # The oracle reads no colours, and nobody keeps them: they are not drawn, so that there is nothing to hash.
-    *same, rgb_sha256, depth_sha256 = zip(*stories[Kept.FULL], strict=True)
-    assert [*same, (None,) * 5, depth_sha256] == list(zip(*stories[Kept.NUMBERS], strict=True))
-    assert None not in (*rgb_sha256, *depth_sha256)
+    *same, rgb_digest, depth_digest = zip(*stories[Kept.FULL], strict=True)
+    assert [*same, (None,) * 5, depth_digest] == list(zip(*stories[Kept.NUMBERS], strict=True))
+    assert None not in (*rgb_digest, *depth_digest)
     assert rows(tmp_path / "numbers", "SELECT images_directory FROM episode") == [("",)]
     for kept, told in ((Kept.LEAN, 0), (Kept.NUMBERS, 1)):
         place = ("--results", str(tmp_path / kept))

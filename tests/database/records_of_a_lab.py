@@ -71,8 +71,8 @@ def forward(number: int) -> StepRecord:
         observed=Pose((number - 1) * 0.25, 0.0, 0.0),
         stamp_s=float(number),
         world=Fix(Pose(1 + number * 0.25, 1.0, 0.0), PoseSource.SIMULATED),
-        rgb_sha256="0" * 64,
-        depth_sha256="1" * 64,
+        rgb_digest="blake3:" + "0" * 64,
+        depth_digest="blake3:" + "1" * 64,
         probabilities={"MOVE_FORWARD": 0.75, "STOP": 0.25},
         details={"note": "straight on"},
     )

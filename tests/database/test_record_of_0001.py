@@ -54,7 +54,6 @@ KEPT = {
     "site": "id, name, title, sha256, content",
     "model": "id, name, sha256, weights_sha256, weights_label, settings, goals, sensors, surveyed",
     "process": "*",
-    "step": "*",
     "verdict": "id, episode_id, created_at, success, end_reason, distance_m, distance_source, author, source, reason",
     "episode": "id, uuid, process_id, origin, seed, started_at, ended_at, end_reason, error, actions, path_length_m, "
     "geodesic_start_m, geodesic_end_m, duration_s, distance_to_goal_m, distance_source, start_x_m, final_x_m, "
@@ -68,6 +67,19 @@ def test_every_row_is_still_there_as_it_was(before: sqlite3.Connection, after: E
     query = f"SELECT {KEPT[table]} FROM {table} ORDER BY 1, 2"
     assert rows(after, query) == [tuple(row) for row in before.execute(query)]
     assert rows(after, query)
+
+
+def test_every_step_is_as_it_was_and_says_what_its_images_were_hashed_with(
+    before: sqlite3.Connection, after: Engine
+) -> None:
+    was = [dict(row) for row in before.execute("SELECT * FROM step ORDER BY episode_id, number")]
+    for step in was:
+        for image in ("rgb", "depth"):
+            hashed = step.pop(f"{image}_sha256")
+            step[f"{image}_digest"] = hashed and f"sha256:{hashed}"
+    assert {len(step["rgb_digest"] or "") for step in was} == {0, 71}
+    with after.connect() as connection:
+        assert [dict(row) for row in connection.execute(text("SELECT * FROM step")).mappings()] == was
 
 
 def test_every_episode_still_belongs_to_its_goal_start_and_repetition(
@@ -203,6 +215,7 @@ def test_a_server_with_these_rows_comes_to_the_same(before: sqlite3.Connection, 
         "SELECT id, campaign_id, goal, start, repetition, rank FROM trial ORDER BY id",
         "SELECT id, name, kind, sha256 FROM robot ORDER BY id",
         "SELECT id, kind, author, text FROM event WHERE kind <> 'merged' ORDER BY id",
+        "SELECT episode_id, number, rgb_digest, depth_digest FROM step ORDER BY episode_id, number",
     ):
         assert rows(server, query) == rows(after, query)
 

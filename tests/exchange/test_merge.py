@@ -203,6 +203,12 @@ def change(results: Path, statement: str) -> None:
     ("statement", "line"),
     [
         ("UPDATE step SET action = 'STOP' WHERE episode_id = 1 AND number = 1", "its steps are others"),
+        ("UPDATE step SET rgb_digest = 'blake3:2' WHERE number = 3", "the rgb_digest of its step 3 is another"),
+        ("UPDATE step SET depth_digest = NULL WHERE number = 2", "the depth_digest of its step 2 is another"),
+        (
+            "UPDATE step SET depth_digest = replace(depth_digest, 'blake3', 'sha256')",
+            "the depth_digest of its step 1, made with blake3 and sha256, cannot be compared",
+        ),
         ("UPDATE episode SET actions = 9 WHERE id = 1", "its actions is another"),
         ("UPDATE process SET command = 'other'", "another process ran it"),
         ("UPDATE verdict SET success = 1 - success WHERE episode_id = 1 OR success IS NOT NULL", "judged differently"),
@@ -320,6 +326,44 @@ def test_a_record_of_the_oldest_schema_is_upgraded_on_a_copy(tmp_path: Path) -> 
     assert merged.plan.arrivals
     assert everything(there) == before
     assert report(tmp_path / "here")["models"]
+
+
+def as_of_0004(results: Path) -> Path:
+    """Make a record what the schema before digests would have kept of it."""
+    with closing(sqlite3.connect(results / "vsnbench.db")) as database:
+        for image in ("rgb", "depth"):
+            database.execute(f"UPDATE step SET {image}_digest = replace({image}_digest, 'blake3:', '')")
+            database.execute(f"ALTER TABLE step RENAME COLUMN {image}_digest TO {image}_sha256")
+        database.execute("UPDATE alembic_version SET version_num = '0004'")
+        database.commit()
+    return results
+
+
+def digests(results: Path) -> set[str]:
+    with closing(sqlite3.connect(results / "vsnbench.db")) as database:
+        return {row[0] for row in database.execute("SELECT rgb_digest FROM step")}
+
+
+def test_a_record_and_its_copy_of_before_the_upgrade_are_the_same_and_so_is_the_report(
+    tmp_path: Path, two_campaigns: Path
+) -> None:
+    old = as_of_0004(copy_of(two_campaigns, tmp_path / "old"))
+    new = copy_of(old, tmp_path / "new")
+    assert vsnbench(new, "db", "upgrade").returncode == 0
+    assert digests(new) == {"sha256:" + "0" * 64}
+    assert report(new) == report(two_campaigns)
+    before = dumped(new), everything(old)
+    merged = merged_into(new, old)
+    assert (merged.plan.changes, merged.plan.known) == (False, len(content(new)["episodes"]))
+    assert (dumped(new), everything(old)) == before
+
+
+def test_what_was_hashed_in_two_ways_comes_together_as_it_is(tmp_path: Path, lab_a: Path) -> None:
+    old = as_of_0004(lab(tmp_path / "old", plan(), seed=2))
+    here = copy_of(lab_a, tmp_path / "here")
+    assert merged_into(here, old).plan.arrivals
+    assert digests(here) == {"blake3:" + "0" * 64, "sha256:" + "0" * 64}
+    assert not merged_into(here, old).plan.changes
 
 
 def test_a_file_becomes_part_of_a_servers_record_and_comes_back(

@@ -1,4 +1,3 @@
-import hashlib
 from pathlib import Path
 
 import cv2
@@ -7,12 +6,14 @@ import pytest
 
 from vsnbench.errors import RecordError
 from vsnbench.protocol.camera import Camera
+from vsnbench.protocol.image_digest import depth_digest, rgb_digest
 from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.pose import Pose
 from vsnbench.record.images import (
     EpisodeImages,
     StampedPose,
     depth_path,
+    hash_images,
     rgb_path,
     write_trajectory,
 )
@@ -50,33 +51,34 @@ def test_what_the_robot_saw_can_be_looked_at_again(tmp_path: Path) -> None:
     assert np.nanmax(np.abs(depth_m - seen.depth_m)) <= 0.0005 + 1e-6
 
 
-def test_hashes_are_of_the_pixels(tmp_path: Path) -> None:
+def test_digests_are_of_the_pixels_and_of_the_depth_that_the_file_holds(tmp_path: Path) -> None:
     seen = look()
     written = EpisodeImages(tmp_path).write(1, seen)
-    assert seen.depth_m is not None
-    assert written.rgb_sha256 == hashlib.sha256(seen.rgb.tobytes()).hexdigest()
-    kept = (np.nan_to_num(read_depth(depth_path(tmp_path, 1))) * 1000).round().astype("<u2")
-    assert written.depth_sha256 == hashlib.sha256(kept.tobytes()).hexdigest()
+    assert written.rgb_digest == rgb_digest(seen.rgb)
+    kept = cv2.imread(str(depth_path(tmp_path, 1)), cv2.IMREAD_UNCHANGED)
+    assert written.depth_digest == depth_digest(kept)
+    hashed = hash_images(seen)
+    assert (hashed.rgb_digest, hashed.depth_digest) == (written.rgb_digest, written.depth_digest)
 
 
-def test_the_same_look_twice_has_the_same_hashes_and_another_one_has_not(tmp_path: Path) -> None:
+def test_the_same_look_twice_has_the_same_digests_and_another_one_has_not(tmp_path: Path) -> None:
     images = EpisodeImages(tmp_path)
     first, second = images.write(1, look()), images.write(2, look())
-    assert (first.rgb_sha256, first.depth_sha256) == (second.rgb_sha256, second.depth_sha256)
+    assert (first.rgb_digest, first.depth_digest) == (second.rgb_digest, second.depth_digest)
     other = look()
     other.rgb[0, 0, 0] ^= 1
-    assert images.write(3, other).rgb_sha256 != first.rgb_sha256
+    assert images.write(3, other).rgb_digest != first.rgb_digest
 
 
 def test_a_view_of_a_larger_array_is_written_like_its_copy(tmp_path: Path) -> None:
     wide = np.repeat(look().rgb, 2, axis=1)
     view = Observation(wide[:, ::2], None, Pose(0, 0), 0.0, CAMERA)
-    assert EpisodeImages(tmp_path).write(1, view).rgb_sha256 == EpisodeImages(tmp_path).write(2, look()).rgb_sha256
+    assert EpisodeImages(tmp_path).write(1, view).rgb_digest == EpisodeImages(tmp_path).write(2, look()).rgb_digest
 
 
 def test_without_depth_there_is_no_depth_image(tmp_path: Path) -> None:
     written = EpisodeImages(tmp_path).write(1, look(depth=False))
-    assert (written.depth_sha256, written.depth_png) == (None, None)
+    assert (written.depth_digest, written.depth_png) == (None, None)
     assert not depth_path(tmp_path, 1).exists()
 
 

@@ -289,8 +289,10 @@ class Step(Base):
     corrections: Mapped[int]
     collision_source: Mapped[str | None]
     collision_touched: Mapped[str | None]
-    rgb_sha256: Mapped[str | None]
-    depth_sha256: Mapped[str | None]
+    rgb_digest: Mapped[str | None]
+    """Of the RGB pixels as the policy saw them; NULL where nobody did (`vsnbench.protocol.image_digest`)."""
+    depth_digest: Mapped[str | None]
+    """Of the depth in 16-bit millimetres, little-endian; NULL without depth."""
     sense_s: Mapped[float | None]
     infer_s: Mapped[float | None]
     move_s: Mapped[float | None]

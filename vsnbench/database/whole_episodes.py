@@ -16,6 +16,7 @@ from vsnbench.database.placement_tables import Placement
 from vsnbench.database.row_encoding import Row, insert_row
 from vsnbench.database.sessions import find_or_insert_session, session_row
 from vsnbench.database.tables import Base, Campaign, Episode, Event, Process, Step, Trial, Verdict
+from vsnbench.protocol.image_digest import Pixels, algorithm, compare_digests
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,7 @@ def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
 _PROCESS = columns_of(Process, "id")
 _EPISODE = columns_of(Episode, "id", "trial_id", "process_id", "session_id", "images_directory")
 _STEP = columns_of(Step, "episode_id")
+_DIGESTS = (Step.rgb_digest.key, Step.depth_digest.key)
 _VERDICT = columns_of(Verdict, "id", "episode_id")
 _PLACEMENT = columns_of(Placement, "id", "episode_id")
 _EVENT = columns_of(Event, "id", "campaign_id", "episode_id")
@@ -161,8 +163,27 @@ def difference(mine: WholeEpisode, theirs: WholeEpisode) -> str:
     if (mine.session and mine.session["uuid"]) != (theirs.session and theirs.session["uuid"]):
         return "it was run in another session"
     if mine.steps != theirs.steps:
-        return "its steps are others"
+        return _difference_of_steps(mine.steps, theirs.steps)
     shared = min(len(mine.verdicts), len(theirs.verdicts))
     if mine.verdicts[:shared] != theirs.verdicts[:shared]:
         return "it was judged differently in each"
     return ""
+
+
+def _difference_of_steps(mine: Sequence[Row], theirs: Sequence[Row]) -> str:
+    """Return in words how unequal steps differ; where digests alone do, whether that says that the images do."""
+    if [_without_digests(step) for step in mine] != [_without_digests(step) for step in theirs]:
+        return "its steps are others"
+    for ours, other in zip(mine, theirs, strict=True):
+        for name in _DIGESTS:
+            said = compare_digests(ours[name], other[name])
+            if said is Pixels.NOT_COMPARABLE:
+                made_with = f"{algorithm(ours[name])} and {algorithm(other[name])}"
+                return f"the {name} of its step {ours['number']}, made with {made_with}, cannot be compared"
+            if said is Pixels.OTHER:
+                return f"the {name} of its step {ours['number']} is another"
+    return ""
+
+
+def _without_digests(step: Row) -> Row:
+    return {name: value for name, value in step.items() if name not in _DIGESTS}

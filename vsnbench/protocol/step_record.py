@@ -37,8 +37,10 @@ class StepRecord:
     """When the image was taken, on the robot's clock."""
     world: Fix | None = None
     """Where the robot stands in the site after the motion, if that is known."""
-    rgb_sha256: str | None = None
-    depth_sha256: str | None = None
+    rgb_digest: str | None = None
+    """As `vsnbench.protocol.image_digest` makes it; None where the image was not drawn."""
+    depth_digest: str | None = None
+    """None without depth."""
     timings: StepTimings = field(default_factory=StepTimings)
     probabilities: Mapping[str, float] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)

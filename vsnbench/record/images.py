@@ -3,15 +3,14 @@
 A step's row is committed after its images are in place: a killed process leaves no committed step without them.
 """
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import RecordError
+from vsnbench.protocol.image_digest import depth_digest, rgb_digest
 from vsnbench.protocol.observation import Observation, Sensor
 from vsnbench.protocol.pictures import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.protocol.pose import Pose
@@ -21,25 +20,22 @@ from vsnbench.whole_files import write_whole
 
 @dataclass(frozen=True, slots=True)
 class WrittenImages:
-    """The images of one look, on disk.
+    """The images of one look, on disk, and the digests of their pixels."""
 
-    The hashes are of the pixels, not of the files: they do not depend on the encoder's version.
-    """
-
-    rgb_sha256: str | None
-    """Of the (H, W, 3) uint8 array, as the policy saw it; None where nobody looks at it, so that it was not drawn."""
-    depth_sha256: str | None
-    """Of the (H, W) uint16 millimetres as the PNG holds them, little-endian; None without depth."""
+    rgb_digest: str | None
+    """As the policy saw it; None where nobody looks at it, so that it was not drawn."""
+    depth_digest: str | None
+    """Of the millimetres as the PNG holds them; None without depth."""
     rgb_jpeg: bytes | None
     """What the file holds, for whoever wants to show it; None where there is no file."""
     depth_png: bytes | None
 
 
 def hash_images(observation: Observation) -> WrittenImages:
-    """Return the hashes of an observation's images, of which nothing else is kept."""
-    millimetres = None if observation.depth_m is None else depth_millimetres(observation.depth_m)
-    seen = _sha256_of_rgb(observation.rgb) if Sensor.RGB in observation.sensors else None
-    return WrittenImages(seen, _sha256_of_depth(millimetres), None, None)
+    """Return the digests of an observation's images, of which nothing else is kept."""
+    seen = rgb_digest(observation.rgb) if Sensor.RGB in observation.sensors else None
+    measured = None if observation.depth_m is None else depth_digest(depth_millimetres(observation.depth_m))
+    return WrittenImages(seen, measured, None, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +80,14 @@ class EpisodeImages:
             RecordError: they cannot be written.
         """
         # One image after the other: what has just been looked through is still near the core.
-        rgb_sha256, jpeg = _sha256_of_rgb(observation.rgb), encode_jpeg(observation.rgb)
+        seen, jpeg = rgb_digest(observation.rgb), encode_jpeg(observation.rgb)
         write_whole(rgb_path(self._directory, number), jpeg)
         if observation.depth_m is None:
-            return WrittenImages(rgb_sha256, None, jpeg, None)
+            return WrittenImages(seen, None, jpeg, None)
         millimetres = depth_millimetres(observation.depth_m)
-        depth_sha256, png = _sha256_of_depth(millimetres), encode_depth_png(millimetres)
+        measured, png = depth_digest(millimetres), encode_depth_png(millimetres)
         write_whole(depth_path(self._directory, number), png)
-        return WrittenImages(rgb_sha256, depth_sha256, jpeg, png)
+        return WrittenImages(seen, measured, jpeg, png)
 
     def finish(self, path: Sequence[StampedPose] = ()) -> None:
         """Write the trajectory beside the images, where there is one; nothing comes after this.
@@ -117,14 +113,6 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
             f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
         )
     write_whole(path, "".join(lines).encode())
-
-
-def _sha256_of_rgb(rgb: npt.NDArray[np.uint8]) -> str:
-    return hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
-
-
-def _sha256_of_depth(millimetres: npt.NDArray[np.uint16] | None) -> str | None:
-    return None if millimetres is None else hashlib.sha256(millimetres.astype("<u2", copy=False).data).hexdigest()
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:

@@ -19,7 +19,7 @@ from vsnbench.whole_files import PART
 STORY = """
     SELECT t.goal, t.start, e.seed, e.end_reason, e.distance_to_goal_m, v.success, s.number, s.action, s.blocked,
            s.observed_x_m, s.observed_y_m, s.observed_heading_rad, s.world_x_m, s.world_y_m, s.world_heading_rad,
-           s.rgb_sha256, s.depth_sha256, s.probabilities, s.details
+           s.rgb_digest, s.depth_digest, s.probabilities, s.details
     FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
     JOIN verdict v ON v.episode_id = e.id WHERE e.state = 'judged' ORDER BY t.goal, t.start, s.number
 """
