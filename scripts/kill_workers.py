@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-WORKER = "vsnbench.runner.pool.worker"
+FORKED_FROM = "vsnbench.runner.pool.fork_server"
 PYTHON = [sys.executable, "-m"]
 GOALS = 7
 """Of the apartment, where the campaigns run."""
@@ -35,8 +35,9 @@ def campaign(results: Path, *words: str) -> list[str]:
 
 
 def workers_of(driver: psutil.Process) -> list[psutil.Process]:
+    """Return a driver's workers, and the process that they are forked from, with which all of them end."""
     with suppress(psutil.Error):
-        return [child for child in driver.children() if WORKER in child.cmdline()]
+        return [child for child in driver.children(recursive=True) if FORKED_FROM in child.cmdline()]
     return []
 
 

@@ -105,7 +105,7 @@ def test_the_free_space_of_a_site_is_made_once() -> None:
 def test_free_cells_keep_the_robots_radius_from_every_wall() -> None:
     space = apartment_space()
     walls = shapely.union_all(wall_shapes(space.site))
-    assert shapely.distance(space.points[space.cells], walls).min() >= RADIUS_M - 1e-9
+    assert shapely.distance(space.points(space.cells), walls).min() >= RADIUS_M - 1e-9
     assert 0.3 < space.cells.mean() < 0.8
 
 

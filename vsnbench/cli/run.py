@@ -255,10 +255,11 @@ def command(
         from vsnbench.cli.watching import run_and_watch
 
         raise typer.Exit(run_and_watch(model, robot, cluster, results, db, [weights, model_config]))
-    from vsnbench.runner.pool.process import likely_workers, recruits
+    from vsnbench.runner.pool.process import early_fork_server, wants_workers
 
     several = robot.partition(":")[0] == "simulated" and not (live or cluster or console or pretend_real)
-    context.with_resource(recruits(likely_workers(workers, all_starts=starts is None) if several else 0))
+    wanted = several and wants_workers(workers, all_starts=starts is None)
+    context.with_resource(early_fork_server(wanted=wanted))
     from vsnbench.cli.run_summary import leave_strays_behind
     from vsnbench.models.remote.isolation import Isolation
     from vsnbench.record.results import ResultsDirectory

@@ -83,6 +83,13 @@ def _check_readable(engine: Engine) -> None:
     )
 
 
+def get_ready(url: str) -> None:
+    """Load what `upgrade` needs for a database that is not there yet: whoever waits for others does it meanwhile."""
+    path = sqlite_path(url)
+    if path is not None and not path.exists():
+        import alembic.command  # noqa: F401
+
+
 def upgrade(engine: Engine) -> SchemaState:
     """Bring the database to the newest schema, all of it or nothing; an up-to-date one is only read.
 

@@ -51,9 +51,12 @@ def view_points(space: FreeSpace, goal: str, criteria: ViewCriteria) -> ViewPoin
 
 def instance_view_points(space: FreeSpace, instance: SiteObject, criteria: ViewCriteria) -> ViewPoints:
     """Return from where one instance is as near and as visible as `criteria` asks for."""
-    rows, columns = np.nonzero(space.cells & (shapely.distance(instance.shape, space.points) < criteria.within_m))
+    window = space.window_around(instance.shape, criteria.within_m)
+    near = shapely.distance(instance.shape, space.points(window)) < criteria.within_m
+    rows, columns = np.nonzero(space.cells[window] & near)
+    rows, columns = rows + window[0].start, columns + window[1].start
     if criteria.in_sight and rows.size:
-        lines = shapely.shortest_line(space.points[rows, columns], instance.shape)
+        lines = shapely.shortest_line(space.points((rows, columns)), instance.shape)
         screens = _screens(space.site, instance, criteria.eye_height_m)
         shapely.prepare(screens)
         hidden = shapely.intersects(screens, lines)

@@ -2,10 +2,12 @@
 
 import math
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vsnbench.machine_cache import code_key, kept_array, key_of
 from vsnbench.protocol import judge, sight, walls
@@ -52,8 +54,6 @@ class FreeSpace:
         xs = x_min + RESOLUTION_M * np.arange(columns)
         ys = y_min + RESOLUTION_M * np.arange(rows)
         self.x_m, self.y_m = np.meshgrid(xs, ys)
-        self.points: npt.NDArray[np.object_] = np.asarray(shapely.points(self.x_m, self.y_m), dtype=object)
-        """(rows, columns): the grid points as shapely points."""
         self._solids = np.asarray(solid_shapes(site, robot_height_m), dtype=object)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
         made_of = (shapely.geos_version, shapely.to_wkb(self._solids).tolist(), self.x_m, self.y_m)
@@ -65,6 +65,17 @@ class FreeSpace:
         self.cells: BoolGrid = self.clearance_m >= robot_radius_m
         """(rows, columns): whether the robot's centre can be there."""
         self._goal_fields: dict[tuple[str, ProtocolParameters], FloatGrid] = {}
+
+    def points(self, where: Any) -> npt.NDArray[np.object_]:
+        """Return grid points as shapely points; `where` is an index of the grid."""
+        return np.asarray(shapely.points(self.x_m[where], self.y_m[where]), dtype=object)
+
+    def window_around(self, shape: BaseGeometry, within_m: float) -> tuple[slice, slice]:
+        """Return the part of the grid in which every point lies that is nearer than `within_m` to a shape."""
+        x_min, y_min, x_max, y_max = shape.bounds
+        low, left = self.cell_of(x_min - within_m, y_min - within_m)
+        high, right = self.cell_of(x_max + within_m, y_max + within_m)
+        return slice(max(low - 1, 0), high + 2), slice(max(left - 1, 0), right + 2)
 
     def clearance_at_m(self, x_m: float, y_m: float) -> float:
         """Return the exact distance from a point to the nearest solid thing; 0 inside one or outside all rooms."""
@@ -82,14 +93,12 @@ class FreeSpace:
         within_m = parameters.success_distance_m
         level = np.full(self.cells.shape, _BAND_M)
         for thing, region in success_regions(self.site, goal, parameters):
-            x_min, y_min, x_max, y_max = thing.shape.buffer(within_m + _BAND_M).bounds
-            low, left = self.cell_of(x_min, y_min)
-            high, right = self.cell_of(x_max, y_max)
-            window = (slice(low, high + 1), slice(left, right + 1))
-            straight = shapely.distance(thing.shape, self.points[window]) - within_m
+            window = self.window_around(thing.shape, within_m + _BAND_M)
+            points = self.points(window)
+            straight = shapely.distance(thing.shape, points) - within_m
             near = straight < RESOLUTION_M
             near[near] = ~shapely.contains_xy(region, self.x_m[window][near], self.y_m[window][near])
-            around_walls = shapely.distance(region, self.points[window][near])
+            around_walls = shapely.distance(region, points[near])
             hidden = around_walls > np.maximum(straight[near], 0.0) + _OUTLINE_M
             straight[near] = np.where(hidden, around_walls, straight[near])
             level[window] = np.minimum(level[window], straight)
@@ -141,7 +150,8 @@ class FreeSpace:
                 diagonal_m = math.hypot(x_m[-1, -1] - x_m[0, 0], y_m[-1, -1] - y_m[0, 0])
                 from_middle = shapely.distance(self._solids, middle)
                 near = self._solids[from_middle <= from_middle.min() + diagonal_m + 1e-6]
-                clearance[tile] = np.min([shapely.distance(solid, self.points[tile]) for solid in near], axis=0)
+                points = self.points(tile)
+                clearance[tile] = np.min([shapely.distance(solid, points) for solid in near], axis=0)
         return clearance
 
     def _interpolate(self, field: FloatGrid, start: Pose) -> float:

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from vsnbench.database.campaign_plan import CampaignPlan, OpenCampaign
 from vsnbench.database.journal import Journal
+from vsnbench.database.migrate import get_ready
 from vsnbench.database.provenance import Provenance, gather_provenance
 from vsnbench.database.study_queries import study_of_campaign
 from vsnbench.errors import SiteError, UsageError
@@ -34,7 +35,7 @@ from vsnbench.runner.pool.handing_out import hand_out
 from vsnbench.runner.pool.local import LocalPool, SharedWorkers
 from vsnbench.runner.pool.merging import MergingPool
 from vsnbench.runner.pool.messages import Keeping
-from vsnbench.runner.pool.process import dismiss_recruits
+from vsnbench.runner.pool.process import dismiss_fork_server
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
@@ -83,6 +84,7 @@ def launch(
         viewer = None
     live = viewer is not None and viewer.is_live
     wish = wish_of(request.workers, bench, trials, live=live, attended=request.attended)
+    get_ready(request.results.database_url)
     with ExitStack() as stack:
         crew = stack.enter_context(open_crew(bench, wish, shared))
         described = crew.description
@@ -224,7 +226,7 @@ def open_crew(plan: BenchPlan, wish: Wish | ClusterWish, shared: SharedWorkers |
         with MergingPool(RayTasks(plan, wish.address, wish.workers, wish.gpus_each)) as pool:
             yield _Several(plan, pool)
     elif wish.at_most == 1:
-        dismiss_recruits()
+        dismiss_fork_server()
         with open_bench(plan) as bench:
             yield _Alone(plan, bench)
     elif shared is not None:

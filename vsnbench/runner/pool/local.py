@@ -31,7 +31,7 @@ from vsnbench.runner.pool.messages import (
     RunTrial,
     Stop,
 )
-from vsnbench.runner.pool.process import dismiss_recruits, new_worker
+from vsnbench.runner.pool.process import WorkerProcess, fork_server
 from vsnbench.runner.stopping import StopRequest
 
 logger = logging.getLogger(__name__)
@@ -45,9 +45,9 @@ STOP_TIMEOUT_S = 20.0
 class LocalWorker:
     """A worker's process, seen from the driver."""
 
-    def __init__(self) -> None:
-        self.process = new_worker()
-        self.connection: Connection[Order, Report] = Connection(self.process.socket.detach())
+    def __init__(self, process: WorkerProcess) -> None:
+        self.process = process
+        self.connection: Connection[Order, Report] = Connection(process.socket.detach())
         self.prepared: Prepared | None = None
         self.trial: Trial | None = None
 
@@ -78,6 +78,7 @@ class LocalPool:
         self._workers: list[LocalWorker] = []
         self._events: deque[PoolEvent] = deque()
         self._capacity = Capacity.of_this_machine()
+        self._server = fork_server()
         self.prepare(plan, wish)
 
     def prepare(self, plan: BenchPlan, wish: Wish) -> None:
@@ -106,7 +107,6 @@ class LocalPool:
                 surplus.bury()
             del self._workers[self._count :]
             self._start(self._count - len(self._workers))
-            dismiss_recruits()
             self._words = capacity.words(self._count, takes_bytes(first))
         except BaseException:
             self.kill()
@@ -179,16 +179,26 @@ class LocalPool:
 
     def kill(self) -> None:
         """End all workers at once."""
-        for worker in self._workers:
-            worker.process.kill()
+        self._server.end()
         while self._workers:
-            self._workers.pop().bury()
+            self._workers.pop().connection.close()
 
     def _start(self, count: int) -> None:
         for _ in range(count):
-            worker = LocalWorker()
+            worker = LocalWorker(self._forked())
             self._workers.append(worker)
             worker.tell(self._order)
+
+    def _forked(self) -> WorkerProcess:
+        try:
+            return self._server.fork()
+        except ConnectionError:  # somebody has killed it, and its workers with it
+            self._server.end()
+            self._server = fork_server()
+        try:
+            return self._server.fork()
+        except ConnectionError as error:
+            raise VsnbenchError(f"no worker can be started: {error}", advice="see its words above") from error
 
     def _await_first(self) -> Prepared:
         lost = 0

@@ -1,11 +1,14 @@
-"""A worker's process, seen from the driver before either knows what is to be run.
+"""The processes of a pool, seen from the driver: a fork server, and the workers that it forks.
 
-A process needs a second of imports before it can make a bench, and the driver one before it can say which: where
-workers will plainly be wanted they are started first, and both happen side by side. Whoever imports this loads little.
+The server needs a second of imports before it can fork, and the driver one before it can say what is to be run: where
+workers will plainly be wanted the server is started first, and both happen side by side. Whoever imports this loads
+little.
 """
 
+import contextlib
 import math
 import os
+import signal
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -13,20 +16,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vsnbench.compute_threads import one_thread_environment
+from vsnbench.runner.pool.fork_server import BURY, FORK
 from vsnbench.workers import python_like_this
 
-PROGRAM = "vsnbench.runner.pool.worker"
-MOST_RECRUITS = 4
-"""Of more the first seconds would gain nothing, and memory has not been counted yet."""
-
-_recruits: "list[WorkerProcess]" = []
+PROGRAM = "vsnbench.runner.pool.fork_server"
+END_TIMEOUT_S = 10.0
+"""How long a fork server may take to bury its workers; then the kernel ends them with it."""
 
 
-class WorkerProcess:
-    """A process that gets ready to take orders over a socket; it ends with this one."""
+class ForkServer:
+    """A process that forks workers; it and they end with this process."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
+        self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._has_forked = False
         with theirs:
             self._process = subprocess.Popen(
                 python_like_this(PROGRAM, str(theirs.fileno())),
@@ -36,59 +39,104 @@ class WorkerProcess:
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,  # Ctrl-C is for the driver, which has the episodes ended
             )
-        self.socket = ours
-        """To be closed by whoever takes it."""
 
     @property
     def pid(self) -> int:
-        """The process's number."""
+        """The server's own number."""
         return self._process.pid
 
-    def kill(self) -> None:
-        """End it, at once."""
+    def fork(self) -> "WorkerProcess":
+        """Return a new worker, as soon as the server can make one.
+
+        Raises:
+            ConnectionError: the server is gone, and its workers are too.
+        """
+        self._has_forked = True
+        ours, theirs = socket.socketpair()
+        try:
+            with theirs:
+                socket.send_fds(self._control, [FORK], [theirs.fileno()])
+            return WorkerProcess(self, self._answer(), ours)
+        except BaseException:
+            ours.close()
+            raise
+
+    def bury(self, number: int) -> int:
+        """End a worker where it has not ended yet, and return how it ended: an exit code, or a signal's number below 0.
+
+        Args:
+            number: the process's.
+        """
+        try:
+            self._control.send(b"%s %d" % (BURY, number))
+            return self._answer()
+        except ConnectionError:
+            return -signal.SIGKILL  # by the kernel, when its server went
+
+    def end(self) -> None:
+        """End it and all its workers."""
+        self._control.close()  # that the driver is gone is what it takes this for
+        if self._has_forked:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_TIMEOUT_S)
         self._process.kill()
+        self._process.wait()
+
+    def _answer(self) -> int:
+        if not (answer := self._control.recv(64)):
+            raise ConnectionError(f"the fork server {self.pid} is gone")
+        return int(answer)
+
+
+class WorkerProcess:
+    """A process that takes orders over a socket."""
+
+    def __init__(self, server: ForkServer, pid: int, ours: socket.socket) -> None:
+        self._server = server
+        self.pid = pid
+        """The process's number."""
+        self.socket = ours
+        """To be closed by whoever takes it."""
 
     def bury(self) -> int:
         """End it where it has not ended yet, and return how it ended: an exit code, or a signal's number below 0."""
-        self._process.kill()
-        return self._process.wait()
+        return self._server.bury(self.pid)
 
 
-def new_worker() -> WorkerProcess:
-    """Return a process that is nobody's yet: a recruit, or one that starts now."""
-    return _recruits.pop() if _recruits else WorkerProcess()
+_early: list[ForkServer] = []
+
+
+def fork_server() -> ForkServer:
+    """Return one that is nobody's yet: started early, or now."""
+    return _early.pop() if _early else ForkServer()
 
 
 @contextmanager
-def recruits(count: int) -> Iterator[None]:
-    """Start processes for whoever asks for workers meanwhile; those that nobody took are ended with the block."""
-    _recruits.extend(WorkerProcess() for _ in range(count))
+def early_fork_server(*, wanted: bool) -> Iterator[None]:
+    """Start a fork server for whoever asks for one meanwhile; one that nobody took is ended with the block."""
+    if wanted:
+        _early.append(ForkServer())
     try:
         yield
     finally:
-        dismiss_recruits()
+        dismiss_fork_server()
 
 
-def dismiss_recruits() -> None:
-    """End those that nobody has taken: there are as many workers as are wanted."""
-    for recruit in _recruits:
-        recruit.kill()
-    while _recruits:
-        recruit = _recruits.pop()
-        recruit.bury()
-        recruit.socket.close()
+def dismiss_fork_server() -> None:
+    """End the one that was started early and that nobody has taken: there will be no workers."""
+    while _early:
+        _early.pop().end()
 
 
-def likely_workers(asked: str, *, all_starts: bool) -> int:
-    """Return how many processes are worth starting before anything is known of a simulated campaign but its options.
+def wants_workers(asked: str, *, all_starts: bool) -> bool:
+    """Return whether a simulated campaign of which nothing is known but its options will plainly want workers.
 
     Args:
         asked: as for `--workers`; what is no number is refused later, by others.
         all_starts: it is about every starting position, so that there are enough trials for several workers.
     """
-    cores = granted_cores()
-    wanted = int(asked) if asked.isdecimal() else cores if asked == "auto" and all_starts else 1
-    return min(wanted, cores, MOST_RECRUITS) if wanted > 1 else 0
+    wanted = int(asked) if asked.isdecimal() else granted_cores() if asked == "auto" and all_starts else 1
+    return wanted > 1
 
 
 def granted_cores() -> int:

@@ -43,8 +43,6 @@ def main(descriptor: str) -> None:
     """
     logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
     connection: Connection[Report, Order] = Connection(int(descriptor))
-    import vsnbench.robots.simulated  # noqa: F401 - every bench of a pool has one, and the driver may not be so far
-
     with Stopping() as stop, ExitStack() as stack:
         worker = Worker(connection, stop, stack)
         try:
