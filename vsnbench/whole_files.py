@@ -21,7 +21,11 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 
 def part_path(path: Path) -> Path:
     """Return what this process calls a file until it is whole: hidden, beside it, and no other process's."""
-    return path.with_name(f".{path.name}.{os.getpid()}{PART}")
+    return path.with_name(_part_name(path.name))
+
+
+def _part_name(name: str) -> str:
+    return f".{name}.{os.getpid()}{PART}"
 
 
 @contextmanager
@@ -53,10 +57,14 @@ def whole_file(path: Path, error: type[VsnbenchError] = RecordError) -> Iterator
 def write_whole(path: Path, content: bytes, error: type[VsnbenchError] = RecordError) -> None:
     """Write a file's content; readers see all of it or nothing.
 
+    It is done beside a robot's control path, where to handle paths as more than text takes as long as the file itself.
+
     Raises:
         VsnbenchError: of the kind `error`, when it cannot be written; nothing is left behind.
     """
-    part = os.fspath(part_path(path))
+    whole = os.fspath(path)
+    folder, slash, name = whole.rpartition("/")
+    part = f"{folder}{slash}{_part_name(name)}"
     try:
         try:
             descriptor = os.open(part, _NEW, 0o666)
@@ -65,11 +73,13 @@ def write_whole(path: Path, content: bytes, error: type[VsnbenchError] = RecordE
             Path(part).unlink(missing_ok=True)
             descriptor = os.open(part, _NEW, 0o666)
         try:
-            with os.fdopen(descriptor, "wb", buffering=0) as file:
+            try:
                 left = memoryview(content)
                 while left:
-                    left = left[file.write(left) :]
-            Path(part).replace(path)
+                    left = left[os.write(descriptor, left) :]
+            finally:
+                os.close(descriptor)
+            os.replace(part, whole)  # noqa: PTH105
         except BaseException:
             with contextlib.suppress(OSError):
                 Path(part).unlink(missing_ok=True)

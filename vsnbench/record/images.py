@@ -48,12 +48,12 @@ class StampedPose:
 
 def rgb_path(directory: Path, number: int) -> Path:
     """Return where the colour image of a step lies, steps counted from 1."""
-    return directory / "rgb" / f"{number:04d}.jpg"
+    return directory.joinpath("rgb", f"{number:04d}.jpg")
 
 
 def depth_path(directory: Path, number: int) -> Path:
     """Return where the depth image of a step lies."""
-    return directory / "depth" / f"{number:04d}.png"
+    return directory.joinpath("depth", f"{number:04d}.png")
 
 
 class EpisodeImages:
