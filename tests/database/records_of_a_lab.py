@@ -1,5 +1,12 @@
 """A small plan, and episodes of it, for the tests of the record."""
 
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.episodes import Claim
@@ -122,3 +129,37 @@ def complete(journal: Journal, episode: Claim, end: EpisodeEnd, steps: int = 3) 
         journal.append_step(episode.id, forward(number))
     journal.end_episode(episode.id, end)
     return episode
+
+
+RUNNER = """
+import sys
+from tests.database.records_of_a_lab import begun, forward, plan
+from vsnbench.database.journal import Journal
+
+journal = Journal.open(sys.argv[1])
+trial = journal.find_or_create_campaign(plan()).trials[0]
+episode = begun(journal, trial)
+number = 0
+while True:
+    number += 1
+    journal.append_step(episode.id, forward(number))
+    print(number, flush=True)
+"""
+
+
+@contextmanager
+def running_elsewhere(url: str) -> Iterator[subprocess.Popen[str]]:
+    """Run an episode without end in another process, which prints the number of each step that is kept."""
+    root = Path(__file__).parents[2]
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, url],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()

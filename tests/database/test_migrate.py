@@ -12,7 +12,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, inspect, text
 
-from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
+from tests.database.records_of_a_lab import begun, forward, plan, run, running_elsewhere, stopped
 from vsnbench.database import migrate
 from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
@@ -194,6 +194,37 @@ def test_a_reader_of_an_older_record_is_told_to_upgrade(
     with_one_more_migration(tmp_path, monkeypatch, "pass")
     with pytest.raises(RecordError, match="vsnbench db upgrade"):
         migrate.open_record(sqlite).__enter__()
+
+
+def test_a_record_is_not_upgraded_under_a_robot_that_writes_to_it(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with running_elsewhere(url) as robot:
+        assert robot.stdout is not None
+        kept = int(robot.stdout.readline())
+        with_one_more_migration(tmp_path, monkeypatch, "pass")
+        for refused in (lambda: migrate.upgrade(open_engine(url)), lambda: Journal.open(url)):
+            with pytest.raises(RecordError, match=f"process {robot.pid} .* older vsnbench; it was not upgraded"):
+                refused()
+        assert [int(robot.stdout.readline()) for _ in range(50)][-1] == kept + 50
+    migrate.upgrade(open_engine(url))
+    assert migrate.schema_state(open_engine(url)).up_to_date
+
+
+def test_what_ran_where_nobody_can_look_holds_up_an_upgrade_as_long_as_its_lease(
+    postgresql: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Journal.open(postgresql) as journal:
+        begun(journal, journal.find_or_create_campaign(plan()).trials[0])
+    engine = open_engine(postgresql)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE process SET boot_id = 'of another machine', host = 'heron'"))
+    with_one_more_migration(tmp_path, monkeypatch, "pass")
+    with pytest.raises(RecordError, match="episode 1 is still at the database"):
+        migrate.upgrade(engine)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE episode SET lease_until = now() - interval '1 second'"))
+    assert migrate.upgrade(engine).pending == ("9999",)
 
 
 def test_somebody_elses_database_is_left_alone(sqlite: str, tmp_path: Path) -> None:

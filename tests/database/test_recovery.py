@@ -1,5 +1,4 @@
 import os
-import signal
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta, tzinfo
@@ -8,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from tests.database.records_of_a_lab import begun, forward, plan, run, stopped
+from tests.database.records_of_a_lab import begun, forward, plan, run, running_elsewhere, stopped
 from vsnbench.database.journal import Journal
 from vsnbench.database.provenance import ProcessIdentity, this_process
 from vsnbench.database.queries import campaign_states, episode_details, episode_steps, list_episodes
@@ -17,38 +16,14 @@ from vsnbench.database.recovery import dead_episodes, recover_one
 from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.pose import Pose
 
-RUNNER = """
-import sys
-from tests.database.records_of_a_lab import begun, forward, plan
-from vsnbench.database.journal import Journal
-
-journal = Journal.open(sys.argv[1])
-trial = journal.find_or_create_campaign(plan()).trials[0]
-episode = begun(journal, trial)
-number = 0
-while True:
-    number += 1
-    journal.append_step(episode.id, forward(number))
-    print(number, flush=True)
-"""
-
 
 def killed_in_mid_episode(url: str, steps: int) -> int:
     """Run an episode in another process, kill -9 it after some steps; return the last step it had reported."""
-    root = Path(__file__).parents[2]
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUNNER, url],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
-    )
-    assert process.stdout is not None
-    reported = [int(process.stdout.readline()) for _ in range(steps)][-1]
-    process.kill()
-    reported = max([reported, *map(int, process.stdout.read().split())])
-    assert process.wait() == -signal.SIGKILL
-    return reported
+    with running_elsewhere(url) as process:
+        assert process.stdout is not None
+        reported = [int(process.stdout.readline()) for _ in range(steps)][-1]
+        process.kill()
+        return max([reported, *map(int, process.stdout.read().split())])
 
 
 def test_an_episode_whose_process_was_killed_is_interrupted_keeps_its_steps_and_is_run_again(url: str) -> None:

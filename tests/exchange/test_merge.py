@@ -334,6 +334,7 @@ def as_of_0004(results: Path) -> Path:
         for image in ("rgb", "depth"):
             database.execute(f"UPDATE step SET {image}_digest = replace({image}_digest, 'blake3:', '')")
             database.execute(f"ALTER TABLE step RENAME COLUMN {image}_digest TO {image}_sha256")
+        database.execute("UPDATE process SET start_ticks = 1")  # it has ended
         database.execute("UPDATE alembic_version SET version_num = '0004'")
         database.commit()
     return results

@@ -90,14 +90,18 @@ def get_ready(url: str) -> None:
         import alembic.command  # noqa: F401
 
 
-def upgrade(engine: Engine) -> SchemaState:
+def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
     """Bring the database to the newest schema, all of it or nothing; an up-to-date one is only read.
+
+    Args:
+        engine: the database.
+        is_copy: nobody else has it open, whoever was at it when it was copied.
 
     Returns:
         The state before.
 
     Raises:
-        RecordError: as for `schema_state`, or the database cannot be written.
+        RecordError: as for `schema_state`, the database cannot be written, or somebody is at it with an older vsnbench.
     """
     if _has_head(engine):
         return SchemaState(HEAD, HEAD, ())
@@ -115,6 +119,8 @@ def upgrade(engine: Engine) -> SchemaState:
                 if not sqlite:
                     # Several robots may start at once on one server: one migrates, the others wait and find it done.
                     connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_ADVISORY_LOCK})")
+                if before.current is not None and not is_copy:
+                    _check_nobody_writes(connection)
                 config = _config()
                 config.attributes["connection"] = connection
                 command.upgrade(config, "head")
@@ -179,11 +185,34 @@ def _check_campaigns(engine: Engine) -> None:
         )
 
 
+def _check_nobody_writes(connection: Connection) -> None:
+    """See that no robot would be left without its record in the middle of an episode.
+
+    Raises:
+        RecordError: an older vsnbench is at it.
+    """
+    from vsnbench.database.provenance import this_process
+    from vsnbench.database.recovery import who_writes
+
+    if _is_head(connection):  # whoever had waited here before has upgraded it meanwhile
+        return
+    if who := who_writes(connection, this_process()):
+        raise RecordError(
+            f"{who} is still at the database {shown_database(connection.engine)} with an older vsnbench; it was not "
+            "upgraded",
+            advice="type the same again when that has ended",
+        )
+
+
 def _has_head(engine: Engine) -> bool:
     with record_errors(engine), engine.connect() as connection:
-        if not inspect(connection).has_table("alembic_version"):
-            return False
-        return list(connection.scalars(text("SELECT version_num FROM alembic_version"))) == [HEAD]
+        return _is_head(connection)
+
+
+def _is_head(connection: Connection) -> bool:
+    if not inspect(connection).has_table("alembic_version"):
+        return False
+    return list(connection.scalars(text("SELECT version_num FROM alembic_version"))) == [HEAD]
 
 
 def _config() -> "Config":

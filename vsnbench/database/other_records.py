@@ -65,7 +65,7 @@ def _copy(url: str, name: str, scratch: Path) -> Engine:
     try:
         if schema_state(engine).current is None:
             raise RecordError(f"there is no record in {name}; nothing was written")
-        upgrade(engine)
+        upgrade(engine, is_copy=True)
     except RecordError as error:
         engine.dispose()
         raise RecordError(error.statement.replace(str(file), name), advice=error.advice) from error

@@ -1,9 +1,13 @@
-"""Closes what dead processes left: a running episode is `interrupted` and keeps its steps, a mere claim is released."""
+"""Tells the living processes of a record from the dead, and closes what those left.
 
+A running episode of theirs is `interrupted` and keeps its steps, a mere claim is released.
+"""
+
+import textwrap
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, Select, func, insert, select, update
+from sqlalchemy import Connection, Row, Select, func, insert, inspect, select, update
 
 from vsnbench.database.episode_entries import RecoveredEpisode
 from vsnbench.database.episodes import UNBEGUN, release
@@ -12,6 +16,7 @@ from vsnbench.database.provenance import ProcessIdentity
 from vsnbench.database.row_encoding import verdict_row
 from vsnbench.database.tables import Episode, Event, Process, Session, Step, Trial
 from vsnbench.database.tables import Verdict as VerdictTable
+from vsnbench.harmless_text import harmless
 from vsnbench.protocol.judge import EndReason, Verdict
 
 
@@ -28,6 +33,28 @@ def dead_sessions(connection: Connection, here: ProcessIdentity) -> list[int]:
         select(Session.id, *_IDENTITY).join(Process, Process.id == Session.process_id).where(Session.ended_at.is_(None))
     )
     return [row.id for row in rows if _lives(row, here, connection.dialect.name) is False]
+
+
+def who_writes(connection: Connection, here: ProcessIdentity) -> str:
+    """Return in words one other process that writes to a record of any schema; empty where none is known to live.
+
+    Of a process that cannot be looked at from here, an episode's lease tells.
+    """
+    dialect = connection.dialect.name
+    unknown = set()
+    for row in connection.execute(select(Process.id, Process.command, *_IDENTITY).order_by(Process.id.desc())):
+        alive = _lives(row, here, dialect)
+        if alive and row.pid != here.pid:
+            command = textwrap.shorten(harmless(row.command), 60, placeholder=" …")
+            return f"process {row.pid} on {harmless(row.host)} ({command})"
+        if alive is None:
+            unknown.add(row.id)
+    if not unknown or "lease_until" not in {column["name"] for column in inspect(connection).get_columns("episode")}:
+        return ""
+    held = select(Episode.id, Episode.process_id).where(
+        Episode.state.in_([state.value for state in ACTIVE]), Episode.lease_until > moment(connection)
+    )
+    return next((f"episode {row.id}" for row in connection.execute(held) if row.process_id in unknown), "")
 
 
 def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> RecoveredEpisode | None:
