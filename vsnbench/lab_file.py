@@ -17,6 +17,11 @@ VARIABLE_OF: Mapping[str, str] = {
     "weights": "VSNBENCH_WEIGHTS",
 }
 """What the file may say, and the variable of the environment that says the same."""
+BUILT_IN_SITE = "apartment"
+BUILT_IN_ROBOT = "simulated"
+BUILT_IN_RESULTS = "results"
+CHECKED_ROBOT = "turtlebot2"
+"""What holds where nobody says a site, a robot or a results directory; and the robot that `doctor` looks at then."""
 _PATHS = {"site", "results", "weights"}
 
 

@@ -3,12 +3,13 @@
 import hashlib
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from vsnbench.errors import VsnbenchError
+from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
 
 
@@ -97,3 +98,19 @@ def file_of_module(module: object) -> Path | None:
     """Return the file that a loaded module was read from; None for what has none."""
     file = getattr(module, "__file__", None)
     return Path(file) if isinstance(file, str) and Path(file).is_file() else None
+
+
+def none_so_called(what: str, name: str, known: Iterable[str]) -> UsageError:
+    """Return what to say of a name that nothing has: the nearest one, then all that there are.
+
+    Args:
+        what: is named so: model, robot.
+        name: as it was typed.
+        known: the names that there are.
+    """
+    names = list(known)
+    near = get_close_matches(name, names, n=1, cutoff=0.6)
+    likely = f"did you mean {near[0]}? The" if near else "the"
+    return UsageError(
+        f"no {what} {name!r}: {likely} known ones are {', '.join(names)}; your own is named as package.module:Class"
+    )

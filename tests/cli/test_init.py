@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -64,7 +65,11 @@ def test_config_show_says_where_each_default_comes_from(type_in: Type, tmp_path:
     found = {each["name"]: (each["value"], each["source"]) for each in json.loads(shown.out)}
     assert found["robot"] == ("turtlebot2", "VSNBENCH_ROBOT")
     assert found["site"] == ("apartment", str(tmp_path / "vsnbench.toml"))
-    assert found["results"] == ("", "")
+    assert found["results"] == ("results", "built in")
+    assert found["weights"][0].endswith("vsnbench/weights")
+    assert found["operator"][0]
+    table = type_in(tmp_path, "config", "show").out
+    assert re.search(r"^results +results +built in +VSNBENCH_RESULTS *$", table, re.MULTILINE)
 
 
 @pytest.mark.slow
@@ -123,6 +128,8 @@ def test_a_run_that_watches_runs_again_when_the_model_changes(type_in: Type, tmp
         watching = subprocess.Popen(command, cwd=here, env=environment(), stdout=sink, stderr=sink)
     try:
         until(log, "passed; waiting for a change of spinning")
+        assert "1 of 1 trial done\nuntil the next change: vsnbench episodes list --results /" in log.read_text()
+        assert "next: vsnbench" not in log.read_text()
         policy.write_text(policy.read_text().replace("depth_m.shape", "depth_m.shap"))
         until(log, "exit code 1; waiting for a change of spinning")
         assert "an episode is void: act: AttributeError" in log.read_text()

@@ -46,7 +46,9 @@ def test_a_generated_flat_is_a_site_of_its_own() -> None:
         ("forward", "0-99999999999", None, "has too many or too large numbers"),
         ("forward", "0-99999", "twins:0-9", "more than 100,000"),
         ("forward", None, "apartment,", "cannot read --sites"),
-        ("forward", None, "twins:x", "cannot read 'x' in --sites"),
+        ("forward", None, "twins:x", "cannot read 'x' in --sites twins:x: give numbers and ranges, like twins:0-19"),
+        ("forward", None, "apartment,twins", "cannot read '' in --sites apartment,twins: give numbers and ranges"),
+        ("forward", None, "twins:5-2", "the range 5-2 in --sites twins:5-2 is empty"),
         ("forward", None, "nowhere", "no site 'nowhere'"),
     ],
 )

@@ -6,7 +6,7 @@ import typer
 
 from vsnbench.cli.options import Database, Results
 from vsnbench.cli.output import Json, print_json
-from vsnbench.lab_file import VARIABLE_OF
+from vsnbench.lab_file import CHECKED_ROBOT, VARIABLE_OF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +29,7 @@ def command(
             show_envvar=False,
             help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
         ),
-    ] = "turtlebot2",
+    ] = CHECKED_ROBOT,
     move: Annotated[
         bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")
     ] = False,

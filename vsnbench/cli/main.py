@@ -18,6 +18,7 @@ from typer.main import get_command
 from vsnbench import __version__
 from vsnbench.cli.options import refuse_repeated
 from vsnbench.cli.output import WITHOUT_RESULT, flowing, hushable
+from vsnbench.cli.refusals import RefusingGroup
 from vsnbench.errors import VsnbenchError
 from vsnbench.lab_file import LabDefault, take_lab_defaults
 
@@ -87,6 +88,7 @@ def build_app(verb: str | None) -> typer.Typer:
     """Return the command line with `verb` loaded in full and every other verb as its one line of help."""
     root = typer.Typer(
         name="vsnbench",
+        cls=RefusingGroup,
         help=f"Benchmark visual-semantic-navigation models on robots, real and simulated.\n\n{EXAMPLES}",
         no_args_is_help=True,
         pretty_exceptions_enable=False,

@@ -9,6 +9,7 @@ import typer
 
 from vsnbench.cli.options import Database, Results
 from vsnbench.cli.output import Json, print_files
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.report.build import Report
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 _WHAT = "What to report on"
 _FORM = "Form"
+_FILES = (".html", ".md", ".csv", ".json", ".tex", ".pdf", ".svg", ".png")
 
 
 class Format(StrEnum):
@@ -53,7 +55,9 @@ def command(
     ] = Format.TABLE,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="write everything into this directory", rich_help_panel=_FORM),
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="write report.html and all else into it", rich_help_panel=_FORM
+        ),
     ] = None,
     serve: Annotated[
         bool, typer.Option("--serve", help="show the page on 127.0.0.1 until Ctrl-C", rich_help_panel=_FORM)
@@ -99,6 +103,11 @@ def command(
     from vsnbench.report.record import Selection
 
     form = Format.JSON if as_json else form
+    if output is not None and output.suffix in _FILES and not output.is_dir():
+        raise UsageError(
+            f"--output {output} is a directory's place: it gets report{output.suffix} and all else",
+            advice=f"--output {output.with_suffix('')}/",
+        )
     if only_reference:
         from vsnbench.report.published import published_results
         from vsnbench.report.reference_tables import reference_sheets

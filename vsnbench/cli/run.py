@@ -22,7 +22,7 @@ from vsnbench.cli.options import (
 )
 from vsnbench.cli.output import Json, print_json
 from vsnbench.errors import UsageError
-from vsnbench.lab_file import VARIABLE_OF
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
 if TYPE_CHECKING:
     from vsnbench.runner.attendance import Attendance
@@ -58,7 +58,7 @@ def command(
             help="embedded site, a site file, or twin:N, a generated flat",
             rich_help_panel=_WHAT,
         ),
-    ] = "apartment",
+    ] = BUILT_IN_SITE,
     sites: Annotated[
         str | None,
         typer.Option("--sites", help="several: apartment,twins:0-19 (generated flats)", rich_help_panel=_WHAT),
@@ -73,7 +73,7 @@ def command(
             help="simulated, simulated:lola2, turtlebot2, ...",
             rich_help_panel=_WHAT,
         ),
-    ] = "simulated",
+    ] = BUILT_IN_ROBOT,
     starts: Annotated[
         str | None,
         typer.Option("--starts", help="starting positions, like 1-15,20; all when absent", rich_help_panel=_WHAT),

@@ -9,6 +9,7 @@ import time
 from rich.console import Console
 from rich.markup import escape
 
+from vsnbench.cli.watching import PASSING
 from vsnbench.runner.launch import Launched
 from vsnbench.runner.request import RunRequest
 from vsnbench.runner.stopping import StopAuthor, Stopped
@@ -66,6 +67,9 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
 
 def tell(console: Console, launched: Launched, request: RunRequest) -> None:
     """Say what is done, what is left and what to type next."""
+    if os.environ.get(PASSING):
+        _tell_of_passing(console, launched, request)
+        return
     result, trials = launched.result, len(launched.campaign.trials)
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
@@ -96,6 +100,16 @@ def tell(console: Console, launched: Launched, request: RunRequest) -> None:
     only_void = result.episodes == result.void > 0 and result.left == trials
     after = "episodes list --outcome void" if only_void else "report"
     console.print(f"[dim]next:[/dim] vsnbench {after}{escape(request.results.options)}")
+
+
+def _tell_of_passing(console: Console, launched: Launched, request: RunRequest) -> None:
+    """Say what is done, and by what it can be seen for as long as it is there."""
+    result, trials = launched.result, len(launched.campaign.trials)
+    if result.stopped_because:
+        console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
+    console.print(f"{trials - result.left} of {_trials(trials)} done")
+    shown = f"vsnbench episodes list{escape(request.results.options)}"
+    console.print(f"[dim]until the next change:[/dim] {shown}")
 
 
 def _trials(count: int) -> str:

@@ -73,7 +73,7 @@ def gather_provenance(operator: str | None = None) -> Provenance:
     return Provenance(
         identity=this_process(),
         started_at=datetime.now(UTC),
-        operator=operator or os.environ.get("VSNBENCH_OPERATOR") or _login(),
+        operator=operator or os.environ.get("VSNBENCH_OPERATOR") or login_name(),
         command=without_passwords(shlex.join(sys.argv)),
         vsnbench_version=__version__,
         git_commit=code.commit,
@@ -123,7 +123,8 @@ def _start_ticks(pid: int) -> int:
     return int(fields[19]) if len(fields) > 19 and fields[0] != "Z" else 0
 
 
-def _login() -> str:
+def login_name() -> str:
+    """Return who is logged in: the operator where nobody says another."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):  # a container's user without a name

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.plugins import import_factory, plug_ins
+from vsnbench.plugins import import_factory, none_so_called, plug_ins
 from vsnbench.protocol.observation import Sensor
 
 if TYPE_CHECKING:
@@ -118,10 +118,7 @@ def locate(name: str) -> tuple[str, Any]:
     installed = plug_ins(ENTRY_POINT_GROUP)
     where = _BUILT_IN.get(name) or installed.get(name) or (name if ":" in name else "")
     if not where:
-        raise UsageError(
-            f"no model {name!r}: the known ones are {', '.join(known_models())}; "
-            "your own is named as package.module:Class"
-        )
+        raise none_so_called("model", name, known_models())
     return where, import_factory(where, "model", name, "a policy", ModelError)
 
 

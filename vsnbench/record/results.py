@@ -12,10 +12,10 @@ from typing import Self
 
 from vsnbench.database_url import shown_url, sqlite_url
 from vsnbench.errors import RecordError
+from vsnbench.lab_file import BUILT_IN_RESULTS
 from vsnbench.record.confined import confined
 
 ENVIRONMENT_VARIABLE = "VSNBENCH_RESULTS"
-DEFAULT_DIRECTORY = "results"
 DATABASE_NAME = "vsnbench.db"
 LOW_SPACE_BYTES = 200 * 2**20
 """Some six full episodes of 640 x 480 images (31 MB each): with less, a run does not begin."""
@@ -59,13 +59,13 @@ class ResultsDirectory:
             database_url: as given with --db: a database elsewhere; else `vsnbench.db` in the directory.
             environment: the environment's variables.
         """
-        where = Path(path or environment.get(ENVIRONMENT_VARIABLE) or DEFAULT_DIRECTORY).expanduser()
+        where = Path(path or environment.get(ENVIRONMENT_VARIABLE) or BUILT_IN_RESULTS).expanduser()
         return cls(where, database_url or sqlite_url(where / DATABASE_NAME))
 
     @property
     def options(self) -> str:
         """What another command needs to be told to find the same record, each option after a blank."""
-        words = "" if self.path == Path(DEFAULT_DIRECTORY) else f" --results {shlex.quote(str(self.path))}"
+        words = "" if self.path == Path(BUILT_IN_RESULTS) else f" --results {shlex.quote(str(self.path))}"
         elsewhere = self.database_url != sqlite_url(self.path / DATABASE_NAME)
         return words + (f" --db {shlex.quote(self.shown_database)}" if elsewhere else "")
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
 from vsnbench.harmless_text import error_line
-from vsnbench.plugins import import_factory, plug_ins, source_sha256
+from vsnbench.plugins import import_factory, none_so_called, plug_ins, source_sha256
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
@@ -144,10 +144,7 @@ def _plug_in_robot(name: str, site: Site | None, parameters: ProtocolParameters)
     installed = plug_ins(ENTRY_POINT_GROUP)
     where = installed.get(name) or (name if ":" in name else "")
     if not where:
-        raise UsageError(
-            f"no robot {name!r}: the known ones are {', '.join(known_robots())}; "
-            "your own is named as package.module:Class"
-        )
+        raise none_so_called("robot", name, known_robots())
     factory = import_factory(where, "robot", name, "a robot", RobotError)
     offered: dict[str, Any] = {"parameters": parameters} | ({} if site is None else {"site": site})
     try:

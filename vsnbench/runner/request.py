@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from vsnbench.lab_file import BUILT_IN_SITE
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
@@ -11,8 +12,6 @@ from vsnbench.record.results import Kept, ResultsDirectory
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.bench import BenchPlan
 from vsnbench.runner.pool.capacity import WorkersAsked
-
-DEFAULT_SITE = "apartment"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +21,7 @@ class RunRequest:
     model: str
     goals: tuple[str, ...]
     results: ResultsDirectory
-    site: str = DEFAULT_SITE
+    site: str = BUILT_IN_SITE
     robot: str = "simulated"
     starts: str | None = None
     repetitions: int = 1

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from vsnbench.database.campaign_plan import PlannedTrial
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
-from vsnbench.protocol.categories import GOAL_CATEGORIES
+from vsnbench.protocol.categories import GOAL_CATEGORIES, meant_category
 from vsnbench.protocol.site import Site, embedded_sites, load_site
 
 
@@ -83,7 +83,9 @@ def named_goals(asked: Sequence[str]) -> list[str]:
     names = [name.strip() for text in asked for name in text.split(",") if name.strip()]
     for name in names:
         if name != "all" and name not in GOAL_CATEGORIES:
-            raise UsageError(f"no goal category {name!r}; there are {', '.join(GOAL_CATEGORIES)}, or all")
+            meant = meant_category(name, GOAL_CATEGORIES).partition(";")[0]
+            likely = "" if meant.startswith("known") else f"{meant}{'' if meant.endswith('?') else ';'} "
+            raise UsageError(f"no goal category {name!r}; {likely}there are {', '.join(GOAL_CATEGORIES)}, or all")
     if not names:
         raise UsageError("no goal given", advice="name one with --goal, for example --goal chair or --goal all")
     return names
@@ -122,7 +124,7 @@ MOST_NUMBERS = 100_000
 
 
 def read_numbers(
-    asked: str, option: str, example: str, last: Callable[[int], object] = lambda _: None
+    asked: str, option: str, example: str, last: Callable[[int], object] = lambda _: None, *, typed: str = ""
 ) -> tuple[int, ...]:
     """Return the numbers that text like `0-9,12` stands for, each once, in its order.
 
@@ -131,25 +133,25 @@ def read_numbers(
         option: where it was given, for errors.
         example: of what is meant, for errors.
         last: sees the last number of each part before the part is written out; may refuse it.
+        typed: all that was given there, of which `asked` is a part, for errors; `asked` itself when empty.
 
     Raises:
         UsageError: it is none.
     """
     numbers: dict[int, None] = {}
+    where = f"{option} {typed or asked}"
     for part in asked.split(","):
         first, dash, end = part.strip().partition("-")
         if not first.isdecimal() or (dash and not end.isdecimal()):
             raise UsageError(
-                f"cannot read {part.strip()!r} in {option} {asked}", advice=f"give numbers and ranges, like {example}"
+                f"cannot read {part.strip()!r} in {where}", advice=f"give numbers and ranges, like {example}"
             )
         chosen = range(int(first), int(end if dash else first) + 1)
         if not chosen:
-            raise UsageError(
-                f"the range {part.strip()} in {option} {asked} is empty", advice="give the smaller number first"
-            )
+            raise UsageError(f"the range {part.strip()} in {where} is empty", advice="give the smaller number first")
         last(chosen[-1])
         if len(chosen) > MOST_NUMBERS or chosen[-1] >= 2**63:
-            raise UsageError(f"the range {part.strip()} in {option} {asked} has too many or too large numbers")
+            raise UsageError(f"the range {part.strip()} in {where} has too many or too large numbers")
         numbers |= dict.fromkeys(chosen)
     return tuple(numbers)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from vsnbench.database.pace import Pace
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.lab_file import BUILT_IN_SITE
 from vsnbench.models.registry import locate
 from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.protocol.site import Site
@@ -17,7 +18,7 @@ from vsnbench.runner.attendant import Attendant, Overview
 from vsnbench.runner.launch import Launched, launch
 from vsnbench.runner.pool.capacity import Capacity
 from vsnbench.runner.pool.local import SharedWorkers
-from vsnbench.runner.request import DEFAULT_SITE, RunRequest
+from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import TWIN, choose_starts, most_goals, named_goals, named_site, read_numbers
 
 logger = logging.getLogger(__name__)
@@ -85,7 +86,7 @@ def plan_sweep(request: RunRequest, models: str, seeds: str | None, sites: str |
         raise UsageError(
             f"a sweep is run in simulation, and robot {request.robot} is not simulated", advice="give one campaign"
         )
-    if sites is not None and request.site != DEFAULT_SITE:
+    if sites is not None and request.site != BUILT_IN_SITE:
         raise UsageError("both --site and --sites were given", advice="give one of them")
     if seeds is not None and request.seed:
         raise UsageError("both --seed and --seeds were given", advice="give one of them")
@@ -127,12 +128,12 @@ def read_sites(asked: str) -> tuple[str, ...]:
     places: dict[str, None] = {}
     in_twins = False
     for part in (part.strip() for part in asked.split(",")):
-        if part.startswith((TWINS, TWIN)):
+        if part.partition(":")[0] in (TWINS[:-1], TWIN[:-1]):
             in_twins, part = True, part.partition(":")[2]  # noqa: PLW2901 - what follows the colon
         elif not part[:1].isdecimal():
             in_twins = False
         if in_twins:
-            numbers = read_numbers(part, "--sites", "apartment,twins:0-19")
+            numbers = read_numbers(part, "--sites", "twins:0-19, the seeds of flats", typed=asked)
             places |= dict.fromkeys(f"{TWIN}{number}" for number in numbers)
         elif part:
             places[part] = None
