@@ -234,6 +234,11 @@ def to_json(value: object, *, in_order: bool = False) -> str:
 
 
 def _plain(value: object) -> object:
+    kind = type(value)
+    if kind is float:  # most of a step's details are: no further question is asked of them
+        return value if math.isfinite(value) else None  # type: ignore[arg-type]
+    if kind is list or kind is tuple:
+        return [_plain(item) for item in value]  # type: ignore[attr-defined]
     match value:
         case None | bool() | int():
             return value

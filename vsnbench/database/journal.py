@@ -74,6 +74,7 @@ class Journal(CampaignWriter, EpisodeWriter):
 
     def close(self) -> None:
         """Let go of the database."""
+        self._steps.let_go()
         self.engine.dispose()
 
     def __enter__(self) -> Self:

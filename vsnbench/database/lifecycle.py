@@ -54,7 +54,7 @@ COMES_FROM: dict[EpisodeState, tuple[EpisodeState, ...]] = {
 """State -> the states in which an episode may have been before."""
 
 LEASE = timedelta(seconds=60)
-"""How long a claim holds without a sign of life; every step, and `Journal.renew`, is one."""
+"""How long a claim holds without a sign of life; `Journal.renew` is one, and a step where a part of it has passed."""
 
 
 def lease(connection: Connection | Engine) -> Any:

@@ -1,18 +1,19 @@
 """A step as a row of the record and back, and how one is appended while a robot drives.
 
-The two statements of a step are put into the database's own words once: composed anew for every step, as all others
-are, they cost more than the database itself, on a thread that competes with the model for the interpreter.
+The statements of a step are put into the database's own words once: composed anew for every step, as all others are,
+they cost more than the database itself, on a thread that competes with the model for the interpreter.
 """
 
 import logging
 import math
 import sqlite3
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Self
 
-from sqlalchemy import Dialect, Engine, bindparam, insert, update
+from sqlalchemy import Dialect, Engine, PoolProxiedConnection, bindparam, insert, select, update
 from sqlalchemy.sql.dml import UpdateBase
 
 from vsnbench.database.engine import transaction
@@ -25,47 +26,46 @@ from vsnbench.protocol.step_record import StepRecord, StepTimings
 
 logger = logging.getLogger(__name__)
 
+RENEWED_AFTER = LEASE / 6
+"""A step renews the lease of its episode where it was renewed longer ago."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriverStatement:
     """A statement in the words of one database's driver, with what turns values into those that it takes."""
 
     text: str
-    order: tuple[str, ...] | None
-    """The names of its parameters by their places; None where the driver takes them by name."""
-    encoders: Mapping[str, Callable[[Any], Any]]
+    names: tuple[str, ...]
+    """Of its parameters; by their places where the driver takes them so."""
+    encoders: tuple[Callable[[Any], Any] | None, ...]
+    """One for each name."""
     given: Mapping[str, Any]
     """Parameters that are always the same."""
+    by_place: bool
 
     @classmethod
     def of(cls, statement: UpdateBase, dialect: Dialect, columns: list[str] | None = None) -> Self:
         """Put a statement into the words of a database; `columns` are those that an INSERT fills in."""
         compiled = statement.compile(dialect=dialect, column_keys=columns)
         encoders = {
-            name: encode
+            name: parameter.type.dialect_impl(dialect).bind_processor(dialect)
             for name, parameter in compiled.binds.items()
-            if (encode := parameter.type.dialect_impl(dialect).bind_processor(dialect)) is not None
         }
-        given = {
-            name: encoders.get(name, _same)(parameter.effective_value)
-            for name, parameter in compiled.binds.items()
-            if not parameter.required
-        }
-        order = tuple(compiled.positiontup) if compiled.positiontup is not None else None
-        return cls(str(compiled), order, encoders, given)
+        given = {name: one.effective_value for name, one in compiled.binds.items() if not one.required}
+        names = tuple(compiled.binds) if compiled.positiontup is None else tuple(compiled.positiontup)
+        return cls(
+            str(compiled), names, tuple(encoders[name] for name in names), given, compiled.positiontup is not None
+        )
 
     def execute(self, run: Callable[[str, Any], Any], values: Row) -> int:
         """Have it carried out by what takes a statement and its parameters; return how many rows it has changed."""
-        encoded = {**self.given, **values}
-        for name, encode in self.encoders.items():
-            if name in values:
-                encoded[name] = encode(values[name])
-        parameters = encoded if self.order is None else tuple(encoded[name] for name in self.order)
+        values = {**self.given, **values}
+        encoded = tuple(
+            values[name] if encode is None else encode(values[name])
+            for name, encode in zip(self.names, self.encoders, strict=True)
+        )
+        parameters = encoded if self.by_place else dict(zip(self.names, encoded, strict=True))
         return int(run(self.text, parameters).rowcount)
-
-
-def _same(value: object) -> object:
-    return value
 
 
 class StepStatements:
@@ -76,22 +76,31 @@ class StepStatements:
         self._is_sqlite = engine.dialect.name == "sqlite"
         until = lease(engine)  # a server's own clock is a part of the statement
         self._tells_time = isinstance(until, datetime)
-        self._sign_of_life = DriverStatement.of(
-            update(Episode)
-            .where(
-                Episode.id == bindparam("episode"),
-                Episode.process_id == bindparam("process"),
-                Episode.end_reason.is_(None),
-                Episode.state == EpisodeState.RUNNING.value,
-            )
-            .values(lease_until=bindparam("until") if self._tells_time else until),
-            engine.dialect,
+        runs_here = (
+            Episode.id == bindparam("episode_id"),
+            Episode.process_id == bindparam("process"),
+            Episode.end_reason.is_(None),
+            Episode.state == EpisodeState.RUNNING.value,
         )
-        columns = [column.name for column in Step.__table__.columns]
-        self._insert = DriverStatement.of(insert(Step).inline(), engine.dialect, columns)
+        sign = update(Episode).where(*runs_here).values(lease_until=bindparam("until") if self._tells_time else until)
+        self._sign_of_life = DriverStatement.of(sign, engine.dialect)
+        columns = Step.__table__.columns
+        names = [column.name for column in columns]
+        self._insert = DriverStatement.of(insert(Step).inline(), engine.dialect, names)
+        row = select(*(bindparam(column.name, type_=column.type) for column in columns))
+        running = select(Episode.id).where(*runs_here)
+        self._insert_where_it_runs = DriverStatement.of(
+            insert(Step).from_select(names, row.where(running.exists())), engine.dialect
+        )
+        self._one_at_a_time = threading.Lock()
+        self._pooled: PoolProxiedConnection | None = None
+        self._alive: tuple[int, datetime] | None = None
+        """The episode whose last sign of life was shown here, and until when its lease was renewed by it."""
 
     def append(self, process_id: int, row: Row) -> bool:
-        """Commit a step's row, which is a sign of life of its episode; False, and nothing, where that runs elsewhere.
+        """Commit a step's row; False, and nothing, where its episode runs elsewhere.
+
+        It is a sign of life of the episode, whose lease is renewed where a part of it has passed.
 
         Args:
             process_id: whose episode it has to be.
@@ -106,14 +115,25 @@ class StepStatements:
             except sqlite3.Error as error:
                 # Nothing was written: the usual way waits for a lock, and says what is wrong.
                 logger.debug("step %s again, the usual way: %s", row["number"], error)
+                self.let_go()
         with transaction(self._engine) as connection:
             return self._write(connection.exec_driver_sql, process_id, row)
 
+    def let_go(self) -> None:
+        """Give the connection back that is held from one step to the next; the next step takes another."""
+        with self._one_at_a_time:
+            pooled, self._pooled = self._pooled, None
+            if pooled is not None:
+                pooled.close()
+
     def _commit_with_driver(self, process_id: int, row: Row) -> bool:
         """Do it in a transaction of SQLite's own driver, which costs half of one of SQLAlchemy's."""
-        pooled = self._engine.raw_connection()
-        try:
-            connection: Any = pooled.driver_connection
+        with self._one_at_a_time:
+            self._pooled = self._pooled or self._engine.raw_connection()
+            connection: Any = self._pooled.driver_connection
+            if self._was_just_alive(row["episode_id"]):  # a statement by itself is a transaction
+                values = {**row, "process": process_id}
+                return self._insert_where_it_runs.execute(connection.execute, values) == 1
             connection.execute("BEGIN IMMEDIATE")
             try:
                 written = self._write(connection.execute, process_id, row)
@@ -122,16 +142,22 @@ class StepStatements:
                 connection.rollback()
                 raise
             return written
-        finally:
-            pooled.close()
+
+    def _was_just_alive(self, episode_id: int) -> bool:
+        """Whether hardly any of an episode's lease has passed, by the same clock as others look at."""
+        if self._alive is None or self._alive[0] != episode_id:
+            return False
+        return LEASE - RENEWED_AFTER < self._alive[1] - datetime.now(UTC) <= LEASE
 
     def _write(self, run: Callable[[str, Any], Any], process_id: int, row: Row) -> bool:
-        alive: Row = {"episode": row["episode_id"], "process": process_id}
+        until = datetime.now(UTC) + LEASE
+        alive: Row = {"episode_id": row["episode_id"], "process": process_id}
         if self._tells_time:
-            alive["until"] = datetime.now(UTC) + LEASE
+            alive["until"] = until
         if self._sign_of_life.execute(run, alive) != 1:
             return False
         self._insert.execute(run, row)
+        self._alive = (row["episode_id"], until)
         return True
 
 

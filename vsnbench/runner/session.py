@@ -135,7 +135,7 @@ def run_session(
     driven_by: str = "",
     most_void: int = VOID_IN_A_ROW,
 ) -> SessionResult:
-    """Run every trial that was asked for and is left, once each.
+    """Run every trial that was asked for and is left, once each, and say what has become of the campaign by then.
 
     A void episode leaves its trial for the next session, one that could not even begin included, unless the attendant
     wants it again (`TAKEN_AGAIN`); several in a row end this one.
@@ -145,6 +145,32 @@ def run_session(
         RecordError: the record cannot be written.
     """
     voids = VoidsInARow(most_void)
+    because = run_trials(
+        journal, campaign, site, parameters, robot, policy, new_recorder, attendant, stop, voids, operator, driven_by
+    )
+    return SessionResult.of(voids, journal.standing(campaign), because)
+
+
+def run_trials(
+    journal: Journal,
+    campaign: OpenCampaign,
+    site: Site,
+    parameters: ProtocolParameters,
+    robot: Robot,
+    policy: Policy,
+    new_recorder: RecorderFactory,
+    attendant: Attendant,
+    stop: Stopping,
+    voids: VoidsInARow,
+    operator: str = "",
+    driven_by: str = "",
+) -> str:
+    """Run trials as `run_session` does, and return why they ended before all were done; empty when they are.
+
+    Raises:
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+        RecordError: the record cannot be written.
+    """
     because = ""
     wanted = [trial.id for trial in campaign.trials]
     beside = Judged(journal, attendant, operator)
@@ -164,18 +190,19 @@ def run_session(
             wanted.append(trial.id)
             continue
         except SessionOverError as over:
-            because = str(over)
-            break
+            return str(over)
         if outcome is not None:
             because = voids.count(outcome)
         wanted = [*beside.again(), *wanted]
-    return SessionResult.of(voids, journal.standing(campaign), because)
+    return because
 
 
 def _next(journal: Journal, campaign: OpenCampaign, wanted: Sequence[int]) -> Claim | None:
     """Claim the next trial; where none is left, what a process held that has died meanwhile is free again."""
+    if not wanted:
+        return None
     claim = journal.claim_next(campaign.id, wanted)
-    if claim is None and wanted:
+    if claim is None:
         journal.recover()
         claim = journal.claim_next(campaign.id, wanted)
     return claim

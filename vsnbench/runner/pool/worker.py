@@ -28,7 +28,7 @@ from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.placing import Placing
 from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import run_session
+from vsnbench.runner.session import VoidsInARow, run_trials
 from vsnbench.runner.stopping import Stopped, Stopping
 
 TELL_EVERY_S = 0.25
@@ -122,7 +122,7 @@ class Worker:
             plan.kept,
             beside=order.cores_left,
         )
-        run_session(
+        run_trials(
             self._journal,
             replace(keeping.campaign, trials=(order.trial,)),
             plan.site,
@@ -132,6 +132,7 @@ class Worker:
             partial(EpisodeRecorderFanOut, target),
             _Reporter(self._connection, order),
             self._stop,
+            VoidsInARow(),
             keeping.operator,
         )
 
