@@ -7,7 +7,7 @@ DEMO_RESULTS ?= demo-results
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 
-.PHONY: help demo test test-ros1 test-ros2 check check-fast fmt fuzz bench docs docs-site weights setup setup-test clean
+.PHONY: help demo test test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights setup setup-test clean
 
 help: ## Show this help.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -40,7 +40,10 @@ check: setup-test ## Lint, format check and types.
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-check-fast: check ## Lint, types, and the tests that take no robot, browser, server or patience: under 3 minutes on two cores.
+check-fast: setup-test ## Lint, types, and the tests that take no robot, browser, server or patience: under 3 minutes on two cores.
+	@$(MAKE) --no-print-directory --jobs 2 --keep-going check test-quick
+
+test-quick: setup-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not ros and not ros2 and not browser and not postgresql"
 
 fuzz: setup-test ## Feed every loader FUZZ_COUNT bad inputs drawn from FUZZ_SEED; prints what passed a boundary.

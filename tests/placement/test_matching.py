@@ -61,7 +61,7 @@ def test_a_bare_wall_leaves_left_and_right_undetermined_and_a_turn_on_the_spot_s
 def test_headings_that_the_odometry_wraps_are_those_of_one_turn() -> None:
     start = APARTMENT.start(5)
     rng = np.random.default_rng(1)
-    around, end = NoisyEye(APARTMENT, CAMERA, 1.0, rng).turn(start.pose, turn_error=0.02)
+    around, end = NoisyEye(APARTMENT, CAMERA, 1.0, rng).turn(start.pose, 6, turn_error=0.02)
     wrapped = [
         DepthLook(look.depth_m, Pose(0.0, 0.0, math.remainder(look.odometry.heading_rad, math.tau))) for look in around
     ]

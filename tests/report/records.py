@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 from sqlalchemy import Engine
@@ -52,12 +53,18 @@ class Attempt:
     """Who stood beside the robot."""
 
 
+@cache
+def apartment() -> Site:
+    """Return the embedded apartment, read once for all records."""
+    return load_site("apartment")
+
+
 @dataclass(frozen=True)
 class Lab:
     """A record in a directory, and what stays the same in its campaigns."""
 
     directory: Path
-    site: Site = field(default_factory=lambda: load_site("apartment"))
+    site: Site = field(default_factory=apartment)
 
     @property
     def url(self) -> str:
