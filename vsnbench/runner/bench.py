@@ -20,6 +20,7 @@ from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy, keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.models.timed import timed
+from vsnbench.models.torch_runtime import DEVICES
 from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.robot_identity import RobotIdentity
@@ -54,11 +55,17 @@ class BenchPlan:
     """What is kept of the episodes that are run on it; no result depends on it."""
 
     def for_elsewhere(self, card: ModelCard) -> "BenchPlan":
-        """Return the plan for other machines: a model that chooses its runtime by measuring runs the one of `card`."""
-        runtime = card.runs_on.get("runtime")
-        if runtime is None or "runtime" not in keywords_of(locate(self.model)[1]):
-            return self
-        return replace(self, model_options={**self.model_options, "runtime": runtime})
+        """Return the plan for other machines: what a model has chosen by measuring where it made `card` holds there."""
+        chosen = {
+            name: card.runs_on[name]
+            for name in ("runtime", "device")
+            if name in card.runs_on and self.model_takes(name) and (name == "runtime" or card.runs_on[name] in DEVICES)
+        }
+        return replace(self, model_options={**self.model_options, **chosen}) if chosen else self
+
+    def model_takes(self, option: str) -> bool:
+        """Return whether the model, where it runs in the bench's own process, has an option of that name."""
+        return self.isolation is None and option in keywords_of(locate(self.model)[1])
 
 
 @dataclass(frozen=True, slots=True)

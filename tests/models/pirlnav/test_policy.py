@@ -4,6 +4,7 @@ import json
 import logging
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from tests.models.pirlnav.conftest import Recording
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import Policy
 from vsnbench.models.pirlnav import acceleration
-from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
@@ -268,6 +269,17 @@ def test_a_device_that_is_not_there_is_refused(small_checkpoint: Path, monkeypat
         PIRLNav(small_checkpoint, None, "cuda")
 
 
+@pytest.mark.skipif("not __import__('torch').cuda.is_available()", reason="needs a CUDA device")
+def test_on_a_gpu_it_answers_as_on_the_cpu_and_the_same_each_time(recording: Recording, small_checkpoint: Path) -> None:
+    assert PIRLNav(small_checkpoint, None, "cuda").chosen.agreement is not None, "it was refused"
+    there, again, here = (
+        episode(PIRLNav(small_checkpoint, None, device), recording, 3) for device in ("cuda", "cuda", "cpu")
+    )
+    assert there == again
+    assert [one.raw_action for one in there] == [one.raw_action for one in here]
+    assert PIRLNav(small_checkpoint, None, "cuda").card.settings == PIRLNav(small_checkpoint, None, "cpu").card.settings
+
+
 def test_the_graph_is_exported_once_for_the_same_weights(
     tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,6 +304,29 @@ def test_the_engine_that_is_faster_here_runs_and_every_process_keeps_to_it(
     assert len(measured) == 1
     shutil.rmtree(tmp_path / "vsnbench" / "engines")
     assert PIRLNav(small_checkpoint, None, "cpu").card.runs_on["runtime"] == "onnxruntime"
+
+
+@pytest.mark.parametrize(("cpu_s", "gpu_s", "device"), [(0.004, 0.007, "cpu"), (0.060, 0.005, "mps")])
+def test_auto_takes_a_gpu_that_is_faster_here_and_every_process_keeps_to_it(
+    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, cpu_s: float, gpu_s: float, device: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(acceleration, "available_device", lambda wanted: "mps" if wanted == "auto" else wanted)
+    made = []
+
+    def on_gpu(gpu: str, checkpoint: Checkpoint, *, half: bool) -> acceleration.ChosenEngine:
+        assert not half
+        made.append(gpu)
+        return replace(acceleration._on_cpu(checkpoint, EAGER, 1), device=gpu)
+
+    monkeypatch.setattr(acceleration, "_on_gpu", on_gpu)
+    monkeypatch.setattr(acceleration, "_step_times_s", lambda *_: np.array((cpu_s, gpu_s)))
+    assert PIRLNav(small_checkpoint, EAGER).card.runs_on["device"] == device
+    monkeypatch.setattr(acceleration, "_step_times_s", lambda *_: pytest.fail("it was measured again"))
+    made.clear()
+    assert PIRLNav(small_checkpoint, EAGER).card.runs_on["device"] == device
+    assert made == ([] if device == "cpu" else ["mps"]), "a GPU that is not used is not touched"
+    assert PIRLNav(small_checkpoint, EXPORTED).card.runs_on["device"] == "cpu", "onnxruntime was asked for"
 
 
 def test_both_engines_are_timed(small_checkpoint: Path) -> None:

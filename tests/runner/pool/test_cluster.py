@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -18,6 +19,9 @@ import pytest
 
 from tests.processes import has_ended, wait_until
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.models.contract import ModelCard
+from vsnbench.protocol.site import load_site
+from vsnbench.runner.bench import BenchPlan
 from vsnbench.runner.pool import cluster
 from vsnbench.runner.pool.cluster import ClusterAddress
 
@@ -42,6 +46,36 @@ def free_port() -> int:
     with closing(socket.socket()) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    ("model", "device", "gpus", "runs_on"),
+    [
+        ("pirlnav", None, 0.0, "cpu"),
+        ("pirlnav", "auto", 0.25, "cuda"),
+        ("pirlnav", "cuda", 1.0, "cuda"),
+        ("oracle", None, 1.0, None),
+    ],
+)
+def test_a_worker_computes_on_what_it_holds(model: str, device: str | None, gpus: float, runs_on: str | None) -> None:
+    options = {} if device is None else {"device": device}
+    plan = cluster.with_device_held(BenchPlan(load_site("apartment"), model, ("chair",), model_options=options), gpus)
+    assert plan.model_options.get("device") == runs_on
+
+
+def test_what_the_first_worker_chose_by_measuring_holds_for_all() -> None:
+    card = ModelCard("pirlnav", runs_on={"device": "cuda", "runtime": "torch", "threads": 1})
+    plan = BenchPlan(load_site("apartment"), "pirlnav", ("chair",), model_options={"weights": "embedded"})
+    assert plan.for_elsewhere(card).model_options == {"weights": "embedded", "device": "cuda", "runtime": "torch"}
+    theirs = ModelCard("oracle", runs_on={"device": "an H100"})
+    assert replace(plan, model="oracle").for_elsewhere(theirs).model_options == {"weights": "embedded"}
+
+
+@pytest.mark.parametrize(("device", "gpus", "said"), [("cuda", 0.0, "give --gpus 1"), ("cpu", 0.5, "leave out --gpus")])
+def test_a_device_that_no_worker_would_hold_is_refused(device: str, gpus: float, said: str) -> None:
+    plan = BenchPlan(load_site("apartment"), "pirlnav", ("chair",), model_options={"device": device})
+    with pytest.raises(UsageError, match=said):
+        cluster.with_device_held(plan, gpus)
 
 
 def test_where_nobody_answers_is_said_at_once() -> None:

@@ -16,11 +16,19 @@ import torch
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.machine_cache import found_array, kept_array, key_of
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
-from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, SINGLE_TOLERANCE, Agreement, Engine, compare, synthetic_steps
+from vsnbench.models.pirlnav.engine import (
+    GPU_TOLERANCE,
+    HALF_TOLERANCE,
+    SINGLE_TOLERANCE,
+    Agreement,
+    Engine,
+    compare,
+    synthetic_steps,
+)
 from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
-from vsnbench.models.torch_runtime import available_device
+from vsnbench.models.torch_runtime import available_device, gpu_name
 
 logger = logging.getLogger(__name__)
 
@@ -47,36 +55,59 @@ class ChosenEngine:
 def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ChosenEngine:
     """Build the fastest engine that the settings and the machine allow, and compare it with PyTorch on the CPU.
 
-    An engine that disagrees is not used: a warning says by how much, and the reference takes its place.
+    An engine that disagrees is not used: a warning says by how much, and the reference takes its place. With the device
+    `auto` a GPU is used where a step takes less time on it, which a small network's does not: launching its hundreds of
+    kernels one after another takes longer than the CPU needs for all of it.
 
     Raises:
         UsageError: there is no such kind of device, or the settings contradict each other.
         ModelError: the machine has no such device, or lacks the runtime that the settings name.
     """
-    device = available_device(device)
-    half = settings.precision is Precision.HALF or (settings.precision is Precision.AUTO and device == "cuda")
-    if half and device != "cuda":
-        raise UsageError(f"precision: half needs a CUDA device, not {device}")
+    best = available_device(device)
+    half = settings.precision is Precision.HALF
+    if half and best != "cuda":
+        raise UsageError(f"precision: half needs a CUDA device, not {best}")
+    exported = settings.runtime is Runtime.ONNXRUNTIME
+    if exported and (half or device not in ("auto", "cpu")):
+        raise UsageError("runtime: onnxruntime runs on the CPU only", advice=f"use --device cpu, not {best}")
     threads = limit_threads(settings.threads)
-    network = build_network(checkpoint.architecture, dict(checkpoint.weights))
-    reference = TorchEngine(network)
-    if device == "cpu":
-        return _on_cpu(checkpoint, settings, network, reference, threads)
-    if settings.runtime is Runtime.ONNXRUNTIME:
-        raise UsageError("runtime: onnxruntime runs on the CPU only", advice=f"use --device cpu, not {device}")
-    copy = build_network(checkpoint.architecture, {name: w.clone() for name, w in checkpoint.weights.items()})
-    candidate = TorchEngine(copy, device, half=half)
-    tolerance = HALF_TOLERANCE if half or device == "cuda" else SINGLE_TOLERANCE * 10
-    agreement = compare(reference, candidate, checkpoint.architecture, tolerance)
+    if best == "cpu" or exported:
+        return _on_cpu(checkpoint, settings, threads)
+    if device == "auto" and not half:
+        return _on_the_faster(best, checkpoint, settings, threads)
+    return _on_gpu(best, checkpoint, half=half)
+
+
+def _on_the_faster(gpu: str, checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
+    """Return the CPU's engine or the GPU's: measured once a machine; the GPU's where the answer cannot be kept."""
+    key = key_of(
+        checkpoint.sha256, _processor(), threads, settings.runtime.value, torch.__version__, gpu, gpu_name(gpu)
+    )
+    place = ("devices", key, np.float64, (2,))
+    if found_array(*place) is None:
+        engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, half=False).engine)
+        kept_array(*place, lambda: _step_times_s(engines, checkpoint))
+    times_s = found_array(*place)
+    if times_s is not None and times_s[0] <= times_s[1]:
+        logger.info("the CPU is the faster one for this network, so the GPU is not used")
+        return _on_cpu(checkpoint, settings, threads)
+    return _on_gpu(gpu, checkpoint, half=False)
+
+
+def _on_gpu(gpu: str, checkpoint: Checkpoint, *, half: bool) -> ChosenEngine:
+    reference = TorchEngine(build_network(checkpoint.architecture, dict(checkpoint.weights)))
+    own = {name: values.clone() for name, values in checkpoint.weights.items()}
+    candidate = TorchEngine(build_network(checkpoint.architecture, own), gpu, half=half)
+    agreement = compare(reference, candidate, checkpoint.architecture, HALF_TOLERANCE if half else GPU_TOLERANCE)
     if agreement.holds:
         precision = Precision.HALF if half else Precision.SINGLE
-        return ChosenEngine(candidate, Runtime.TORCH, device, precision, agreement)
+        return ChosenEngine(candidate, Runtime.TORCH, gpu, precision, agreement)
     return _reference_only(reference, _disagreement(candidate, agreement))
 
 
-def _on_cpu(
-    checkpoint: Checkpoint, settings: PIRLNavSettings, network: PIRLNavNetwork, reference: TorchEngine, threads: int
-) -> ChosenEngine:
+def _on_cpu(checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
+    network = build_network(checkpoint.architecture, dict(checkpoint.weights))
+    reference = TorchEngine(network)
     if settings.runtime is Runtime.TORCH:
         return _reference_only(reference)
     lacking = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]

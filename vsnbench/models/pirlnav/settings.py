@@ -35,10 +35,10 @@ class Runtime(StrEnum):
 class Precision(StrEnum):
     """Width of the numbers in the image encoder."""
 
-    AUTO = "auto"
-    """Half on CUDA, single elsewhere."""
     SINGLE = "single"
+    """The same on every device, so that one lab's GPU and another's CPU run one model."""
     HALF = "half"
+    """On CUDA; of one image at a time, no faster on an H100."""
 
 
 class PIRLNavSettings(BaseModel):
@@ -55,5 +55,5 @@ class PIRLNavSettings(BaseModel):
         "episode's start, and images with the training augmentation",
     )
     runtime: Runtime = Field(default=Runtime.AUTO, description="auto, torch or onnxruntime")
-    precision: Precision = Field(default=Precision.AUTO, description="auto, single or half (half needs CUDA)")
+    precision: Precision = Field(default=Precision.SINGLE, description="single, or half (needs CUDA)")
     threads: int | None = Field(default=None, ge=1, le=256, description="CPU threads; at most 8 when not given")

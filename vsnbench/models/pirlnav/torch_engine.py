@@ -1,4 +1,4 @@
-"""Runs the network in PyTorch: the reference on a CPU in float32, or a GPU, there in half precision."""
+"""Runs the network in PyTorch: the reference on a CPU in float32, or a GPU."""
 
 import numpy as np
 import torch
@@ -13,6 +13,8 @@ class TorchEngine:
     def __init__(self, network: PIRLNavNetwork, device: str = "cpu", *, half: bool = False) -> None:
         self.label = f"PyTorch {torch.__version__} on {device}, {'half' if half else 'single'} precision"
         self._device = torch.device(device)
+        if device == "cuda":  # cuDNN's own default is to round what it multiplies to ten bits
+            torch.backends.cudnn.allow_tf32 = False
         self._network = network.to(self._device)
         if half:  # only the encoder: it is nearly all of the work, and the memory of an episode adds errors up
             net = self._network.net

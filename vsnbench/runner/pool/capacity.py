@@ -82,15 +82,18 @@ class Capacity:
         """
         may_be_on_gpu = self.has_gpu and device != "cpu"
         fit = wish.at_most * AMPLE_BYTES <= self.free_bytes
-        return wish.at_most if fit and (wish.asked_for or not may_be_on_gpu) else 1
+        return wish.at_most if fit and not may_be_on_gpu else 1
 
-    def words(self, workers: int, one_bytes: int) -> str:
+    def words(self, workers: int, measured: Prepared) -> str:
         """Say what was chosen, and from what."""
         cores = f"{self.cores} core{'' if self.cores == 1 else 's'}"
-        return (
+        said = (
             f"{workers} worker{'' if workers == 1 else 's'}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
-            f"one takes about {one_bytes / GIB:.1f} GiB"
+            f"one takes about {takes_bytes(measured) / GIB:.1f} GiB"
         )
+        if gpu := measured.gpu:
+            return f"{said} and {gpu.taken_bytes / GIB:.1f} of the GPU's {gpu.total_bytes / GIB:.1f} GiB"
+        return f"{said}; the model is on a GPU, whose memory is not known" if _is_on_gpu(measured) else said
 
 
 def wish_for(workers: int | None, trials: int, capacity: Capacity) -> Wish:
@@ -105,27 +108,45 @@ def takes_bytes(measured: Prepared) -> int:
     return measured.memory_bytes + RUNNING_BYTES
 
 
-def chosen(wish: Wish, capacity: Capacity, measured: Prepared) -> int:
+def chosen(wish: Wish, capacity: Capacity, measured: Prepared, started: int = 1) -> int:
     """Return how many workers are to run, once one of them is there.
 
-    A model on a GPU is there once unless more were asked for: the GPU's memory is not looked at.
+    Args:
+        wish: how many somebody wants.
+        capacity: of this machine.
+        measured: what one takes. A model on a GPU that does not tell of its memory is there once, unless more were
+            asked for.
+        started: how many there are already, and on the GPU.
 
     Raises:
         UsageError: more were asked for than memory holds.
     """
-    one_bytes = takes_bytes(measured)
+    one_bytes, gpu = takes_bytes(measured), measured.gpu
     held = max(1, capacity.free_bytes // one_bytes)
-    if not wish.asked_for and measured.description.card.runs_on.get("device", "cpu") != "cpu":
+    held_by_gpu = held if gpu is None else started + gpu.free_bytes // gpu.taken_bytes
+    if gpu is None and not wish.asked_for and _is_on_gpu(measured):
         return 1
-    if wish.at_most <= held:
+    if wish.at_most <= min(held, held_by_gpu):
         return wish.at_most
-    if wish.asked_for:
-        raise UsageError(
-            f"{wish.at_most} workers: one takes about {one_bytes / GIB:.1f} GiB and {capacity.free_bytes / GIB:.1f} "
-            f"GiB are free, which holds {held}",
-            advice=f"give --workers {held}, or leave it out",
+    if not wish.asked_for:
+        return min(held, held_by_gpu)
+    where, takes, free = "", one_bytes, capacity.free_bytes
+    if gpu is not None and held_by_gpu < held:
+        where, takes, free, held = (
+            " of the GPU",
+            gpu.taken_bytes,
+            started * gpu.taken_bytes + gpu.free_bytes,
+            held_by_gpu,
         )
-    return held
+    raise UsageError(
+        f"{wish.at_most} workers: one takes about {takes / GIB:.1f} GiB{where} and {free / GIB:.1f} GiB are free, "
+        f"which holds {held}",
+        advice=f"give --workers {held}, or leave it out",
+    )
+
+
+def _is_on_gpu(measured: Prepared) -> bool:
+    return measured.description.card.runs_on.get("device", "cpu") != "cpu"
 
 
 def _cgroup_memory_left() -> int | None:

@@ -96,6 +96,7 @@ class RayTasks:
             UsageError: Ray is not installed, or the plan does not fit together.
             VsnbenchError: nobody answers in time, or with another version.
         """
+        plan = with_device_held(plan, gpus_each)
         shipped = ShippedPlan.of(plan)
         self._ray = _connected(address)
         self._trials: dict[Any, Trial] = {}
@@ -183,6 +184,25 @@ class RayTasks:
         if gpus_each:
             places = min(places, float(has.get("GPU", 0)) / gpus_each)
         return max(1, math.floor(places))
+
+
+def with_device_held(plan: BenchPlan, gpus_each: float) -> BenchPlan:
+    """Return the plan with the model on what each worker holds, on whichever node it is: a part of a GPU, or a core.
+
+    Raises:
+        UsageError: the device that was asked for is another.
+    """
+    asked = plan.model_options.get("device") or "auto"
+    if asked not in ("auto", "cpu") and not gpus_each:
+        raise UsageError(
+            f"--device {asked}: workers of a cluster hold no GPU unless they say so, and Ray cannot tell where one is",
+            advice="give --gpus 1, or --gpus 0.25 for four workers on one",
+        )
+    if asked == "cpu" and gpus_each:
+        raise UsageError(f"--gpus {gpus_each:g}: the model is to run on the CPU", advice="leave out --gpus or --device")
+    if asked != "auto" or not plan.model_takes("device"):
+        return plan
+    return replace(plan, model_options={**plan.model_options, "device": "cuda" if gpus_each else "cpu"})
 
 
 def _connected(address: ClusterAddress) -> Any:

@@ -16,7 +16,7 @@ from vsnbench.database.campaign_plan import Trial
 from vsnbench.database.journal import Journal
 from vsnbench.errors import VsnbenchError
 from vsnbench.runner.bench import BenchDescription, BenchPlan
-from vsnbench.runner.pool.capacity import Capacity, Wish, chosen, takes_bytes
+from vsnbench.runner.pool.capacity import Capacity, Wish, chosen
 from vsnbench.runner.pool.contract import ActionsTaken, EpisodeKept, PoolEvent, WorkerLost
 from vsnbench.runner.pool.messages import (
     Acted,
@@ -101,13 +101,13 @@ class LocalPool:
             self._start(capacity.at_first(wish, plan.model_options.get("device")) - len(self._workers))
             first = self._await_first()
             self._description = first.description
-            self._count = chosen(wish, capacity, first)
+            self._count = chosen(wish, capacity, first, len(self._workers))
             self._workers.sort(key=lambda worker: worker.prepared is None)  # who is ready stays
             for surplus in self._workers[self._count :]:
                 surplus.bury()
             del self._workers[self._count :]
             self._start(self._count - len(self._workers))
-            self._words = capacity.words(self._count, takes_bytes(first))
+            self._words = capacity.words(self._count, first)
         except BaseException:
             self.kill()
             raise

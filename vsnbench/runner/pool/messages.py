@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from vsnbench.database.campaign_plan import OpenCampaign, Trial
 from vsnbench.errors import VsnbenchError
+from vsnbench.models.torch_runtime import GpuMemory
 from vsnbench.record.entries import EpisodeViewer
 from vsnbench.record.results import ResultsDirectory
 from vsnbench.runner.bench import BenchDescription, BenchPlan
@@ -58,6 +59,8 @@ class Prepared:
     description: BenchDescription
     memory_bytes: int
     """What the process has to itself."""
+    gpu: GpuMemory | None = None
+    """What it takes of a GPU, where it uses one that tells."""
 
 
 @dataclass(frozen=True, slots=True)

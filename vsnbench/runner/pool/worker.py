@@ -21,6 +21,7 @@ import psutil
 
 from vsnbench.database.journal import Journal
 from vsnbench.errors import RobotError, VsnbenchError
+from vsnbench.models.torch_runtime import gpu_memory
 from vsnbench.protocol.site import StartingPosition
 from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.bench import Bench, BenchPlan, open_bench
@@ -102,7 +103,7 @@ class Worker:
         self._bench = self._stack.enter_context(open_bench(plan))
         self._plan = plan
         self._stop.last_acts[:] = [self._bench.robot.halt]
-        self._connection.send(Prepared(self._bench.description, psutil.Process().memory_full_info().uss))
+        self._connection.send(Prepared(self._bench.description, psutil.Process().memory_full_info().uss, gpu_memory()))
 
     def _run(self, order: RunTrial) -> None:
         if self._bench is None or self._plan is None:
