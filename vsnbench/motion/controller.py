@@ -46,6 +46,11 @@ class _Phase(StrEnum):
     CORRECT = "correct"
 
 
+# A name of this module costs half of what an enum's member costs, and a period asks for several.
+_MOVING = MotionStatus.MOVING
+_DRIVE, _SETTLE, _CORRECT = _Phase.DRIVE, _Phase.SETTLE, _Phase.CORRECT
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """A velocity of the base: forward, and counter-clockwise."""
@@ -93,7 +98,7 @@ class MotionController:
         self.duration_s = 0.0
         self._start = start
         self._target_heading_rad = target_heading_rad
-        self._phase = _Phase.DRIVE
+        self._phase = _DRIVE
         self._began_s: float | None = None
         self._last_s = 0.0
         self._last_heading_rad = start.heading_rad
@@ -115,6 +120,9 @@ class MotionController:
         self._turns = action.turns
         self._cruise = settings.cruise(action)
         self._limit_s = ideal_duration_s(action, settings) + settings.timeout_s
+        self._period_s = settings.control_period_s
+        self._stall_s = settings.stall_s
+        self._odometry_timeout_s = settings.odometry_timeout_s
         self._tolerance = settings.tolerance(action)
         self._acceleration = acceleration(action, settings)
         self._deceleration = deceleration(action, settings)
@@ -142,29 +150,31 @@ class MotionController:
             now_s: the caller's clock; any zero, never backwards.
             stamp_s: when `pose` was measured, on the same clock; now when left out.
         """
-        if self.status is not MotionStatus.MOVING:
+        if self.status is not _MOVING:
             return STANDSTILL
         stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
         if self._began_s is None:
-            self._began_s, self._last_s = now_s, now_s - self.settings.control_period_s
+            self._began_s, self._last_s = now_s, now_s - self._period_s
         period_s = max(now_s - self._last_s, 0.0)
         self._last_s = now_s
         self.duration_s = now_s - self._began_s
         self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
         self._last_heading_rad = pose.heading_rad
+        left = self.error(pose)
         if self._sent:
             sent = self._sent[-1].command
             self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
-        self._learn_latency(pose, now_s, stamp_s)
-        if now_s - stamp_s > self.settings.odometry_timeout_s:
+        if self._phase is _DRIVE and not self.corrections:
+            self._learn_latency(left, now_s, stamp_s)
+        if now_s - stamp_s > self._odometry_timeout_s:
             self.sensor_lost = True
             return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
         if self.duration_s > self._limit_s:
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall(pose)}")
-        if self._stalled(pose, now_s):
+        if self._stalled(left, now_s):
             return self.abort(f"the base does not follow its commands: {self._shortfall(pose)}")
-        command = self._next(pose, now_s, stamp_s, min(period_s, 5 * self.settings.control_period_s))
-        if self.status is not MotionStatus.MOVING:
+        command = self._next(pose, left, now_s, stamp_s, min(period_s, 5 * self._period_s))
+        if self.status is not _MOVING:
             return STANDSTILL
         self._sent.append(_Sent(now_s, command))
         return command
@@ -175,41 +185,43 @@ class MotionController:
             return self._sign * (self._turn_rad - self._turned_rad)
         return straight_error_m(self._way, self._start, pose)
 
-    def _next(self, pose: Pose, now_s: float, stamp_s: float, period_s: float) -> Command:
-        """Return the next command of the phase, or change the phase."""
-        if self._phase is _Phase.SETTLE:
-            if not self._settled(pose, stamp_s):
+    def _next(self, pose: Pose, left: float, now_s: float, stamp_s: float, period_s: float) -> Command:
+        """Return the next command of the phase, or change the phase; `left` is the error at `pose`."""
+        if self._phase is _SETTLE:
+            if not self._settled(left, stamp_s):
                 return STANDSTILL
-            self._judge(pose, now_s)
-            if self.status is not MotionStatus.MOVING or self._phase is _Phase.SETTLE:
+            self._judge(pose, left, now_s)
+            if self.status is not _MOVING or self._phase is _SETTLE:
                 return STANDSTILL
-        if self._phase is _Phase.CORRECT:
+        pending: tuple[float, float] | None = None
+        if self._phase is _CORRECT:
             # Counted in commands alone: while the robot creeps, late odometry would only mislead.
             remaining = self._correction - self._commanded
         else:
-            remaining = self.error(pose) - self._along(*self._pending(now_s, stamp_s))
+            pending = self._pending(now_s, stamp_s)
+            remaining = left - self._along(*pending)
         way = 1.0 if self._way_sign() >= 0 else -1.0
         if remaining * way <= 0.1 * self._tolerance:
-            self._phase, self._speed, self._still_since = _Phase.SETTLE, 0.0, None
+            self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
             return STANDSTILL
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
-        slower = braking_speed(remaining * way, self._deceleration, max(period_s, self.settings.control_period_s))
+        slower = braking_speed(remaining * way, self._deceleration, max(period_s, self._period_s))
         self._speed = min(faster, self._cruise, slower)
-        return self._command(way * self._speed, pose, now_s, stamp_s)
+        signed = self._sign * (way * self._speed)
+        if self._turns:
+            return Command(angular_rad_s=signed)
+        _, turning_rad = pending if pending is not None else self._pending(now_s, stamp_s)
+        return Command(signed, self._holding_rad_s(pose.heading_rad + turning_rad))
 
     def _way_sign(self) -> float:
         """Return the sign of the present drive along the action: a correction may have to go back."""
         return self._correction if self.corrections else 1.0
 
-    def _command(self, along: float, pose: Pose, now_s: float, stamp_s: float) -> Command:
-        """Return the command that moves at `along` in the direction of the action, holding the heading of a move."""
-        signed = self._sign * along
-        if self._turns:
-            return Command(angular_rad_s=signed)
-        heading_rad = pose.heading_rad + self._pending(now_s, stamp_s)[1]
+    def _holding_rad_s(self, heading_rad: float) -> float:
+        """Return how fast to turn during a move, so that it holds its heading."""
         hold_rad_s = self.settings.heading_gain_per_s * turn_error_rad(self._target_heading_rad, heading_rad)
         limit_rad_s = self.settings.angular_rad_s
-        return Command(signed, max(-limit_rad_s, min(hold_rad_s, limit_rad_s)))
+        return max(-limit_rad_s, min(hold_rad_s, limit_rad_s))
 
     def _along(self, linear: float, angular: float) -> float:
         """Return the part of a velocity, or of its integral, that goes in the direction of the action."""
@@ -231,13 +243,11 @@ class MotionController:
             until_s = at_s
         return linear_m, angular_rad
 
-    def _learn_latency(self, pose: Pose, now_s: float, stamp_s: float) -> None:
-        """Compare when the base had come this far with when the commands had asked for it."""
-        if self._phase is not _Phase.DRIVE or self.corrections:
-            return
+    def _learn_latency(self, left: float, now_s: float, stamp_s: float) -> None:
+        """On the first drive: compare when the base had come this far with when the commands had asked for it."""
         self._commands.append(_Mark(now_s, self._commanded))
         way = self._way
-        covered = way - self.error(pose)
+        covered = way - left
         if not _LEARNING_SHARES[0] * way <= covered <= min(_LEARNING_SHARES[1] * way, self._commanded):
             return
         while len(self._commands) > 2 and self._commands[1].amount < covered:
@@ -247,17 +257,16 @@ class MotionController:
         asked_s = before.at_s + share * (after.at_s - before.at_s)
         self._latency_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
 
-    def _settled(self, pose: Pose, stamp_s: float) -> bool:
+    def _settled(self, left: float, stamp_s: float) -> bool:
         """Return whether the measured pose has not changed for the settling time."""
-        left, still = self.error(pose), self._still_since
+        still = self._still_since
         if still is None or abs(left - still.amount) > _STILL_SHARE * self._tolerance:
             self._still_since = _Mark(stamp_s, left)
             return False
         return stamp_s - still.at_s >= self.settings.settle_s + self._latency_s - 1e-9
 
-    def _judge(self, pose: Pose, now_s: float) -> None:
+    def _judge(self, pose: Pose, error: float, now_s: float) -> None:
         """Standing still: accept, start a correction, or give up."""
-        error = self.error(pose)
         exhausted = self.corrections >= self.settings.max_corrections
         good = self._tolerance if exhausted else self.settings.aim_share * self._tolerance
         if abs(error) < good:
@@ -267,15 +276,15 @@ class MotionController:
             self.failure = f"off after {self.corrections} corrections: {self._shortfall(pose)}"
         else:
             self.corrections += 1
-            self._phase = _Phase.DRIVE if abs(error) > _COARSE * self._tolerance else _Phase.CORRECT
+            self._phase = _DRIVE if abs(error) > _COARSE * self._tolerance else _CORRECT
             self._correction = error
             self._commanded = self._commanded_since = 0.0
             self._covered_since = _Mark(now_s, -error)
 
-    def _stalled(self, pose: Pose, now_s: float) -> bool:
+    def _stalled(self, left: float, now_s: float) -> bool:
         """Return whether the base covered next to nothing of a whole interval's commands."""
-        mark, covered = self._covered_since, -self.error(pose)
-        if mark is not None and now_s - mark.at_s < self.settings.stall_s:
+        mark, covered = self._covered_since, -left
+        if mark is not None and now_s - mark.at_s < self._stall_s:
             return False
         commanded = abs(self._commanded - self._commanded_since)
         self._covered_since, self._commanded_since = _Mark(now_s, covered), self._commanded

@@ -235,15 +235,15 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
         f"""
       <body name="{side}_wheel" pos="0 {sign * half_track} 0">
         <joint name="{side}_wheel" type="hinge" axis="0 1 0"/>
-        <geom type="sphere" size="{radius}" mass="{wheel_mass}" class="wheel"/>
+        <geom name="{side}_wheel" type="sphere" size="{radius}" mass="{wheel_mass}"/>
       </body>"""
         for side, sign in (("left", 1), ("right", -1))
     )
     casters = "".join(
         f"""
-      <geom type="sphere" size="{caster_radius}" pos="{sign * caster_x} 0 {caster_radius - radius}" mass="0"
-            class="caster"/>"""
-        for sign in (1, -1)
+      <geom name="{end}_caster" type="sphere" size="{caster_radius}" mass="0"
+            pos="{sign * caster_x} 0 {caster_radius - radius}"/>"""
+        for end, sign in (("front", 1), ("rear", -1))
     )
     shell = f"""
       <geom name="shell" type="cylinder" size="{base.radius_m} {half_shell}"
@@ -255,11 +255,16 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
   <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10">{flags}</option>
   <default>
     <default class="solid"><geom contype="2" conaffinity="0" condim="1"/></default>
-    <default class="wheel"><geom contype="0" conaffinity="1" condim="3" friction="1 0 0" solref="0.004 1"/></default>
-    <default class="caster"><geom contype="0" conaffinity="1" condim="1" solref="0.02 1"/></default>
+    <geom contype="0" conaffinity="0"/>
   </default>
+  <contact>
+    <pair geom1="floor" geom2="front_caster" condim="1" solref="0.02 1"/>
+    <pair geom1="floor" geom2="rear_caster" condim="1" solref="0.02 1"/>
+    <pair geom1="floor" geom2="left_wheel" condim="3" solref="0.012 1"/>
+    <pair geom1="floor" geom2="right_wheel" condim="3" solref="0.012 1"/>
+  </contact>
   <worldbody>
-    <geom name="floor" type="plane" size="0 0 1" contype="1" conaffinity="0" condim="1"/>
+    <geom name="floor" type="plane" size="0 0 1"/>
     {"".join(_geom_xml(number, solid) for number, solid in enumerate(solids))}
     <body name="base" pos="0 0 {radius}">
       <freejoint/>
