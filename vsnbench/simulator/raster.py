@@ -41,6 +41,7 @@ def draw_faces(
     points = np.empty((4, 3))
     clipped = np.empty((8, 3))
     screen = np.empty((8, 2))
+    counted = np.arange(width).astype(np.float32)
     # Half angles of the view, with the pixels' own half width.
     slope_x = max(centre_x, width - centre_x) / focal
     slope_y = max(centre_y, height - centre_y) / focal
@@ -138,10 +139,10 @@ def draw_faces(
                 if low > high:
                     continue
                 base = np.float32(scale * (nz + ny * (row - centre_y) / focal + nx * (low - centre_x) / focal))
-                depths = nearness[row]
-                ids = seen[row]
-                for column in range(low, high + 1):
-                    value = base + per_x * np.float32(column - low)
-                    if value > depths[column]:
-                        depths[column] = value
-                        ids[column] = face
+                # Counted from the first pixel of the span, many of them are compared side by side.
+                depths, ids = nearness[row, low : high + 1], seen[row, low : high + 1]
+                for k in range(len(depths)):
+                    value = base + per_x * counted[k]
+                    if value > depths[k]:
+                        depths[k] = value
+                        ids[k] = face
