@@ -1,9 +1,14 @@
 """A site's floor plan for pages: it is drawn whatever a survey calls its rooms."""
 
+import re
 from xml.etree import ElementTree as ET
 
+import shapely
+
 from tests.database.records_of_a_lab import cell
+from tests.simulator.scenery import a_site
 from vsnbench.console.site_drawing import plan_svg
+from vsnbench.protocol.site import Door
 
 
 def test_names_with_control_characters_leave_the_plan_readable() -> None:
@@ -12,3 +17,13 @@ def test_names_with_control_characters_leave_the_plan_readable() -> None:
     drawn = ET.fromstring(plan_svg(site.model_copy(update={"rooms": [room], "title": "lab\x0b"})))
     named = [each.text for each in drawn.iter() if each.get("class") == "room-name"]
     assert named == ["hall\\x01<&"]
+
+
+def test_a_doorway_is_open_on_the_plan_however_thick_its_wall() -> None:
+    site = a_site(doors=(Door(name="front", start=(2, 0), end=(3, 0)),))
+    thick = site.walls[0].model_copy(update={"thickness_m": 0.5})
+    drawn = ET.fromstring(plan_svg(site.model_copy(update={"walls": [thick, *site.walls[1:]]})))
+    (path,) = [str(each.get("d")) for each in drawn.iter() if each.get("class") == "wall"]
+    rings = [[tuple(map(float, at.split())) for at in re.split("[ML]", ring) if at] for ring in path.split("Z") if ring]
+    walls = shapely.union_all([shapely.Polygon(ring).boundary for ring in rings])
+    assert not walls.crosses(shapely.LineString([(2.5, -1), (2.5, 1)]))

@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vsnbench.harmless_text import harmless
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.walls import bounds_of, lowest_first, wall_shapes
 
 MARGIN_M = 0.25
 
@@ -17,7 +18,7 @@ def plan_svg(site: Site) -> str:
 
     The whole is drawn in `g.plan`, in which x and y are the site's own, metres; a page may add to it.
     """
-    x_min, y_min, x_max, y_max = shapely.union_all([wall.shape for wall in site.walls]).bounds
+    x_min, y_min, x_max, y_max = bounds_of(site)
     width, height = x_max - x_min + 2 * MARGIN_M, y_max - y_min + 2 * MARGIN_M
     view = f"{x_min - MARGIN_M:.3f} {-y_max - MARGIN_M:.3f} {width:.3f} {height:.3f}"
     title = harmless(f"floor plan of {site.title or site.name}")  # XML has no place for control characters
@@ -26,14 +27,9 @@ def plan_svg(site: Site) -> str:
         '<g class="plan" transform="scale(1,-1)">',
     ]
     parts += [_area("room", [room.shape]) for room in site.rooms]
-    openings = [door.centre_line.buffer(0.12, cap_style="flat") for door in site.doors if not door.closed]
-    walls = shapely.union_all([wall.shape for wall in site.walls])
-    if openings:
-        walls = walls.difference(shapely.union_all(openings))
-    lower_first = sorted(site.objects, key=lambda thing: thing.elevation_m + thing.size_m[2])
-    for thing in lower_first:
+    for thing in lowest_first(site):
         parts.append(_area(f"thing {'solid' if thing.solid else 'flat'}", [thing.shape], thing.category))
-    parts.append(_area("wall", [walls]))
+    parts.append(_area("wall", [shapely.union_all(wall_shapes(site))]))
     parts += [_area("window", [window.centre_line.buffer(0.04, cap_style="flat")]) for window in site.windows]
     parts += [_area("door", [door.centre_line.buffer(0.03)]) for door in site.doors if door.closed]
     for room in site.rooms:

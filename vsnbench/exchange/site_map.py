@@ -7,7 +7,7 @@ import shapely
 
 from vsnbench.protocol.pose import Pose
 from vsnbench.protocol.site import Site
-from vsnbench.protocol.walls import solid_shapes, wall_shapes
+from vsnbench.protocol.walls import solid_shapes, wall_area, wall_shapes
 from vsnbench.sensing.plan_grid import FREE, OCCUPIED, UNKNOWN, PlanGrid
 
 _MARGIN_M = 0.5
@@ -22,8 +22,7 @@ def map_of_site(site: Site, resolution_m: float = 0.05, *, furniture: bool = Tru
         furniture: whether what stands there is drawn too, as a laser scanner in the height `below_m` would see it.
         below_m: what begins higher is left out.
     """
-    walls = shapely.union_all([wall.shape for wall in site.walls])
-    x_min, y_min, x_max, y_max = (float(value) for value in walls.buffer(_MARGIN_M).bounds)
+    x_min, y_min, x_max, y_max = (float(value) for value in wall_area(site).buffer(_MARGIN_M).bounds)
     columns, rows = math.ceil((x_max - x_min) / resolution_m), math.ceil((y_max - y_min) / resolution_m)
     x_m, y_m = np.meshgrid(
         x_min + (np.arange(columns) + 0.5) * resolution_m, y_min + (np.arange(rows) + 0.5) * resolution_m

@@ -11,7 +11,7 @@ from vsnbench.models.lattice_planner import LatticePlanner
 from vsnbench.protocol.free_space import BoolGrid, FreeSpace
 from vsnbench.protocol.sight import sight
 from vsnbench.protocol.site import Site, SiteObject
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.protocol.walls import top_m, wall_shapes
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def _screens(site: Site, instance: SiteObject, eye_height_m: float) -> shapely.G
         if thing.id != instance.id
         and thing.solid
         and thing.elevation_m < high
-        and thing.elevation_m + thing.size_m[2] > low
+        and top_m(thing) > low
         and not _carries(thing, instance)
     ]
     return shapely.union_all([*wall_shapes(site), *tall])
@@ -98,5 +98,4 @@ def _screens(site: Site, instance: SiteObject, eye_height_m: float) -> shapely.G
 
 def _carries(thing: SiteObject, instance: SiteObject) -> bool:
     """Whether the instance stands on top of the other thing, as a monitor does on a desk."""
-    top_m = thing.elevation_m + thing.size_m[2]
-    return math.isclose(top_m, instance.elevation_m, abs_tol=0.05) and thing.shape.intersects(instance.shape)
+    return math.isclose(top_m(thing), instance.elevation_m, abs_tol=0.05) and thing.shape.intersects(instance.shape)

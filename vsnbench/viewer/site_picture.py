@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.protocol.site import Site, SiteObject
+from vsnbench.protocol.site import Site
+from vsnbench.protocol.walls import lowest_first, wall_area
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -26,10 +27,10 @@ GOAL_EDGE_RGB = (22, 110, 52)
 def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
     """Paint rooms, walls and furniture; returns (H, W, 3) uint8, rows down, and the lower-left corner in metres."""
     import cv2
-    from shapely.ops import unary_union
+    from shapely import union_all
 
-    walls = unary_union([wall.shape for wall in site.walls] + [room.shape for room in site.rooms])
-    left, bottom, right, top = walls.buffer(0.05).bounds
+    whole = union_all([wall_area(site), *(room.shape for room in site.rooms)])
+    left, bottom, right, top = whole.buffer(0.05).bounds
     width, height = math.ceil((right - left) / PLAN_PIXEL_M), math.ceil((top - bottom) / PLAN_PIXEL_M)
     corner = (left, top - height * PLAN_PIXEL_M)
     picture = np.full((height, width, 3), 250, np.uint8)
@@ -49,7 +50,7 @@ def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[floa
 
     for room in site.rooms:
         fill(room.polygon, ROOM_RGB[room.floor])
-    for thing in sorted(site.objects, key=_top_m):
+    for thing in lowest_first(site):
         is_goal = thing.category == goal
         edge = outline(thing.shape)
         fill(edge, GOAL_RGB if is_goal else FURNITURE_RGB if thing.solid else (228, 220, 212))
@@ -62,10 +63,6 @@ def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[floa
         color = DOOR_RGB if door.closed else ROOM_RGB["wood"]
         trace([door.start, door.end], color, False, 0.12)
     return picture, corner
-
-
-def _top_m(thing: SiteObject) -> float:
-    return thing.elevation_m + thing.size_m[2]
 
 
 def outline(shape: "Polygon") -> list[tuple[float, float]]:

@@ -12,7 +12,7 @@ from vsnbench.protocol.site import Site, SiteObject
 from vsnbench.protocol.survey.building import named_wall
 from vsnbench.protocol.survey.finding import Amount, Severity, SiteFinding, points, shown
 from vsnbench.protocol.survey.things import footprint_of
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.protocol.walls import wall_area, wall_shapes
 
 _FRONTED = frozenset({"sofa", "bed", "toilet", "monitor", "bookshelf", "cabinet", "counter", "refrigerator", "sink"})
 _FRONTED |= {"stove", "wall_cabinet", "wardrobe", "washing_machine", "picture"}
@@ -137,7 +137,7 @@ def _mirrored(site: Site) -> Iterator[SiteFinding]:
 
 def _mirrored_list(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
     rooms = shapely.union_all([room.shape for room in site.rooms])
-    walls = shapely.union_all([wall.shape for wall in site.walls]).buffer(-0.02)
+    walls = wall_area(site).buffer(-0.02)
     x_min, y_min, x_max, y_max = rooms.bounds
     allowed = rooms.difference(walls).buffer(0.03)
     shapely.prepare(allowed)

@@ -22,6 +22,7 @@ from vsnbench.protocol.survey.finding import (
     shown,
     stretch,
 )
+from vsnbench.protocol.walls import wall_area
 
 _BESIDE_M = 0.03
 """So far from a wall's footprint a room's edge may lie: surveys are not exact to a centimetre."""
@@ -79,7 +80,7 @@ def _overlaps(site: Site) -> Iterator[SiteFinding]:
 
 def _open_edges(site: Site) -> Iterator[SiteFinding]:
     """Yield every stretch of a room's edge that no wall covers; a stretch that two rooms share is named once."""
-    covered = shapely.union_all([wall.shape for wall in site.walls]).buffer(_BESIDE_M, join_style="mitre")
+    covered = wall_area(site).buffer(_BESIDE_M, join_style="mitre")
     told: list[BaseGeometry] = []
     for index, room in enumerate(site.rooms):
         corners = [*room.polygon, room.polygon[0]]
@@ -151,7 +152,7 @@ def _closing(site: Site, first: Point, last: Point, meant: tuple[Point, Point]) 
 
 def _enclosures(site: Site) -> Iterator[SiteFinding]:
     """Yield what walls shut in all around where no room is."""
-    solid = shapely.union_all([wall.shape for wall in site.walls]).buffer(1e-3, join_style="mitre")
+    solid = wall_area(site).buffer(1e-3, join_style="mitre")
     rooms = shapely.union_all([room.shape for room in site.rooms]).buffer(_BESIDE_M, join_style="mitre")
     for part in shapely.get_parts(solid):
         for hole in part.interiors:

@@ -25,7 +25,7 @@ from vsnbench.protocol.survey.finding import (
     points,
     shown,
 )
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.protocol.walls import top_m, wall_shapes
 
 _ON_TOP_M = 0.05
 """An underside this near to the top of what it stands on, stands on it."""
@@ -152,8 +152,7 @@ def _into_m(thing: SiteObject, wall: Wall) -> float:
 
 
 def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometry]) -> Iterator[SiteFinding]:
-    top_m = thing.elevation_m + thing.size_m[2]
-    over_m = top_m - site.ceiling_height_m
+    over_m = top_m(thing) - site.ceiling_height_m
     if over_m > 1e-6:
         problem = f"reaches {over_m:.2f} m above the ceiling of {site.ceiling_height_m:g} m"
         mend = "measure its height and elevation_m again"
@@ -163,7 +162,7 @@ def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometr
     if thing.elevation_m <= _ON_TOP_M or min(wall.distance(thing.shape) for wall in walls) < _HANGS_M:
         return
     below = [other for other in site.objects if other is not thing and other.shape.intersects(thing.shape)]
-    tops = [other.elevation_m + other.size_m[2] for other in below]
+    tops = [top_m(other) for other in below]
     if any(top >= thing.elevation_m - _ON_TOP_M for top in tops):
         return
     gap_m = thing.elevation_m - max(tops, default=0.0)
@@ -210,7 +209,7 @@ def _in_each_other(one: SiteObject, other: SiteObject, entries: tuple[Entry, ...
     mend = f"move one by {depth_m:.2f} m, or give what stands on the other its elevation_m"
     small, large = sorted((one, other), key=lambda each: float(each.shape.area))
     if shared.area > 0.9 * small.shape.area:
-        mend = f"{small.id} stands on {large.id}? Give it elevation_m: {large.elevation_m + large.size_m[2]:g}"
+        mend = f"{small.id} stands on {large.id}? Give it elevation_m: {top_m(large):g}"
         if one.category == other.category and shared.area > 0.9 * large.shape.area:
             mend = "the same thing surveyed twice? Delete one"
     outline = shapely.get_coordinates(shared.convex_hull)[:-1]
@@ -228,7 +227,7 @@ def _in_each_other(one: SiteObject, other: SiteObject, entries: tuple[Entry, ...
 
 
 def _above(upper: SiteObject, lower: SiteObject) -> bool:
-    return upper.elevation_m >= lower.elevation_m + lower.size_m[2] - 0.01
+    return upper.elevation_m >= top_m(lower) - 0.01
 
 
 def _depth_m(part: BaseGeometry) -> float:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.protocol.site import Site
+from vsnbench.protocol.walls import bounds_of, wall_area
 from vsnbench.report.conditions import Condition, footnotes
 from vsnbench.report.figures.lettering import legend_below, shown, wrapped
 from vsnbench.report.figures.lettering import width_in as letters_in
@@ -171,7 +172,7 @@ def _beside_disks(
     """Return the middle of each position's words, metres: below its disk, or wherever beside it no wall or disk is."""
     import shapely
 
-    walls = shapely.union_all([wall.shape for wall in site.walls])
+    walls = wall_area(site)
     x_min, _, x_max, _ = walls.bounds
     inch_m = (x_max - x_min + 0.3) / plan_in
     disks = {number: shapely.Point(place).buffer(_DISK_M) for number, place in places.items()}
@@ -251,7 +252,5 @@ def _bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition)
 
 def _shape(site: Site) -> float:
     """Height over width of the plan."""
-    import shapely
-
-    x_min, y_min, x_max, y_max = shapely.union_all([wall.shape for wall in site.walls]).bounds
+    x_min, y_min, x_max, y_max = bounds_of(site)
     return float((y_max - y_min + 0.3) / (x_max - x_min + 0.3))

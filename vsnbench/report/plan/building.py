@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.site import Door, Room, Site, Window
+from vsnbench.protocol.walls import doorway, wall_area, walls_of
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
 
@@ -32,8 +33,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
 
     ends = [(door.start, door.end) for door in site.doors]
     ends += [(window.start, window.end) for window in site.windows]
-    openings = [shapely.LineString(each).buffer(0.3, cap_style="flat") for each in ends]
-    solid = shapely.union_all([wall.shape for wall in site.walls]).difference(shapely.union_all(openings))
+    solid = wall_area(site).difference(shapely.union_all([doorway(*each) for each in ends]))
     for part in shapely.get_parts(solid):
         rings = [Outline(list(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*rings)
@@ -58,8 +58,6 @@ class _Opening:
 
 
 def _opening(site: Site, start: tuple[float, float], end: tuple[float, float]) -> _Opening:
-    from vsnbench.protocol.walls import walls_of
-
     length = math.dist(start, end)
     along = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
     walls = walls_of(site, start, end)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.site import Site, StartingPosition
+from vsnbench.protocol.walls import bounds_of
 from vsnbench.report.plan.building import draw_building, name_room
 from vsnbench.report.plan.furniture import GOAL_COLORS, draw_furniture
 from vsnbench.report.plan.ink import INK, Ink
@@ -57,7 +58,7 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
     if wanted.starts:
         for start in site.starts:
             _draw_start(axes, start)
-    x_min, y_min, x_max, y_max = _bounds(site)
+    x_min, y_min, x_max, y_max = bounds_of(site)
     below = 0.0
     if wanted.scale_bar:
         _draw_scale_bar(ink, axes, x_min, y_min - 0.35)
@@ -113,18 +114,11 @@ def _new_axes(site: Site) -> "Axes":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    x_min, y_min, x_max, y_max = _bounds(site)
+    x_min, y_min, x_max, y_max = bounds_of(site)
     width_in = 7.2
     figure = Figure(figsize=(width_in, width_in * (y_max - y_min + 1.05) / (x_max - x_min + 0.3)))
     FigureCanvasAgg(figure)
     return figure.add_axes((0, 0, 1, 1))
-
-
-def _bounds(site: Site) -> tuple[float, float, float, float]:
-    import shapely
-
-    x_min, y_min, x_max, y_max = shapely.union_all([wall.shape for wall in site.walls]).bounds
-    return x_min, y_min, x_max, y_max
 
 
 def success_outline(x_m: "ArrayLike", y_m: "ArrayLike") -> "Line2D":
