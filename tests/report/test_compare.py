@@ -315,6 +315,8 @@ def test_of_a_design_too_small_for_any_p_value_nothing_is_concluded(tmp_path: Pa
     (words,) = verdicts(one)
     assert "with 2 starting positions no p-value is below 0.5" in words
     assert "it takes 6 at the least" in words
+    assert "+100.0 points (too few starting positions for an interval)" in words
+    assert "[" not in words
     assert "80 % power" not in words
     assert not any(effect.interval.known for effect in one.effects)
     fields = answer_fields([one], None, Asked(margin=0.1, posterior=True))["comparisons"][0]["rates"][0]
@@ -329,6 +331,17 @@ def test_of_a_design_too_small_for_any_p_value_nothing_is_concluded(tmp_path: Pa
     ]
     assert "too few to say" in said
     assert "99.9" not in " ".join(said)
+
+
+def test_an_interval_without_0_is_no_evidence_where_no_test_can_be(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    for model, success in (("a", True), ("b", False)):
+        lab.write([Attempt("chair", start, success=success) for start in (1, 2, 3)], model=model)
+    record = read(lab.url, Selection())
+    (one,) = compare(record, summarise(record), ["a", "b"])
+    (words,) = verdicts(one)
+    assert "+100.0 points [+20.6, +100.0], p = 0.250" in words
+    assert words.endswith(". Of so few starting positions an interval that leaves 0 out is no evidence by itself.")
 
 
 def test_two_positions_against_three_can_show_nothing_and_what_it_takes_is_said(tmp_path: Path) -> None:

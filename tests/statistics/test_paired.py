@@ -1,5 +1,6 @@
 """The paired interval and test: what they reduce to, what copies and orders change, and their coverage."""
 
+import itertools
 import math
 
 import numpy as np
@@ -11,7 +12,7 @@ from vsnbench.statistics.clustered import Cell
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.rates import UNKNOWN, mcnemar_exact
 
-PAIRS = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40)
+PAIRS = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=3, max_size=40)
 
 
 def singles(pairs: "list[tuple[bool, bool]]") -> PairedOutcomes:
@@ -68,9 +69,31 @@ def test_copies_under_other_seeds_change_nothing(pairs: "list[tuple[bool, bool]]
 def test_uneven_cells_keep_the_difference_within_its_interval(cells: "list[tuple[int, int, int]]") -> None:
     outcomes = PairedOutcomes(tuple(PairedCell(Cell(s, a, 3), Cell(s, b, 2)) for s, a, b in cells))
     interval = paired_interval(outcomes)
-    assert -1 <= interval.low <= outcomes.difference + 1e-12
-    assert outcomes.difference - 1e-12 <= interval.high <= 1
+    starts = {start for start, _, _ in cells}
+    assert interval.known == ((len(starts) if len(starts) > 1 else len(cells)) >= 3)
+    if interval.known:
+        assert -1 <= interval.low <= outcomes.difference + 1e-12
+        assert outcomes.difference - 1e-12 <= interval.high <= 1
     assert outcomes.difference == pytest.approx(np.mean([a / 3 - b / 2 for _, a, b in cells]))
+
+
+def exclusions(starts: int, rate: float) -> float:
+    """Return how often 0 lies outside of the interval of two independent, equal models, counted over all outcomes."""
+    share = 0.0
+    for pairs in itertools.product(itertools.product((True, False), repeat=2), repeat=starts):
+        interval = method_10(
+            *(sum(pair == kind for pair in pairs) for kind in itertools.product((True, False), repeat=2))
+        )
+        chance = math.prod(rate if success else 1 - rate for pair in pairs for success in pair)
+        share += chance * (not interval[0] <= 0 <= interval[1])
+    return share
+
+
+def test_two_starting_positions_have_no_interval_because_it_would_leave_out_no_difference_too_often() -> None:
+    assert exclusions(2, 0.5) == pytest.approx(0.125)
+    assert paired_interval(singles([(True, False)] * 2)) == UNKNOWN
+    assert all(exclusions(starts, 0.5) < 0.075 for starts in (3, 4, 5))
+    assert paired_interval(singles([(True, False)] * 3)).low > 0.2
 
 
 @pytest.mark.parametrize(("seeds", "concentration"), [(1, 1e6), (2, 1.0), (5, 0.02), (5, 1.0), (5, 4.0)])

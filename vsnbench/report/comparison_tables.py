@@ -53,7 +53,10 @@ def comparison_sheets(comparison: Comparison, *, all_tests: bool = False) -> lis
             Column("B k/n"),
             Column("B SR %"),
             Column("A - B", note="paired: mean over the cells, points"),
-            Column("95 % interval", note="Newcombe's interval of the difference, paired where the test is; points"),
+            Column(
+                "95 % interval",
+                note="Newcombe's interval of the difference, paired where the test is; points; none of 2 starts",
+            ),
             Column("cells", rank=2, note="goals x starting positions that the episodes come from"),
             Column("only A : only B", rank=4, note="pairs of one seed and repetition in which only one succeeded"),
             Column("p", note="the one test that is read; its name is beside it"),

@@ -4,6 +4,7 @@ from vsnbench.harmless_text import harmless
 from vsnbench.report.compare import ALL, SHARED, Comparison, RateComparison
 from vsnbench.report.outlook import advice
 from vsnbench.report.peers import ENOUGH_COVERAGE
+from vsnbench.statistics.rates import Interval
 
 
 def verdicts(comparison: Comparison) -> tuple[str, ...]:
@@ -20,7 +21,7 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
     interval, (mine, theirs) = rate.interval, rate.compared
     numbers = (
         f"{mine.successes}/{mine.trials} against {theirs.successes}/{theirs.trials}{_sources(rate)}, "
-        f"{100 * rate.difference:+.1f} points [{100 * interval.low:+.1f}, {100 * interval.high:+.1f}]"
+        f"{100 * rate.difference:+.1f} points {interval_words(interval, 1)}"
     )
     caveat = _caveats(comparison, rate)
     if not rate.covered:
@@ -43,6 +44,8 @@ def _verdict(comparison: Comparison, rate: RateComparison) -> str:
         p += "; the test alone would tell them apart, but the interval holds 0"
     further = advice(rate.outlook, rate.reach, comparison.level)
     further = f"; {further}" if further else ""
+    if interval.known and 0.0 not in interval and rate.reach.too_few(comparison.level):
+        caveat = f" Of so few starting positions an interval that leaves 0 out is no evidence by itself.{caveat}"
     return f"{where}: not distinguishable at this number of trials ({numbers}, {p}){further}.{caveat}"
 
 
@@ -70,6 +73,13 @@ def _caveats(comparison: Comparison, rate: RateComparison) -> str:
         if one.surveyed
     ]
     return "".join(f" {each}" for each in words)
+
+
+def interval_words(interval: Interval, places: int = 0) -> str:
+    """Return the interval of a difference in points; where there is none, why."""
+    if not interval.known:
+        return "(too few starting positions for an interval)"
+    return f"[{100 * interval.low:+.{places}f}, {100 * interval.high:+.{places}f}]"
 
 
 def compared(p: float) -> str:

@@ -12,7 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsnbench.statistics.clustered import Cell, Outcomes, arrays, effective_sample, residual_variances
+from vsnbench.statistics.clustered import (
+    FEWEST_UNITS,
+    Cell,
+    Outcomes,
+    arrays,
+    effective_sample,
+    residual_variances,
+    units_of,
+)
 from vsnbench.statistics.permutation import sign_flip
 from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval, difference_interval
 
@@ -71,8 +79,8 @@ def paired_test(outcomes: PairedOutcomes) -> float:
 
 
 def paired_interval(outcomes: PairedOutcomes, confidence: float = CONFIDENCE) -> Interval:
-    """Return the interval of `PairedOutcomes.difference`; unknown for no cells."""
-    if not outcomes.cells:
+    """Return the interval of `PairedOutcomes.difference`; unknown for fewer than `clustered.FEWEST_UNITS` units."""
+    if units_of(outcomes.first) < FEWEST_UNITS:
         return UNKNOWN
     first = effective_sample(outcomes.first, by_cell=True)
     second = effective_sample(outcomes.second, by_cell=True)

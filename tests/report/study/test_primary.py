@@ -64,6 +64,18 @@ def test_of_these_cells_a_bet_that_was_won_says_better_and_a_counted_lead_does_n
     assert "better" not in counted
 
 
+@pytest.mark.parametrize(
+    ("starts", "said"),
+    [
+        (2, "(+100 points (too few starting positions for an interval)), which"),
+        (3, "(+100 points [+21, +100]; the test decides, p = 0.250), which"),
+    ],
+)
+def test_of_few_starting_positions_no_interval_stands_alone(starts: int, said: str) -> None:
+    study = small_study(goals=["chair"], starting_positions=f"1-{starts}")
+    assert said in concluded(study, starts, lambda arm, _goal, _start: arm == "one")
+
+
 def test_one_arm_against_a_rate() -> None:
     study = small_study(primary={"kind": "rate", "arm": "one", "rate": 0.5})
     assert "better than 50%" in concluded(study, 15, lambda arm, _goal, _start: arm == "one")

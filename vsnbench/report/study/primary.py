@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from vsnbench.database.study_entries import StudyTrialStanding
+from vsnbench.report.verdicts import compared, interval_words
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
+from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
 from vsnbench.study.stopping import Decision, decide
 
@@ -247,7 +249,9 @@ def _of(study: StudyFile, one: Answer, shown: Mapping[str, str], where: str) -> 
         if one.loser and not one.counted and one.loser == one.first:
             return f"{told} {where}, less than {rate:.0%}"
         return f"{told} {where}: neither above nor below {rate:.0%} was shown"
-    interval = f"{100 * one.difference:+.0f} points [{100 * one.low:+.0f}, {100 * one.high:+.0f}]"
+    interval = f"{100 * one.difference:+.0f} points {interval_words(Interval(one.low, one.high))}"
+    if one.p is not None and (one.low > 0 or one.high < 0):
+        interval += f"; the test decides, p {compared(one.p)}"
     if one.winner:
         ahead, behind = (k, m) if one.winner == one.first else (m, k)
         return (
