@@ -46,7 +46,6 @@ class DepthDrawer:
             self._buffers[size] = (np.empty(size, np.float32), np.empty(size, np.int32))
         nearness, seen = self._buffers[size]
         at = np.array([eye.x_m, eye.y_m, eye.z_m])
-        order = np.argsort(np.linalg.norm(mesh.centres - at, axis=1) - mesh.radii, kind="stable")
         draw_faces(
             at,
             camera_axes(eye),
@@ -58,7 +57,6 @@ class DepthDrawer:
             mesh.centres,
             mesh.radii,
             mesh.faces,
-            order,
             nearness,
             seen,
         )

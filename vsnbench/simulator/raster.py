@@ -25,13 +25,12 @@ def draw_faces(
     centres: Any,
     radii: Any,
     faces: Any,
-    order: Any,
     nearness: Any,
     seen: Any,
 ) -> None:
     """Write the inverse depth and the index of the nearest face into `nearness` and `seen`, both (H, W).
 
-    `axes` are the rows right, down, forward of the camera in the world; `order` lists primitives, nearest first.
+    `axes` are the rows right, down, forward of the camera in the world; the mesh's arrays are as `Mesh` has them.
     """
     height, width = nearness.shape
     nearness[:] = 0.0
@@ -47,7 +46,7 @@ def draw_faces(
     slope_y = max(centre_y, height - centre_y) / focal
     norm_x = np.sqrt(1.0 + slope_x * slope_x)
     norm_y = np.sqrt(1.0 + slope_y * slope_y)
-    for primitive in order:
+    for primitive in _nearest_first(eye, centres, radii):
         dx = centres[primitive, 0] - eye[0]
         dy = centres[primitive, 1] - eye[1]
         dz = centres[primitive, 2] - eye[2]
@@ -146,3 +145,15 @@ def draw_faces(
                     if value > depths[k]:
                         depths[k] = value
                         ids[k] = face
+
+
+@compiled
+def _nearest_first(eye: Any, centres: Any, radii: Any) -> Any:
+    """Return the indices of the primitives by how near the balls around them come to the eye; ties keep their order."""
+    nearest = np.empty(len(radii))
+    for primitive in range(len(radii)):
+        dx = centres[primitive, 0] - eye[0]
+        dy = centres[primitive, 1] - eye[1]
+        dz = centres[primitive, 2] - eye[2]
+        nearest[primitive] = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[primitive]
+    return np.argsort(nearest, kind="mergesort")

@@ -128,7 +128,6 @@ class Renderer:
         at = np.array([eye.x_m, eye.y_m, eye.z_m])
         axes = camera_axes(eye)
         cx, cy = (width - 1) / 2, (height - 1) / 2
-        order = np.argsort(np.linalg.norm(mesh.centres - at, axis=1) - mesh.radii, kind="stable")
         draw_faces(
             at,
             axes,
@@ -140,7 +139,6 @@ class Renderer:
             mesh.centres,
             mesh.radii,
             mesh.faces,
-            order,
             nearness,
             seen,
         )
