@@ -4,8 +4,7 @@ import pytest
 
 from tests.study.studies import small_study
 from vsnbench.errors import StudyError
-from vsnbench.study.amendment import check_amendment
-from vsnbench.study.lock import LockNote, changes, first_change, note_path, read_note, write_note
+from vsnbench.study.lock import LockNote, changes, check_amendment, first_change, note_path, read_note, write_note
 
 TEXT = "title: a\nmargin: 0.1  # points\nseed: 7\n"
 

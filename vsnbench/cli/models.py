@@ -1,5 +1,6 @@
-"""`vsnbench models`: which models there are, what is in a checkpoint, and fetching one."""
+"""`vsnbench models`: which models there are, beginning one, what is in a checkpoint, and fetching one."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,17 +11,38 @@ from rich.table import Table
 from vsnbench.cli.episode_page import safe
 from vsnbench.cli.listing import name_column, print_list, prose_column
 from vsnbench.cli.model_serving import check_against_contract, check_served, serve
-from vsnbench.cli.model_starting import new
 from vsnbench.cli.output import Json, print_files, print_json
 
 if TYPE_CHECKING:
     from vsnbench.models.description import ModelCheck, ModelDescription
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
-app.command("new")(new)
-app.command("serve")(serve)
 
 ModelName = Annotated[str, typer.Argument(help="A model's name, or package.module:Class.", metavar="MODEL")]
+
+
+@app.command()
+def new(
+    directory: Annotated[Path, typer.Argument(help="A new directory; its name becomes the model's.", metavar="DIR")],
+    as_json: Json = False,
+) -> None:
+    """Write a package with a model that drives, its settings, its tests and a README: change it into yours.
+
+    [bold]Example[/bold]
+
+        vsnbench models new mine
+        cd mine
+        vsnbench run --model mine.policy:Mine --goal chair --starts 1 --watch
+    """
+    from vsnbench.models.starting import write_model_package
+
+    model, files = write_model_package(directory)
+    print_files(files, as_json=as_json, model=model)
+    typer.echo(f"next: cd {shlex.quote(str(directory))} && vsnbench models check {model}", err=True)
+    typer.echo(f"      vsnbench run --model {model} --goal chair --starts 1 --watch", err=True)
+
+
+app.command("serve")(serve)
 
 
 @app.command("list")

@@ -167,9 +167,8 @@ def amend(
     from vsnbench.database.journal import Journal
     from vsnbench.database.study_entries import StudyChange
     from vsnbench.errors import StudyError, UsageError
-    from vsnbench.study.amendment import check_amendment
     from vsnbench.study.file import parse_study, read_text
-    from vsnbench.study.lock import LockNote, changes, sha256_of, write_note
+    from vsnbench.study.lock import LockNote, changes, check_amendment, sha256_of, write_note
 
     if not reason.strip():
         raise UsageError("no reason given: --reason 'why the plan is changed', the report tells it")

@@ -156,11 +156,8 @@ class Overview(Protocol):
         ...
 
 
-class Nobody:
-    """Nobody is there: the robot is taken to stand where it should, and what needs a person's word awaits it."""
-
-    def __init__(self, display: Display) -> None:
-        self._display = display
+class Unattended:
+    """Nobody is there, and nothing is shown: the robot is taken to stand where it should, no verdict is confirmed."""
 
     @property
     def beside(self) -> str:
@@ -168,16 +165,13 @@ class Nobody:
         return ""
 
     def trial_begins(self, upcoming: Upcoming) -> None:
-        """Show it."""
-        self._display.trial_begins(upcoming.plan.goal, upcoming.plan.start.number)
+        """Say nothing."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        """Show it."""
-        self._display.step(plan.goal, plan.start.number, step)
+        """Say nothing."""
 
     def episode_ended(self, ended: EndedEpisode) -> None:
-        """Show it."""
-        self._display.episode_ended(ended)
+        """Say nothing."""
 
     def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
         """Accept at once.
@@ -201,3 +195,22 @@ class Nobody:
         """Say nothing."""
         del ended
         return None
+
+
+class Nobody(Unattended):
+    """Nobody is there, but progress is shown to whoever comes by."""
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+
+    def trial_begins(self, upcoming: Upcoming) -> None:
+        """Show it."""
+        self._display.trial_begins(upcoming.plan.goal, upcoming.plan.start.number)
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Show it."""
+        self._display.step(plan.goal, plan.start.number, step)
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        """Show it."""
+        self._display.episode_ended(ended)

@@ -1,4 +1,4 @@
-"""The lock of a study: the note beside its file that says what was frozen, and how a file differs from what was."""
+"""The lock of a study: the note beside its file, how a file differs from what was locked, and what may still change."""
 
 import difflib
 import hashlib
@@ -8,9 +8,17 @@ from pathlib import Path
 
 from vsnbench.errors import StudyError
 from vsnbench.harmless_text import harmless
+from vsnbench.study.file import StudyFile
 from vsnbench.whole_files import write_whole
 
 SUFFIX = ".lock"
+FROZEN = (
+    *("arms", "goals", "site", "robot", "noise", "pretend_real"),
+    *("starting_positions", "repetitions", "protocol", "order", "seed", "blind"),
+)
+"""Fields that stay as they were locked: with others it is another experiment."""
+JUDGING = ("primary", "stopping", "about", "alpha", "margin")
+"""Fields that say how the answer is found: changed after the first result, the conclusion says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,3 +109,23 @@ def _short(line: str) -> str:
     before, _, _ = content.partition(" #")
     told = harmless(before.strip() or content)
     return told if len(told) <= _LONGEST else f"{told[: _LONGEST - 1]}…"
+
+
+def check_amendment(before: StudyFile, after: StudyFile) -> None:
+    """Refuse a change of what was drawn.
+
+    Raises:
+        StudyError: a frozen field was changed.
+    """
+    changed = changed_fields(before, after, FROZEN)
+    if changed:
+        names = ", ".join(changed)
+        raise StudyError(
+            f"{names}: no amendment can change what the schedule was drawn from; restore it, and lock a new study for "
+            "another one"
+        )
+
+
+def changed_fields(before: StudyFile, after: StudyFile, among: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the fields, of these, that differ."""
+    return tuple(name for name in among if getattr(before, name) != getattr(after, name))

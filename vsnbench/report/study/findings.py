@@ -11,8 +11,8 @@ from vsnbench.database.study_entries import AMEND, OVER, SESSION, SESSION_END, S
 from vsnbench.database.study_entries import StudyTrialStanding as Standing
 from vsnbench.database.study_queries import trials_of
 from vsnbench.report.study.primary import Primary, analyse, conclusion, in_order
-from vsnbench.study.amendment import JUDGING
 from vsnbench.study.file import StudyFile
+from vsnbench.study.lock import JUDGING
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,14 +15,12 @@ from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
 from vsnbench.database.episodes import Claim
 from vsnbench.database.provenance import Provenance
 from vsnbench.database.sealed import SealedEvent, SealedRows
-from vsnbench.errors import RobotError
 from vsnbench.protocol.fix import Fix
-from vsnbench.protocol.site import StartingPosition
 from vsnbench.protocol.step_record import StepRecord
 from vsnbench.record.results import ResultsDirectory
+from vsnbench.runner.attendant import Unattended
 from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan
-from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, Step, run_episode
-from vsnbench.runner.placing import Placing
+from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, run_episode
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.stopping import Stopping
 
@@ -74,7 +72,7 @@ def run_sealed(bench: Bench, ran_on: Provenance, plan: BenchPlan, trial: Trial, 
         recorder = EpisodeRecorderFanOut(target, Claim(0, "", trial, seed, _DIRECTORY))
         episode = EpisodePlan(plan.site, trial.goal, plan.site.start(trial.start), seed, plan.parameters)
         try:
-            outcome = run_episode(bench.robot, bench.policy, episode, recorder, _NobodyThere(), Stopping())
+            outcome = run_episode(bench.robot, bench.policy, episode, recorder, Unattended(), Stopping())
         finally:
             recorder.close()
         directory = results.path / _DIRECTORY
@@ -122,15 +120,3 @@ class _Kept:
         if self._end is None:
             raise RuntimeError("an episode was sealed before it had ended")
         return SealedRows(ran_on, self._placed, self._begun, tuple(self._steps), tuple(self._events), self._end)
-
-
-class _NobodyThere:
-    """Nobody is beside a simulated robot on a cluster."""
-
-    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
-        del placing
-        if problem:
-            raise RobotError(f"starting position {start.number}: {problem}, and nobody is there")
-
-    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        del plan, step

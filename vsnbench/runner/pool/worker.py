@@ -11,7 +11,6 @@ import shlex
 import sys
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -20,13 +19,11 @@ from multiprocessing.connection import Connection
 import psutil
 
 from vsnbench.database.journal import Journal
-from vsnbench.errors import RobotError, VsnbenchError
+from vsnbench.errors import VsnbenchError
 from vsnbench.models.torch_runtime import gpu_memory
-from vsnbench.protocol.site import StartingPosition
-from vsnbench.runner.attendant import EndedEpisode, Judgement, Upcoming
+from vsnbench.runner.attendant import EndedEpisode, Unattended
 from vsnbench.runner.bench import Bench, BenchPlan, open_bench
 from vsnbench.runner.episode import EpisodePlan, Step
-from vsnbench.runner.placing import Placing
 from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.session import VoidsInARow, run_trials
@@ -138,7 +135,7 @@ class Worker:
         )
 
 
-class _Reporter:
+class _Reporter(Unattended):
     """Stands beside a worker's simulated robot for the driver: tells it everything and answers nothing."""
 
     def __init__(self, connection: "Connection[Report, Order]", order: RunTrial) -> None:
@@ -146,14 +143,6 @@ class _Reporter:
         self._order = order
         self._untold = 0
         self._told_s = time.monotonic()
-
-    @property
-    def beside(self) -> str:
-        """Nobody."""
-        return ""
-
-    def trial_begins(self, upcoming: Upcoming) -> None:
-        """Say nothing: the driver has ordered it."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Tell of actions, a few at a time: each report takes a core from a worker."""
@@ -171,26 +160,3 @@ class _Reporter:
         if self._untold:
             self._connection.send(Acted(self._untold))
         self._untold, self._told_s = 0, time.monotonic()
-
-    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
-        """Accept at once.
-
-        Raises:
-            RobotError: something is wrong that only a person could put right.
-        """
-        del placing
-        if problem:
-            raise RobotError(f"starting position {start.number}: {problem}, and nobody is beside a worker's robot")
-
-    def again(self) -> Sequence[int]:
-        """Want nothing again: the driver hands out what is to be run."""
-        return ()
-
-    def nothing_left(self) -> Sequence[int]:
-        """Want nothing more."""
-        return ()
-
-    def judge(self, ended: EndedEpisode) -> Judgement | None:
-        """Say nothing."""
-        del ended
-        return None
