@@ -28,7 +28,7 @@ from vsnbench.simulator.noise import NoiseSettings, OdometryNoise
 
 PARAMETERS = ProtocolParameters()
 SITE = load_site("apartment")
-STATE = ScanState(OccupancyMap(), Pose(0, 0), 0, False, False, "")
+STATE = ScanState(OccupancyMap(), Pose(0, 0), 0, False, False, "", Pose(0, 0))
 
 
 @pytest.fixture

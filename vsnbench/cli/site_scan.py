@@ -63,6 +63,7 @@ def command(
 
     from vsnbench.errors import RobotError, UsageError
     from vsnbench.exchange.ros_map import write_ros_map
+    from vsnbench.harmless_text import counted
     from vsnbench.protocol.observation import Sensor
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.protocol.site import StartingPosition
@@ -120,9 +121,8 @@ def command(
             console.print(f"{result.stopped.request.words}; the map so far is kept")
         console.print(f"{output}, {image}: {result.actions} actions, {result.seen_free_m2:.1f} m² of floor seen")
         console.print(_drift_in_words(result))
-        console.print(
-            f"{len(walls)} walls and {doors} doors proposed: vsnbench sites edit lab.yaml --underlay {output}"
-        )
+        proposed = f"{counted(len(walls), 'wall')} and {counted(doors, 'door')} proposed"
+        console.print(f"{proposed}: vsnbench sites edit lab.yaml --underlay {output}")
     if result.stopped:
         raise typer.Exit(result.stopped.request.exit_code)
 

@@ -49,11 +49,28 @@ class ScanState:
     """Whether the robot touched something in the last action."""
     note: str
     """What happened to the last action, where it was not simply done."""
+    frame: Pose
+    """Where the map's origin lies in the frame in which it is written: the site's, where one is named."""
+
+    @property
+    def standing(self) -> Pose:
+        """Where the robot stands in the frame in which the map is written."""
+        return self.frame.compose(self.pose)
+
+    def grid(self) -> PlanGrid:
+        """Return the map as it is written."""
+        return _written(self.map, self.frame)
 
     @property
     def seen_free_m2(self) -> float:
         """Floor that was seen to be free."""
         return seen_free_m2(self.map)
+
+
+def _written(seen: OccupancyMap, frame: Pose) -> PlanGrid:
+    """Return a map, cut to what is known, in the frame in which its own begins at `frame`."""
+    drawn = seen.grid_map()
+    return PlanGrid(drawn.cells, drawn.resolution_m, frame.compose(Pose(drawn.origin_x_m, drawn.origin_y_m)))
 
 
 def seen_free_m2(seen: OccupancyMap) -> float:
@@ -162,9 +179,7 @@ class Scan:
 
     def grid(self) -> PlanGrid:
         """Return the map so far, cut to what is known."""
-        drawn = self._map.grid_map()
-        corner = self._start.pose.compose(Pose(drawn.origin_x_m, drawn.origin_y_m))
-        return PlanGrid(drawn.cells, drawn.resolution_m, corner)
+        return _written(self._map, self._start.pose)
 
     def _begin(self) -> None:
         if isinstance(self._robot, MadeReady):
@@ -185,7 +200,7 @@ class Scan:
             with self._stop.interruptible():
                 observation = self._observe()
                 pose = self._look(observation)
-                state = ScanState(self._map, pose, self._actions, refused, collided, note)
+                state = ScanState(self._map, pose, self._actions, refused, collided, note, self._start.pose)
                 told(state)
                 action = driver.next(state)
                 if action is None or self._actions >= most_actions:
