@@ -6,6 +6,7 @@ DEMO_RESULTS ?= demo-results
 
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
+BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
 .PHONY: help demo test test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights setup setup-test clean
 
@@ -53,8 +54,8 @@ fmt: setup-test ## Format and mend what can be mended by itself.
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: setup-test ## Run the measured comparisons.
-	for file in benchmarks/[a-z]*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+bench: setup-test ## Run the measured comparisons that take minutes; docs/performance.md lists all.
+	for name in $(BENCHES); do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 docs: setup-test ## Remake the figures and the generated pages.
 	$(BIN)/python scripts/make_docs.py

@@ -91,6 +91,8 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--episodes", type=int, default=300)
     episodes = arguments.parse_args().episodes
+    if episodes < SETTLED + 20:
+        arguments.error(f"--episodes {episodes}: memory has settled after {SETTLED}, so {SETTLED + 20} at least")
     with tempfile.TemporaryDirectory() as directory:
         seen = drive(episodes, Path(directory))
     settled, late = slice(SETTLED - 1, SETTLED + 20), slice(-20, None)

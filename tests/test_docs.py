@@ -100,3 +100,16 @@ def test_who_wants_to_cite_finds_the_version_that_there_is() -> None:
     cited = yaml.safe_load((DOCS.parent / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["version"] == vsnbench.__version__
     assert [one["title"] for one in cited["references"]] == ["Visual Semantic Navigation with Real Robots"]
+
+
+def test_every_program_beside_the_package_is_listed_and_make_bench_runs_what_the_page_says() -> None:
+    root = DOCS.parent
+    page = (DOCS / "performance.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"`benchmarks/(\w+)\.py`", page.partition("## What measures what")[2]))
+    assert listed == {file.stem for file in (root / "benchmarks").glob("*.py")}
+    contributing = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    tools = {file.name for file in (root / "scripts").iterdir() if file.suffix in (".py", ".sh")}
+    assert set(re.findall(r"`(\w+\.(?:py|sh))`", contributing)) >= tools
+    in_bench, _, _ = page.partition("| in `make bench` |")[2].partition("\n\n")
+    (runs,) = re.findall(r"^BENCHES \?= (.*)$", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert re.findall(r"`benchmarks/(\w+)\.py`", in_bench) == runs.split()
