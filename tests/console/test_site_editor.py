@@ -295,3 +295,5 @@ def test_everybody_can_read_the_page(site_file: Path) -> None:
         page.wait_for_selector("body[data-open=yes]")
         page.click("summary")
         assert accessibility_findings(page) == []
+        fields = [page.get_by_label(label, exact=True) for label in ("ceiling height, m", "survey error, m")]
+        assert len({box_of(page, f"#{field.get_attribute('id')}")["y"] for field in fields}) == 1, "beside each other"

@@ -51,7 +51,8 @@ def told(text: str, model: type, field: str, value: Any) -> list[str]:
         ("rooms.0.floor_color", 12345, '(hall): 12345 is no colour: write "#012345", in quotes'),
         ("walls.0.thickness_m", 0, "walls.0.thickness_m: 0 m is too small (above 0.01 m)"),
         ("ceiling_height_m", True, "ceiling_height_m: true is no number: write one, in metres"),
-        ("survey_error_m", 0.3, "survey_error_m: 0.3 m is more than 0.2 m: these look like centimetres; "),
+        ("survey_error_m", 0.3, "survey_error_m: 0.3 m is more than 0.2 m: standard deviation of walls; objects twice"),
+        ("survey_error_m", 2, "2 m is more than 0.2 m: these look like centimetres; in metres it is 0.02"),
         ("title", "", ""),
     ],
 )  # fmt: skip

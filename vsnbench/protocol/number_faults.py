@@ -118,6 +118,8 @@ def _other_unit(field: str, given: float, most: float) -> str:
 
 def _shorter_unit(given: float, most: float, name: str) -> str:
     centimetres, millimetres = given / 100, given / 1000
+    if given < 1:
+        return ""
     if centimetres <= most and given < _EITHER_UNIT:
         return f"these look like centimetres; in {name} it is {centimetres:g}"
     if centimetres <= most:

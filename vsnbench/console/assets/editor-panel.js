@@ -19,6 +19,9 @@ function make(kind, fields, parent) {
 
 const counted = (number, what) => `${number} ${what}${number === 1 ? "" : "s"}`;
 
+/* A field's name as a person reads it: `survey error, m`. */
+const labelled = (name) => name.replace(/_m$/, ", m").replace(/_deg$/, ", °").replaceAll("_", " ");
+
 export class Panel {
   constructor(model, plan, state) {
     Object.assign(this, { model, plan, state });
@@ -49,6 +52,7 @@ export class Panel {
       this.#input("name", "text", model.site.name ?? "", (value) => { model.site.name = value; });
       this.#input("ceiling_height_m", "number", model.site.ceiling_height_m ?? 2.5, (value) => { model.site.ceiling_height_m = value; });
       this.#input("survey_error_m", "number", model.site.survey_error_m ?? 0.01, (value) => { model.site.survey_error_m = value; });
+      make("p", { className: "dim small wide", textContent: "Survey error: how far off a wall may be measured, one standard deviation; objects twice that. A robot's placing is judged by it." }, form);
       if (focused) document.getElementById(focused)?.focus();
       return;
     }
@@ -111,7 +115,7 @@ export class Panel {
   #input(name, kind, value, set) {
     const id = `field-${name.replaceAll(/[^a-z0-9_]+/g, "-")}`;
     const holder = make("div", { className: kind === "text" ? "wide" : "" }, this.form);
-    make("label", { htmlFor: id, textContent: name.replaceAll("_", " ") }, holder);
+    make("label", { htmlFor: id, textContent: labelled(name) }, holder);
     const input = make("input", { id, className: "field", value, type: "text" }, holder);
     if (kind === "number") input.inputMode = "decimal";
     input.addEventListener("change", () => {
@@ -124,7 +128,7 @@ export class Panel {
   #choice(name, options, value, set) {
     const id = `field-${name}`;
     const holder = make("div", {}, this.form);
-    make("label", { htmlFor: id, textContent: name.replaceAll("_", " ") }, holder);
+    make("label", { htmlFor: id, textContent: labelled(name) }, holder);
     const select = make("select", { id, className: "field" }, holder);
     for (const option of options) make("option", { value: option, textContent: option || "usual" }, select);
     select.value = value;
