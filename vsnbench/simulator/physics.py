@@ -248,11 +248,13 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
     shell = f"""
       <geom name="shell" type="cylinder" size="{base.radius_m} {half_shell}"
             pos="0 0 {_GROUND_CLEARANCE_M + half_shell - radius}" contype="0" conaffinity="2" condim="1" mass="0"/>"""
-    # One base on a floor: searching for islands and a hierarchy of boxes costs more than it saves.
-    flags = "" if solids else '<flag island="disable" midphase="disable"/>'
+    # No joint has a spring or a damper. One base on a floor: islands and a hierarchy of boxes cost more than they save.
+    alone = "" if solids else 'island="disable" midphase="disable"'
     return f"""
 <mujoco>
-  <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10">{flags}</option>
+  <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" tolerance="1e-10">
+    <flag spring="disable" damper="disable" {alone}/>
+  </option>
   <default>
     <default class="solid"><geom contype="2" conaffinity="0" condim="1"/></default>
     <geom contype="0" conaffinity="0"/>

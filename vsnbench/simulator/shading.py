@@ -75,9 +75,7 @@ def shade_pixels(
         column = 0
         while column < width:
             face = seen[row, column]
-            end = column + 1
-            while end < width and seen[row, end] == face:
-                end += 1
+            end = column + _run_length(seen[row, column:width])
             if face < 0:
                 rgb[row, column:end] = 0
                 column = end
@@ -254,10 +252,17 @@ def label_pixels(seen: Any, owner: Any, categories: Any, instances: Any, categor
         column = 0
         while column < width:
             face = seen[row, column]
-            end = column + 1
-            while end < width and seen[row, end] == face:
-                end += 1
+            end = column + _run_length(seen[row, column:width])
             shown = face >= 0
             category[row, column:end] = categories[owner[face]] if shown else 0
             instance[row, column:end] = instances[owner[face]] if shown else 0
             column = end
+
+
+@compiled
+def _run_length(ids: Any) -> int:
+    """Return how many of the first ids are the same."""
+    for k in range(1, len(ids)):
+        if ids[k] != ids[0]:
+            return k
+    return len(ids)
