@@ -38,7 +38,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     from dataclasses import asdict
 
     from vsnbench.cli.episode_page import safe
-    from vsnbench.cli.listing import ListColumn, name_column, print_list
+    from vsnbench.cli.listing import ListColumn, print_list
     from vsnbench.database.engine import open_engine
     from vsnbench.database.migrate import schema_state
     from vsnbench.database.queries import campaign_states, count_episodes
@@ -81,7 +81,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
         return
     columns = (
         ListColumn("campaign", right=True),
-        name_column("name", least=44),
+        ListColumn("name", least=44, wraps=True),
         ListColumn("seed", right=True, rank=0 if len({campaign.seed for campaign in campaigns}) > 1 else 3),
         ListColumn("robot", rank=2),
         ListColumn("trials done", right=True),

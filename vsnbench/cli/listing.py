@@ -1,15 +1,19 @@
 """A list at the terminal: rows under headings, fitted to its width by one rule.
 
 Numbers, dates and words of ours are never broken. Where there is no room for all columns, those that tell least are
-left out, and named below; then long names are cut, and prose wraps. Into a pipe or a file goes all of it
-(docs/command-line.md).
+left out, and named below; then long names are cut in the middle, since they differ at their ends, and prose wraps. Into
+a pipe or a file goes all of it (docs/command-line.md).
 """
 
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from vsnbench.cli.episode_page import page
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 _GAP = 2
 """Blanks between two columns."""
@@ -67,10 +71,20 @@ def print_list(columns: Sequence[ListColumn], rows: Sequence[Sequence[str]]) -> 
             width=width,
         )
     for row in cells:
-        table.add_row(*(row[place] for place in widths))
+        table.add_row(
+            *(row[place] if columns[place].wraps else _cut(row[place], width) for place, width in widths.items())
+        )
     console.print(table)
     if left_out := [column.heading for place, column in enumerate(columns) if place not in widths]:
         sys.stderr.write(f"no room here for {', '.join(left_out)}: a wider terminal or --json shows more\n")
+
+
+def _cut(cell: "Text", width: int) -> "Text":
+    """Return a cell of at most so many characters: `a-very-lo…-v2.1`; one that fits as it is."""
+    if cell.cell_len <= width or cell.cell_len != len(cell):  # wide letters are left to the table
+        return cell
+    end = (width - 1) // 2
+    return cell[: width - 1 - end] + "…" + cell[len(cell) - end :]
 
 
 def _fitted(columns: Sequence[ListColumn], longest: Sequence[int], room: int) -> Mapping[int, int]:
