@@ -145,7 +145,9 @@ def backup(url: str, target: Path) -> None:
     if target.exists():
         raise RecordError(f"{target} exists already", advice="name a new file for the backup")
     if not target.parent.is_dir():
-        raise RecordError(f"there is no directory {target.parent} for the backup")
+        raise RecordError(
+            f"there is no directory {target.parent} for the backup", advice="make it first, or name another place"
+        )
     source = sqlite_path(url)
     try:
         with whole_file(target) as part:
@@ -286,7 +288,9 @@ def _copy_sqlite(source: Path, target: Path) -> None:
         copy.execute("PRAGMA journal_mode = DELETE")
         (verdict,) = copy.execute("PRAGMA quick_check").fetchone()
     if verdict != "ok":
-        raise RecordError(f"the database {source} is damaged ({verdict}): no copy was made of it")
+        raise RecordError(
+            f"the database {source} is damaged ({verdict}): no copy was made of it", advice="restore an earlier backup"
+        )
 
 
 def _dump_postgresql(url: str, target: Path) -> None:

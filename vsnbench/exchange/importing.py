@@ -133,7 +133,8 @@ def import_habitat(
     if longest > protocol.max_actions:
         raise UsageError(
             f"{source} has an episode of {longest} steps: it was run under another cap than --max-steps "
-            f"{protocol.max_actions}"
+            f"{protocol.max_actions}",
+            advice="name the cap it was run under",
         )
     plan = _plan(goals, NO_NUMBER, model, site, habitat_agent(), True, source, protocol)
     return journal.import_campaign(plan, [_simulated(episode, protocol) for episode in episodes])

@@ -127,5 +127,7 @@ def bytes_of(path: Path) -> bytes:
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
     if len(content) > LARGEST_BYTES:
-        raise UsageError(f"{path} has more than {LARGEST_BYTES // 2**20} MiB")
+        raise UsageError(
+            f"{path} has more than {LARGEST_BYTES // 2**20} MiB", advice="crop the map, or save it with larger cells"
+        )
     return content

@@ -79,7 +79,10 @@ def _download(url: str, part: Path, progress: Progress) -> None:
     except urllib.error.HTTPError as error:
         if error.code == http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
             return  # everything is here already; its hash decides
-        raise ModelError(f"{url}: the server answered {error.code} {error.reason}") from error
+        raise ModelError(
+            f"{url}: the server answered {error.code} {error.reason}",
+            advice="open the address in a browser, and name the file's own",
+        ) from error
     except (urllib.error.URLError, TimeoutError, ConnectionError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", None) or error
         raise ModelError(f"{url}: the download stopped ({reason})", advice=_go_on(part)) from error

@@ -85,7 +85,7 @@ def open_robot(
             return PretendedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
         return SimulatedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
     if noise:
-        raise UsageError(f"robot {name} is not simulated: noise can only be turned on for {_SIMULATED} robots")
+        raise UsageError(f"robot {name} is not simulated, and its noise is its own", advice="leave --noise out")
     if pretend_real:
         raise UsageError(
             f"robot {name} is not simulated within this process: only {_SIMULATED} robots can pretend to be real",

@@ -72,8 +72,8 @@ class RosRobot:
     ) -> None:
         self.profile = profile
         self._parameters = parameters if parameters is not None else ProtocolParameters()
-        if self._parameters.turn_deg != round(self._parameters.turn_deg):
-            raise RobotError(f"discrete_move takes whole degrees: {self._parameters.turn_deg:g}° cannot be asked")
+        if (turn_deg := self._parameters.turn_deg) != round(turn_deg):
+            raise RobotError(f"discrete_move cannot turn by {turn_deg:g}°", advice="take whole degrees as turn_deg")
         self._settings = MotionSettings.for_robot(profile, self._parameters)
         self._patience_s = patience_s
         self.last_capture: CaptureReport | None = None

@@ -126,7 +126,10 @@ def require_it_stands(link: RobotLink) -> None:
         NotPlacedError: it does not.
     """
     if pressed := sorted({hazard.value for hazard, _ in link.snapshot().pressed}):
-        raise NotPlacedError(f"the base still reports: {', '.join(pressed)}")
+        raise NotPlacedError(
+            f"the base still reports: {', '.join(pressed)}",
+            advice="set it flat on its wheels, away from what it touches",
+        )
 
 
 def await_fresh_odometry(link: RobotLink, patience: Patience) -> None:
@@ -150,4 +153,6 @@ def present(now: RobotSnapshot) -> MotionEnd:
 
 def _wait(link: RobotLink, condition: Callable[[RobotSnapshot], bool], timeout_s: float, what: str) -> None:
     if not link.wait_for(condition, timeout_s):
-        raise SensorLostError(f"waited {timeout_s:g} s in vain for {what}")
+        raise SensorLostError(
+            f"waited {timeout_s:g} s in vain for {what}", advice="`vsnbench doctor` says what is silent"
+        )

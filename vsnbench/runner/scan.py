@@ -208,7 +208,10 @@ class Scan:
                 refused, collided, note = self._move(action, observation, pose)
             failures = failures + 1 if note and not refused else 0
             if failures >= _MOST_FAILURES:
-                raise RobotError(f"the scan ended after {failures} movements that failed: {note}")
+                raise RobotError(
+                    f"the scan ended after {failures} movements that failed: {note}",
+                    advice="what was seen until then is in the map",
+                )
             self._actions += 1
             if self._actions % _KEPT_EVERY == 0:
                 kept(self.grid())

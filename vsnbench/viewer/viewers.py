@@ -98,11 +98,17 @@ class Viewer:
         deadline = time.monotonic() + START_TIMEOUT_S
         while time.monotonic() < deadline:
             if self._process.poll() is not None:
-                raise VsnbenchError(f"Rerun's viewer ended at once with code {self._process.returncode}")
+                raise VsnbenchError(
+                    f"Rerun's viewer ended at once with code {self._process.returncode}",
+                    advice="without a display, --web serves it to a browser",
+                )
             with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1):
                 return
             time.sleep(0.02)
-        raise VsnbenchError(f"Rerun's viewer did not start within {START_TIMEOUT_S:g} s")
+        raise VsnbenchError(
+            f"Rerun's viewer did not start within {START_TIMEOUT_S:g} s",
+            advice="try again when the machine is less busy",
+        )
 
 
 class WebViewer(Viewer):

@@ -72,7 +72,10 @@ def read_checkpoint(path: Path) -> Checkpoint:
         raise ModelError(f"{path}: {what}; PIRLNav's are objectnav_il_hd.ckpt or objectnav_rl_ft_hd.ckpt")
     config = content.get("config")
     if not isinstance(config, Mapping):
-        raise ModelError(f"{path}: it holds no configuration, so the network's sizes are not known")
+        raise ModelError(
+            f"{path}: it holds no configuration, so the network's sizes are not known",
+            advice="take the file as its authors published it",
+        )
     prefix = next((prefix for prefix in _PREFIXES if prefix + _LANDMARK in state), None)
     if prefix is None:
         raise ModelError(f"{path}: not PIRLNav weights: there is no {_LANDMARK} among its {len(state)} keys")

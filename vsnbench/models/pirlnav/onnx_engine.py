@@ -90,7 +90,10 @@ class OnnxEngine:
         try:
             self._session: Any = onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's own exceptions share no public base but this
-            raise ModelError(f"onnxruntime cannot open {graph}: {str(error).partition(chr(10))[0][:160]}") from error
+            raise ModelError(
+                f"onnxruntime cannot open {graph}: {str(error).partition(chr(10))[0][:160]}",
+                advice="`runtime: torch` in --model-config runs it without",
+            ) from error
         sizes = network.architecture
         self.label = f"onnxruntime {onnxruntime.__version__} on cpu, {threads} threads"
         self._hidden = np.zeros((sizes.recurrent_layers, 1, sizes.hidden_size), np.float32)

@@ -259,7 +259,8 @@ def _check_greeting(greeting: Mapping[str, Any], address: Address) -> None:
         raise ModelError(f"the model at {address} does not begin with its card", advice="is it a model's server?")
     if greeting.get("wire") != WIRE_VERSION:
         raise ModelError(
-            f"the model at {address} speaks version {greeting.get('wire')!r:.20} of the wire, not {WIRE_VERSION}"
+            f"the model at {address} speaks version {greeting.get('wire')!r:.20} of the wire, not {WIRE_VERSION}",
+            advice="copy vsnbench_policy.py there anew: `vsnbench models serve --write-stub DIR`",
         )
 
 

@@ -62,7 +62,8 @@ class VLV:
         goals = frozenset(goal for goal, name in CLASS_OF_GOAL.items() if name in self._detector.classes)
         if not goals:
             raise ModelError(
-                f"vlv's detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}"
+                f"vlv's detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}",
+                advice="take one that was trained on COCO",
             )
         self.card = ModelCard(
             name="vlv",

@@ -30,7 +30,9 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
             raise ModelError("the simulated detector has no weights", advice=f"leave out detector_weights ({given})")
         return SimulatedDetector(settings)
     if given is not None and not given.is_file():
-        raise ModelError(f"no detector at {given} (detector_weights)")
+        raise ModelError(
+            f"no detector at {given} (detector_weights)", advice="detector_weights is a path from here, or a whole one"
+        )
     if kind is DetectorKind.ONNX:
         from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 

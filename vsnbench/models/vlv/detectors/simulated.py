@@ -55,7 +55,10 @@ class SimulatedDetector:
         """
         image = observation.instances
         if image is None:
-            raise ModelError("the simulated detector got no instance image: it works on simulated robots only")
+            raise ModelError(
+                "the simulated detector got no instance image: it works on simulated robots only",
+                advice="name real weights, docs/vlv.md says how",
+            )
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []
         for instance, category in _visible(image):
