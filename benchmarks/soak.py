@@ -23,7 +23,7 @@ from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.selection import plan_trials
-from vsnbench.runner.session import run_session
+from vsnbench.runner.session import DrivingModel, Judged, Stage, run_session
 from vsnbench.runner.stopping import Stopping
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -73,15 +73,11 @@ def drive(episodes: int, directory: Path) -> Watching:
     with Journal.open(results.database_url) as journal, Stopping() as stop:
         target = RecordingTarget(journal, results, "random", robot.profile, RerunEpisodes(live=False))
         run_session(
-            journal,
+            Stage(journal, robot, Judged(journal, watching), stop),
+            DrivingModel(RandomWalk(), partial(EpisodeRecorderFanOut, target)),
             journal.find_or_create_campaign(plan),
             site,
             PARAMETERS,
-            robot,
-            RandomWalk(),
-            partial(EpisodeRecorderFanOut, target),
-            watching,
-            stop,
         )
     return watching
 

@@ -40,7 +40,7 @@ from vsnbench.runner.depth_guard import look_ahead
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.selection import plan_trials
-from vsnbench.runner.session import run_session
+from vsnbench.runner.session import DrivingModel, Judged, Stage, run_session
 from vsnbench.runner.stopping import Stopping
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -137,7 +137,8 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
         target = RecordingTarget(journal, results, "wanderer", robot.identity.profile, viewer, kept=kept)
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
-        run_session(journal, campaign, site, PARAMETERS, robot, Wanderer(), recorder, Counting(tally), stop)
+        stage = Stage(journal, robot, Judged(journal, Counting(tally)), stop)
+        run_session(stage, DrivingModel(Wanderer(), recorder), campaign, site, PARAMETERS)
         tally.seconds = time.perf_counter() - began
     return tally
 

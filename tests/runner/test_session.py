@@ -33,7 +33,7 @@ from vsnbench.runner.attendant import EndedEpisode, Judgement, Nobody
 from vsnbench.runner.emergency_stop import PRESSED
 from vsnbench.runner.placing import Placing
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import SessionResult, run_session
+from vsnbench.runner.session import DrivingModel, Judged, SessionResult, Stage, run_session
 from vsnbench.runner.stopping import StopAuthor, Stopped, Stopping, StopRequest
 
 
@@ -106,16 +106,11 @@ def drive(
         campaign = campaign_of(journal, simulated=robot.simulated, starts=starts)
         target = RecordingTarget(journal, results, "scripted", PROFILE, operator="maria", beside=beside)
         return run_session(
-            journal,
+            Stage(journal, robot, Judged(journal, person, "maria"), stopping),
+            DrivingModel(ScriptedPolicy(script), partial(EpisodeRecorderFanOut, target)),
             campaign,
             PLAN.site,
             PLAN.parameters,
-            robot,
-            ScriptedPolicy(script),
-            partial(EpisodeRecorderFanOut, target),
-            person,
-            stopping,
-            "maria",
         )
 
 
@@ -295,16 +290,13 @@ def test_a_locked_record_is_waited_for_with_the_robot_at_rest(results: ResultsDi
             MotionResult(completed=True),
         )[1]
         target = RecordingTarget(journal, results, "scripted", PROFILE)
+        policy = ScriptedPolicy([Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP])
         result = run_session(
-            journal,
+            Stage(journal, robot, Judged(journal, Nobody(QuietDisplay())), stop),
+            DrivingModel(policy, partial(EpisodeRecorderFanOut, target)),
             campaign_of(journal, simulated=True),
             PLAN.site,
             PLAN.parameters,
-            robot,
-            ScriptedPolicy([Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP]),
-            partial(EpisodeRecorderFanOut, target),
-            Nobody(QuietDisplay()),
-            stop,
         )
     locker.close()
     assert max(waited) <= 2, "one step was under way, and none is taken before the last one is kept"

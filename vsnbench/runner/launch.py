@@ -39,7 +39,7 @@ from vsnbench.runner.pool.process import dismiss_fork_server
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.request import RunRequest
 from vsnbench.runner.selection import choose_starts, is_surveyed, most_goals, named_site, plan_trials
-from vsnbench.runner.session import VOID_IN_A_ROW, SessionResult, run_session
+from vsnbench.runner.session import VOID_IN_A_ROW, DrivingModel, Judged, SessionResult, Stage, run_session
 from vsnbench.runner.stopping import Stopping
 
 logger = logging.getLogger(__name__)
@@ -266,17 +266,11 @@ class _Alone:
         )
         with attendance.attend(occasion) as attendant:
             return run_session(
-                journal,
+                Stage(journal, self._bench.robot, Judged(journal, attendant, keeping.operator), occasion.stop),
+                DrivingModel(self._bench.policy, partial(EpisodeRecorderFanOut, target), described.title),
                 keeping.campaign,
                 self._plan.site,
                 self._plan.parameters,
-                self._bench.robot,
-                self._bench.policy,
-                partial(EpisodeRecorderFanOut, target),
-                attendant,
-                occasion.stop,
-                keeping.operator,
-                described.title,
                 occasion.most_void,
             )
 

@@ -62,6 +62,26 @@ class RecorderFactory(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What all trials of a session are run with, whichever model drives."""
+
+    journal: Journal
+    robot: Robot
+    beside: "Judged"
+    stop: Stopping
+
+
+@dataclass(frozen=True, slots=True)
+class DrivingModel:
+    """A model that drives, and what makes the recorders of its episodes."""
+
+    policy: Policy
+    new_recorder: RecorderFactory
+    shown: str = ""
+    """Its name for people: its code while they are blind."""
+
+
 @dataclass(slots=True)
 class VoidsInARow:
     """Counts episodes as they end, and knows when another attempt will mend nothing.
@@ -122,17 +142,11 @@ class SessionResult:
 
 
 def run_session(
-    journal: Journal,
+    stage: Stage,
+    model: DrivingModel,
     campaign: OpenCampaign,
     site: Site,
     parameters: ProtocolParameters,
-    robot: Robot,
-    policy: Policy,
-    new_recorder: RecorderFactory,
-    attendant: Attendant,
-    stop: Stopping,
-    operator: str = "",
-    driven_by: str = "",
     most_void: int = VOID_IN_A_ROW,
 ) -> SessionResult:
     """Run every trial that was asked for and is left, once each, and say what has become of the campaign by then.
@@ -145,25 +159,17 @@ def run_session(
         RecordError: the record cannot be written.
     """
     voids = VoidsInARow(most_void)
-    because = run_trials(
-        journal, campaign, site, parameters, robot, policy, new_recorder, attendant, stop, voids, operator, driven_by
-    )
-    return SessionResult.of(voids, journal.standing(campaign), because)
+    because = run_trials(stage, model, campaign, site, parameters, voids)
+    return SessionResult.of(voids, stage.journal.standing(campaign), because)
 
 
 def run_trials(
-    journal: Journal,
+    stage: Stage,
+    model: DrivingModel,
     campaign: OpenCampaign,
     site: Site,
     parameters: ProtocolParameters,
-    robot: Robot,
-    policy: Policy,
-    new_recorder: RecorderFactory,
-    attendant: Attendant,
-    stop: Stopping,
     voids: VoidsInARow,
-    operator: str = "",
-    driven_by: str = "",
 ) -> str:
     """Run trials as `run_session` does, and return why they ended before all were done; empty when they are.
 
@@ -173,11 +179,10 @@ def run_trials(
     """
     because = ""
     wanted = [trial.id for trial in campaign.trials]
-    beside = Judged(journal, attendant, operator)
     while not because:
-        claim = _next(journal, campaign, wanted)
+        claim = _next(stage.journal, campaign, wanted)
         if claim is None:
-            wanted = list(beside.nothing_left())
+            wanted = list(stage.beside.nothing_left())
             if not wanted:
                 break
             continue
@@ -185,7 +190,7 @@ def run_trials(
         wanted.remove(trial.id)
         plan = EpisodePlan(site, trial.goal, site.start(trial.start), claim.seed, parameters)
         try:
-            outcome = run_trial(journal, claim, plan, robot, policy, new_recorder, beside, stop, driven_by)
+            outcome = run_trial(stage, model, claim, plan)
         except TrialSkippedError:
             wanted.append(trial.id)
             continue
@@ -193,7 +198,7 @@ def run_trials(
             return str(over)
         if outcome is not None:
             because = voids.count(outcome)
-        wanted = [*beside.again(), *wanted]
+        wanted = [*stage.beside.again(), *wanted]
     return because
 
 
@@ -208,18 +213,8 @@ def _next(journal: Journal, campaign: OpenCampaign, wanted: Sequence[int]) -> Cl
     return claim
 
 
-def run_trial(
-    journal: Journal,
-    claim: Claim,
-    plan: EpisodePlan,
-    robot: Robot,
-    policy: Policy,
-    new_recorder: RecorderFactory,
-    beside: "Judged",
-    stop: Stopping,
-    driven_by: str = "",
-) -> EpisodeOutcome | None:
-    """Run one claimed trial with one policy, and have it judged; None where another process took this one for dead.
+def run_trial(stage: Stage, model: DrivingModel, claim: Claim, plan: EpisodePlan) -> EpisodeOutcome | None:
+    """Run one claimed trial with one model, and have it judged; None where another process took this one for dead.
 
     Raises:
         TrialSkippedError: whoever is there wants it later; nothing of it is kept.
@@ -227,11 +222,11 @@ def run_trial(
         Stopped: a person or the system asked to stop; what happened until then is recorded.
         RecordError: the record cannot be written.
     """
-    recorder = new_recorder(claim)
+    beside, recorder = stage.beside, model.new_recorder(claim)
     try:
-        with _kept(journal, claim):
-            beside.trial_begins(Upcoming(claim.id, claim.trial.id, driven_by, plan))
-            outcome = run_episode(robot, policy, plan, recorder, beside, stop)
+        with _kept(stage.journal, claim):
+            beside.trial_begins(Upcoming(claim.id, claim.trial.id, model.shown, plan))
+            outcome = run_episode(stage.robot, model.policy, plan, recorder, beside, stage.stop)
     except EpisodeClosedError as closed:
         logger.warning("%s", closed)
         return None
@@ -239,9 +234,9 @@ def run_trial(
         beside.was_cut_short(EndedEpisode(claim.id, plan, stopped.outcome))
         raise
     finally:
-        stop.episode_is_over()
+        stage.stop.episode_is_over()
         recorder.close()
-        journal.release(claim.id)
+        stage.journal.release(claim.id)
     beside.has_ended(EndedEpisode(claim.id, plan, outcome))
     return outcome
 
@@ -249,7 +244,7 @@ def run_trial(
 class Judged:
     """The attendant of a session, whose judgements and interventions are kept."""
 
-    def __init__(self, journal: Journal, attendant: Attendant, operator: str) -> None:
+    def __init__(self, journal: Journal, attendant: Attendant, operator: str = "") -> None:
         self._journal = journal
         self._attendant = attendant
         self._operator = operator

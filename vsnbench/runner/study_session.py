@@ -34,7 +34,7 @@ from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan
 from vsnbench.runner.leftovers import sweep_results
 from vsnbench.runner.model_shelf import ModelShelf
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import VOID_IN_A_ROW, Judged, run_trial
+from vsnbench.runner.session import VOID_IN_A_ROW, DrivingModel, Judged, Stage, run_trial
 from vsnbench.runner.stopping import Stopping
 from vsnbench.runner.study_arms import StudyPlace, needs_a_person, telling_words
 from vsnbench.runner.unheard import ModelsUnheard
@@ -151,11 +151,13 @@ def run_study(request: StudyRequest, attendance: Attendance, viewer: EpisodeView
         )
         return _Session(
             request,
-            robot,
-            journal,
+            Stage(
+                journal,
+                robot,
+                Judged(journal, BlindAttendant(attendant) if blind else attendant, provenance.operator),
+                stop,
+            ),
             shelf,
-            stop,
-            Judged(journal, BlindAttendant(attendant) if blind else attendant, provenance.operator),
             lambda arm: RecordingTarget(
                 journal, request.results, recorded.shown(arm), robot.identity.profile, seen, provenance.operator
             ),
@@ -204,11 +206,8 @@ def _loaded(
 @dataclass(slots=True)
 class _Session:
     request: StudyRequest
-    robot: Robot
-    journal: Journal
+    stage: Stage
     shelf: ModelShelf
-    stop: Stopping
-    beside: Judged
     target: Callable[[str], RecordingTarget]
 
     def run(self) -> StudyResult:
@@ -220,9 +219,9 @@ class _Session:
         passed_over: set[int] = set()
         skipped: set[int] = set()
         """By whoever is there, until nothing else is left."""
-        decision = self._decision(self.journal.study_standing(recorded.id))
+        decision = self._decision(self.stage.journal.study_standing(recorded.id))
         while not because and not decision.over:
-            standing = self.journal.study_standing(recorded.id)
+            standing = self.stage.journal.study_standing(recorded.id)
             away = {*suspended, *decision.dropped}
             not_now = passed_over | skipped
             wanted = [one for one in standing if one.left and one.arm not in away and one.rank not in not_now]
@@ -231,7 +230,7 @@ class _Session:
             if not wanted and skipped:
                 skipped.clear()
                 continue
-            if not wanted and self.beside.nothing_left():
+            if not wanted and self.stage.beside.nothing_left():
                 continue
             if not wanted:
                 break
@@ -239,7 +238,7 @@ class _Session:
                 because = f"it is {request.until:%H:%M}"
                 break
             turn = wanted[0]
-            claim = self.journal.claim_next(turn.trial.campaign_id, [turn.trial.id])
+            claim = self.stage.journal.claim_next(turn.trial.campaign_id, [turn.trial.id])
             if claim is None:
                 passed_over.add(turn.rank)
                 continue
@@ -259,11 +258,11 @@ class _Session:
             own[turn.arm] = own[turn.arm] + 1 if reason in THE_MODELS else 0
             if own[turn.arm] == VOID_IN_A_ROW or (not outcome.began and reason in THE_MODELS):
                 suspended[turn.arm] = outcome.error
-                self.journal.note_in_study(recorded.id, SUSPEND, f"{turn.arm}: {outcome.error}")
+                self.stage.journal.note_in_study(recorded.id, SUSPEND, f"{turn.arm}: {outcome.error}")
                 logger.warning("%s is left out for now: %s", recorded.shown(turn.arm), self._shown_error(outcome))
             if reason.is_result:
                 in_a_row = 0
-                decision = self._decision(self.journal.study_standing(recorded.id))
+                decision = self._decision(self.stage.journal.study_standing(recorded.id))
             elif reason is not EndReason.ABORTED and reason not in THE_MODELS:
                 in_a_row += 1
             if in_a_row == VOID_IN_A_ROW:
@@ -276,7 +275,7 @@ class _Session:
             return Decision((), {}, "")
         decision = decide(study, block_outcomes(standing, study.goals))
         if decision.over and not any(one.kind == OVER for one in recorded.entries):
-            self.journal.note_in_study(recorded.id, OVER, decision.over)
+            self.stage.journal.note_in_study(recorded.id, OVER, decision.over)
         return decision
 
     def _run_one(self, turn: StudyTrialStanding, claim: Claim) -> EpisodeOutcome | None:
@@ -287,16 +286,16 @@ class _Session:
             policy = self.shelf.take(turn.arm)
         except VsnbenchError as error:
             verdict = judge(EndReason.MODEL_ERROR, 0, None, parameters)
-            self.journal.end_episode(
+            self.stage.journal.end_episode(
                 claim.id, EpisodeEnd(EndReason.MODEL_ERROR, 0, verdict, error=f"could not be loaded: {error}")
             )
             return EpisodeOutcome(verdict, 0, None, 0.0, f"could not be loaded: {error}", began=False)
         except BaseException:
-            self.journal.release(claim.id)
+            self.stage.journal.release(claim.id)
             raise
         recorder = partial(EpisodeRecorderFanOut, self.target(turn.arm))
         shown = self.request.recorded.shown(turn.arm)
-        outcome = run_trial(self.journal, claim, plan, self.robot, policy, recorder, self.beside, self.stop, shown)
+        outcome = run_trial(self.stage, DrivingModel(policy, recorder, shown), claim, plan)
         if outcome is not None and outcome.verdict.end_reason in THE_MODELS:
             self.shelf.drop(turn.arm)  # whatever state it is in, the next trial gets a fresh one
         return outcome
@@ -307,7 +306,7 @@ class _Session:
     def _result(
         self, decision: Decision, episodes: int, void: int, suspended: Sequence[str], because: str
     ) -> StudyResult:
-        standing = self.journal.study_standing(self.request.recorded.id)
+        standing = self.stage.journal.study_standing(self.request.recorded.id)
         wanted = [] if decision.over else [one for one in standing if one.arm not in decision.dropped]
         return StudyResult(
             episodes=episodes,

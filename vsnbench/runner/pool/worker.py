@@ -26,7 +26,7 @@ from vsnbench.runner.bench import Bench, BenchPlan, open_bench
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.session import VoidsInARow, run_trials
+from vsnbench.runner.session import DrivingModel, Judged, Stage, VoidsInARow, run_trials
 from vsnbench.runner.stopping import Stopped, Stopping
 
 TELL_EVERY_S = 0.25
@@ -120,18 +120,14 @@ class Worker:
             plan.kept,
             beside=order.cores_left,
         )
+        beside = Judged(self._journal, _Reporter(self._connection, order), keeping.operator)
         run_trials(
-            self._journal,
+            Stage(self._journal, bench.robot, beside, self._stop),
+            DrivingModel(bench.policy, partial(EpisodeRecorderFanOut, target)),
             replace(keeping.campaign, trials=(order.trial,)),
             plan.site,
             plan.parameters,
-            bench.robot,
-            bench.policy,
-            partial(EpisodeRecorderFanOut, target),
-            _Reporter(self._connection, order),
-            self._stop,
             VoidsInARow(),
-            keeping.operator,
         )
 
 
