@@ -16,6 +16,7 @@ from tests.database.records_of_a_lab import begun, forward, plan, run, running_e
 from vsnbench.database import migrate
 from vsnbench.database.engine import open_engine
 from vsnbench.database.journal import Journal
+from vsnbench.database.migrate import begin_record, get_ready
 from vsnbench.database.queries import episode_steps, list_episodes
 from vsnbench.database.read_shapes import EpisodeFilter
 from vsnbench.database.tables import Base
@@ -313,3 +314,20 @@ def test_a_backup_never_overwrites_and_never_appears_half_written(sqlite: str, t
     with pytest.raises(RecordError, match="nothing to back up"):
         migrate.backup(sqlite_url(tmp_path / "absent.db"), tmp_path / "copy.db")
     assert not (tmp_path / "copy.db").exists()
+
+
+def test_a_record_that_was_made_in_memory_is_one_that_migrations_made_and_replaces_none(
+    sqlite: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(migrate, "_empty_records", [])
+    get_ready(sqlite)
+    assert not list(tmp_path.iterdir()), "what is about to be run may still be refused"
+    begin_record(sqlite)
+    assert [path.name for path in tmp_path.iterdir()] == ["vsnbench.db"]
+    assert migrate.schema_state(open_engine(sqlite)).up_to_date
+    assert differences(sqlite) == []
+    with Journal.open(sqlite) as journal:
+        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
+        begin_record(sqlite)
+    with Journal.open(sqlite) as journal:
+        assert len(list_episodes(journal.engine, EpisodeFilter())) == 1

@@ -15,7 +15,7 @@ from vsnbench.database.episodes import EpisodeWriter
 from vsnbench.database.importing import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.database.merge_plan import MergePlan, OtherRecord, plan_merge
 from vsnbench.database.merging import PlaceFiles, carry_out, lock_merges
-from vsnbench.database.migrate import upgrade
+from vsnbench.database.migrate import begin_record, upgrade
 from vsnbench.database.model_history import differences, last_of_its_name
 from vsnbench.database.provenance import Provenance, gather_provenance, this_process
 from vsnbench.database.recovery import dead_episodes, dead_sessions, interrupted, recover_one
@@ -60,6 +60,7 @@ class Journal(CampaignWriter, EpisodeWriter):
             RecordError: it cannot be used, or it is from a newer vsnbench.
         """
         patience = LockPatience()
+        begin_record(url)
         engine = open_engine(url, patience=patience)
         try:
             upgrade(engine)

@@ -1,5 +1,6 @@
 """Brings a database to this version's schema with Alembic, refuses one from a newer vsnbench, and makes backups."""
 
+import contextlib
 import os
 import sqlite3
 import subprocess
@@ -16,13 +17,17 @@ from vsnbench.database.tables import Campaign, Model, Robot, Site
 from vsnbench.database_url import libpq_connection, sqlite_path
 from vsnbench.errors import RecordError
 from vsnbench.resources import resource_directory
-from vsnbench.whole_files import whole_file
+from vsnbench.whole_files import part_path, whole_file
 
 if TYPE_CHECKING:
     from alembic.config import Config
 
 HEAD: Final = "0005"
 """The newest revision: a record that has it is opened without Alembic, which takes a fifth of a second to load."""
+
+
+_empty_records: list[bytes] = []
+"""One that was made in memory, as a file has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +89,35 @@ def _check_readable(engine: Engine) -> None:
 
 
 def get_ready(url: str) -> None:
-    """Load what `upgrade` needs for a database that is not there yet: whoever waits for others does it meanwhile."""
+    """Make an empty record in memory for a database that is not there yet: whoever waits for others does it meanwhile.
+
+    Nothing is written: what is about to be run may still be refused.
+    """
     path = sqlite_path(url)
-    if path is not None and not path.exists():
-        import alembic.command  # noqa: F401
+    if path is None or path.exists() or _empty_records:
+        return
+    engine = open_engine("sqlite://")
+    with engine.connect() as connection:  # a database in memory lives as long as its connection
+        upgrade(engine)
+        _empty_records.append(_raw(connection).serialize())
+    engine.dispose()
+
+
+def begin_record(url: str) -> None:
+    """Write the empty record that was made in memory, where there is no database yet; else nothing happens.
+
+    Of several processes one is first; the others, and one whose disk links no files, leave it to `upgrade`.
+    """
+    path = sqlite_path(url)
+    if path is None or path.exists() or not _empty_records:
+        return
+    part = part_path(path)
+    with contextlib.suppress(OSError):  # another has begun it, or the disk links no files
+        try:
+            part.write_bytes(_empty_records[0])
+            os.link(part, path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:

@@ -84,7 +84,8 @@ def launch(
         viewer = None
     live = viewer is not None and viewer.is_live
     wish = wish_of(request.workers, bench, trials, live=live, attended=request.attended)
-    get_ready(request.results.database_url)
+    if isinstance(wish, ClusterWish) or wish.at_most > 1:
+        get_ready(request.results.database_url)  # while the workers do
     with ExitStack() as stack:
         crew = stack.enter_context(open_crew(bench, wish, shared))
         described = crew.description

@@ -19,10 +19,13 @@ from multiprocessing.connection import Connection
 import psutil
 
 from vsnbench.database.journal import Journal
+from vsnbench.database.provenance import Provenance
 from vsnbench.errors import VsnbenchError
 from vsnbench.models.torch_runtime import gpu_memory
+from vsnbench.protocol.free_space import free_space
 from vsnbench.runner.attendant import EndedEpisode, Unattended
-from vsnbench.runner.bench import Bench, BenchPlan, open_bench
+from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan, open_bench
+from vsnbench.runner.depth_guard import get_ready
 from vsnbench.runner.episode import EpisodePlan, Step
 from vsnbench.runner.pool.messages import Acted, Ended, Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
@@ -61,7 +64,7 @@ class Worker:
         self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
         self._plan: BenchPlan | None = None
         self._bench: Bench | None = None
-        self._command = ""
+        self._provenance: Provenance | None = None
         self._journal: Journal | None = None
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
@@ -96,19 +99,21 @@ class Worker:
     def _prepare(self, plan: BenchPlan, command: tuple[str, ...]) -> None:
         self._stack.close()
         self._bench = self._journal = None
-        self._command = shlex.join(command)
         self._bench = self._stack.enter_context(open_bench(plan))
         self._plan = plan
         self._stop.last_acts[:] = [self._bench.robot.halt]
         self._connection.send(Prepared(self._bench.description, psutil.Process().memory_full_info().uss, gpu_memory()))
+        # The driver opens the record now: what the first trial needs is loaded meanwhile.
+        self._provenance = self._bench.provenance(shlex.join(command))
+        _load_for_trials(self._bench.description, plan)
 
     def _run(self, order: RunTrial) -> None:
-        if self._bench is None or self._plan is None:
+        if self._bench is None or self._plan is None or self._provenance is None:
             raise RuntimeError("a trial was ordered before a bench")
         bench, plan, keeping = self._bench, self._plan, order.keeping
         if self._journal is None:
             url = keeping.results.database_url
-            self._journal = self._stack.enter_context(Journal.open(url, bench.provenance(self._command)))
+            self._journal = self._stack.enter_context(Journal.open(url, self._provenance))
             self._journal.patience.gives_up = lambda: self._stop.session_ends
         target = RecordingTarget(
             self._journal,
@@ -129,6 +134,12 @@ class Worker:
             plan.parameters,
             VoidsInARow(),
         )
+
+
+def _load_for_trials(described: BenchDescription, plan: BenchPlan) -> None:
+    profile = described.robot.profile
+    get_ready(profile.camera, profile.base, plan.parameters.depth_guard)
+    free_space(plan.site, profile.base.radius_m).geodesic_field_m(described.goals[0], plan.parameters)
 
 
 class _Reporter(Unattended):
