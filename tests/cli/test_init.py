@@ -9,10 +9,15 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
 from tests.cli.console import Answer
+from vsnbench.cli.main import VERBS, build_app
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, take_lab_defaults
+from vsnbench.record.results import ResultsDirectory
 
 VARIABLES = ("VSNBENCH_SITE", "VSNBENCH_ROBOT", "VSNBENCH_RESULTS", "VSNBENCH_OPERATOR", "VSNBENCH_WEIGHTS")
 PATIENCE_S = 120.0
@@ -159,3 +164,57 @@ def test_what_cannot_be_watched_is_refused(type_in: Type, tmp_path: Path, words:
     refused = type_in(tmp_path, "run", *model, "--goal", "chair", "--watch", *words)
     assert refused.code == 2
     assert said in refused.err
+
+
+def test_what_a_lab_says_holds_for_every_verb_that_takes_a_site_or_a_robot() -> None:
+    deaf = [
+        f"{verb} {name} {option}"
+        for verb in VERBS
+        for name, command in commands_of(verb).items()
+        for parameter in command.params
+        for option, built_in in (("--site", BUILT_IN_SITE), ("--robot", BUILT_IN_ROBOT))
+        if option in parameter.opts and parameter.default == built_in and parameter.envvar is None
+    ]
+    assert deaf == []
+
+
+def commands_of(verb: str) -> dict[str, Any]:
+    command: Any = get_command(build_app(verb)).commands[verb]  # type: ignore[attr-defined]
+    return getattr(command, "commands", {"": command})
+
+
+def test_a_study_is_planned_in_the_labs_own_flat_and_says_so(type_in: Type, tmp_path: Path) -> None:
+    type_in(tmp_path, "init", "lab")
+    words = (
+        "study",
+        "new",
+        "s.yaml",
+        "--title",
+        "t",
+        "--question",
+        "q",
+        "--arm",
+        "oracle",
+        "--arm",
+        "random",
+        "-g",
+        "chair",
+    )
+    made = type_in(tmp_path / "lab", *words)
+    assert "site lab.yaml, robot simulated (from " in made.err
+    assert 'site: "lab.yaml"' in (tmp_path / "lab" / "s.yaml").read_text()
+
+
+def test_the_next_command_repeats_no_directory_that_the_labs_file_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "vsnbench.toml").write_text('results = "kept"\n')
+    (below := tmp_path / "model").mkdir()
+    monkeypatch.chdir(below)
+    monkeypatch.delenv("VSNBENCH_RESULTS", raising=False)
+    take_lab_defaults(environment := {})
+    assert ResultsDirectory.locate(environment=environment).options == ""
+    assert ResultsDirectory.locate(Path("results")).options == " --results results"
+    monkeypatch.setenv("VSNBENCH_RESULTS", "elsewhere")
+    assert ResultsDirectory.locate(tmp_path / "kept").options == f" --results {tmp_path / 'kept'}"
+    assert ResultsDirectory.locate().options == " --results elsewhere"

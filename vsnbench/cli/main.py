@@ -48,8 +48,16 @@ VERBS: dict[str, tuple[str, str]] = {
 A module offers `app` (a Typer with sub-commands) or `command` (a function that is the verb itself).
 """
 
-_SAID_ALOUD = {"run": ("site", "robot"), "doctor": ("robot",)}
-"""Verbs that may move a robot -> which defaults of a file they name, so that nobody is surprised."""
+_SAID_ALOUD = {
+    ("run",): ("site", "robot"),
+    ("doctor",): ("robot",),
+    ("place",): ("site", "robot"),
+    ("sites", "scan"): ("robot",),
+    ("study", "new"): ("site", "robot"),
+    ("ros1", "simulate"): ("site",),
+    ("ros2", "simulate"): ("site",),
+}
+"""Verbs that may move a robot, or plan it -> which defaults of a file they name, so that nobody is surprised."""
 
 _COMPLETING = "_VSNBENCH_COMPLETE"
 """Set by a shell that asks what could come next."""
@@ -160,11 +168,12 @@ def _typed() -> Sequence[str]:
 def _say_defaults(verb: str | None, taken: Sequence[LabDefault]) -> None:
     """Name the defaults of a lab's file that decide what a robot does."""
     typed = {word.split("=", 1)[0] for word in sys.argv[1:]}
+    after = sys.argv[sys.argv.index(verb) + 1 :][:1] if verb in sys.argv else []
+    named = _SAID_ALOUD.get((verb or "",)) or _SAID_ALOUD.get((verb or "", *after), ())
     said = [
         f"{each.name} {each.value}"
         for each in taken
-        if each.name in _SAID_ALOUD.get(verb or "", ())
-        and not typed & {f"--{each.name}", f"--{each.name}s", "--help", "-h"}
+        if each.name in named and not typed & {f"--{each.name}", f"--{each.name}s", "--help", "-h"}
     ]
     if said:
         sys.stderr.write(f"{', '.join(said)} (from {taken[0].source})\n")

@@ -10,6 +10,7 @@ import typer
 
 from vsnbench.cli.output import is_hushed
 from vsnbench.errors import UsageError
+from vsnbench.lab_file import VARIABLE_OF
 
 if TYPE_CHECKING:
     from vsnbench.console.operator_page import OperatorPage
@@ -71,7 +72,12 @@ ConsoleKey = Annotated[
     typer.Option("--console-key", help="PEM file of its private key", rich_help_panel=PAGE_PANEL),
 ]
 
-PlayedSite = Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")]
+PlayedSite = Annotated[
+    str,
+    typer.Option(
+        "--site", envvar=VARIABLE_OF["site"], show_envvar=False, help="Embedded site, or the path of a site file."
+    ),
+]
 RateFactor = Annotated[float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")]
 Noise = Annotated[bool, typer.Option("--noise", help="Odometry that drifts, depth with noise and holes.")]
 CommandLag = Annotated[float, typer.Option("--command-lag", min=0, max=1, help="Seconds from a command to its effect.")]

@@ -7,16 +7,30 @@ import typer
 
 from vsnbench.cli.options import Database, Results
 from vsnbench.cli.output import Json, print_json
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
 
 def command(
     start: Annotated[int, typer.Option("--start", help="Number of the starting position that the robot stands at.")],
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.")
-    ] = "simulated",
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
+        ),
+    ] = BUILT_IN_ROBOT,
     site: Annotated[
-        str, typer.Option("--site", help="Embedded site, a site file, or twin:N, a generated flat.")
-    ] = "apartment",
+        str,
+        typer.Option(
+            "--site",
+            envvar=VARIABLE_OF["site"],
+            show_envvar=False,
+            help="Embedded site, a site file, or twin:N, a generated flat.",
+        ),
+    ] = BUILT_IN_SITE,
     turn: Annotated[
         bool, typer.Option("--turn", help="Turn once around on the spot and measure from all of it.")
     ] = False,

@@ -1,5 +1,6 @@
 """`vsnbench report`: success rates with intervals, from the database alone."""
 
+import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -185,6 +186,7 @@ def _write_or_serve(
 
     if output is not None:
         print_files(write_report(report, drawn, output), as_json=as_json)
+        sys.stderr.write(f"the page: {output / 'report.html'}, which stands alone\n")
     if port is not None:
         page = html_page(report, report.sheets(long=True), drawn)
         try:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli import options
+from vsnbench.lab_file import BUILT_IN_SITE
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -16,7 +17,7 @@ RobotOption = Annotated[
 
 @app.command("simulate")
 def simulate(
-    site: options.PlayedSite = "apartment",
+    site: options.PlayedSite = BUILT_IN_SITE,
     robot: RobotOption = "turtlebot4",
     rate_factor: options.RateFactor = 1.0,
     noise: options.Noise = False,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.output import Json, print_json
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
 if TYPE_CHECKING:
     from vsnbench.cli.scan_progress import ScanProgress
@@ -20,8 +21,15 @@ if TYPE_CHECKING:
 
 def command(
     robot: Annotated[
-        str, typer.Option("--robot", "-r", help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.")
-    ] = "simulated",
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
+        ),
+    ] = BUILT_IN_ROBOT,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Where to: a map.yaml that is not there yet, its PGM beside it.")
     ] = Path("scan.yaml"),
@@ -79,7 +87,7 @@ def command(
     for path in (output, image):
         if path.exists():
             raise UsageError(f"{path} is there already", advice="name another file with --output")
-    place = named_site(site or "apartment") if site or is_simulated(robot) else None
+    place = named_site(site or BUILT_IN_SITE) if site or is_simulated(robot) else None
     parameters = ProtocolParameters()
     with (
         Stopping() as stop,

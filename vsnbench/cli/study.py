@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli import study_following
-from vsnbench.cli.options import Database, Results
+from vsnbench.cli.options import Database, PlayedSite, Results
 from vsnbench.cli.output import Json, print_files, print_json
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -35,8 +36,17 @@ def new(
     goal: Annotated[list[str] | None, typer.Option("--goal", "-g", help="Shared goals, also with commas.")] = None,
     starts: Annotated[str, typer.Option("--starts", help="Starting positions, like 1-15,20.")] = "1-15",
     repetitions: Annotated[int, typer.Option("--repetitions", min=1, max=1000)] = 1,
-    site: Annotated[str, typer.Option("--site", help="Embedded site, or the path of a site file.")] = "apartment",
-    robot: Annotated[str, typer.Option("--robot", "-r", help="As `vsnbench run` takes it.")] = "simulated",
+    site: PlayedSite = BUILT_IN_SITE,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="As `vsnbench run` takes it.",
+        ),
+    ] = BUILT_IN_ROBOT,
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, metavar="N")] = 0,
     stopping: Annotated[Stopping, typer.Option("--stopping", help="When it ends.")] = Stopping.PLAN,
     open_: Annotated[bool, typer.Option("--open", help="People see which model drives.")] = False,

@@ -12,7 +12,7 @@ from typing import Self
 
 from vsnbench.database_url import shown_url, sqlite_url
 from vsnbench.errors import RecordError
-from vsnbench.lab_file import BUILT_IN_RESULTS
+from vsnbench.lab_file import BUILT_IN_RESULTS, lab_defaults
 from vsnbench.record.confined import confined
 
 ENVIRONMENT_VARIABLE = "VSNBENCH_RESULTS"
@@ -64,8 +64,14 @@ class ResultsDirectory:
 
     @property
     def options(self) -> str:
-        """What another command needs to be told to find the same record, each option after a blank."""
-        words = "" if self.path == Path(BUILT_IN_RESULTS) else f" --results {shlex.quote(str(self.path))}"
+        """What another command typed here needs to be told to find the same record, each option after a blank.
+
+        Not where a lab's file says it; where a variable said it, another terminal may not know.
+        """
+        said = next(each.value for each in lab_defaults(environment={}) if each.name == "results")
+        usual = Path(said or BUILT_IN_RESULTS)
+        known = self.path == usual == Path(os.environ.get(ENVIRONMENT_VARIABLE) or usual)
+        words = "" if known else f" --results {shlex.quote(str(self.path))}"
         elsewhere = self.database_url != sqlite_url(self.path / DATABASE_NAME)
         return words + (f" --db {shlex.quote(self.shown_database)}" if elsewhere else "")
 

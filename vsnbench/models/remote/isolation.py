@@ -155,13 +155,23 @@ class IsolatedProcess:
         self._reader.join(1.0)
         shutil.rmtree(self._directory, ignore_errors=True)
 
+    def _where_it_is(self, last: str) -> str:
+        """Return what to do about a module that is not found; empty where something else is wrong."""
+        module = self._name.partition(":")[0]
+        missing = last.rpartition("No module named ")[2].strip("'")
+        if "ModuleNotFoundError" not in last or not f"{module}.".startswith(f"{missing}."):
+            return ""
+        return f"it is not in {Path.cwd()}: go to the directory that has {module.replace('.', '/')}.py in it"
+
     def _wait_for(self, socket_file: Path, timeout_s: float) -> None:
         give_up = time.monotonic() + timeout_s
         while not socket_file.exists():
             if self._process.poll() is not None:
                 self._reader.join(1.0)
                 last = self._last_lines[-1] if self._last_lines else f"exit code {self._process.returncode}"
-                raise ModelError(f"model {self._name} did not start in its own process: {last}")
+                raise ModelError(
+                    f"model {self._name} did not start in its own process: {last}", advice=self._where_it_is(last)
+                )
             if time.monotonic() > give_up:
                 raise ModelError(f"model {self._name} is not ready after {timeout_s:g} s in its own process")
             time.sleep(0.02)

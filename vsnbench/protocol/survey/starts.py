@@ -34,16 +34,18 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
     for index in range(len(site.starts)):
         yield from _stands(site, index, space.robot_radius_m)
     for goal in GOAL_CATEGORIES:
-        if site.instances(goal):
-            yield from _trivial(site, goal, rules)
-        else:
-            yield SiteFinding(
-                Severity.WARNING,
-                "no-instance",
-                f"site {site.name}",
-                f"has no {goal}",
-                f"no trial here searches one; add it to objects if one stands there, category: {goal}",
-            )
+        yield from _trivial(site, goal, rules)
+    absent = [goal for goal in GOAL_CATEGORIES if not site.instances(goal)]
+    if absent:
+        them = " or ".join(filter(None, (", ".join(absent[:-1]), absent[-1])))
+        yield SiteFinding(
+            Severity.WARNING,
+            "no-instance",
+            f"site {site.name}",
+            f"has no {them}",
+            f"no trial here searches one; add it to objects if one stands there, category: {absent[0]}"
+            + (", for instance" if len(absent) > 1 else ""),
+        )
     yield from way_findings(site, space, rules)
 
 
