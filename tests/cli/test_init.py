@@ -203,6 +203,8 @@ def test_a_study_is_planned_in_the_labs_own_flat_and_says_so(type_in: Type, tmp_
     made = type_in(tmp_path / "lab", *words)
     assert "site lab.yaml, robot simulated (from " in made.err
     assert 'site: "lab.yaml"' in (tmp_path / "lab" / "s.yaml").read_text()
+    checked = type_in(tmp_path / "lab", "study", "check", "s.yaml")
+    assert "6 trials in 3 cells" in checked.out + checked.err, "all the starting positions that the flat has"
 
 
 def test_the_next_command_repeats_no_directory_that_the_labs_file_says(

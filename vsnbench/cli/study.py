@@ -34,7 +34,9 @@ def new(
         list[str] | None, typer.Option("--arm", help="A model, or NAME=MODEL; two to twelve.", metavar="[NAME=]MODEL")
     ] = None,
     goal: Annotated[list[str] | None, typer.Option("--goal", "-g", help="Shared goals, also with commas.")] = None,
-    starts: Annotated[str, typer.Option("--starts", help="Starting positions, like 1-15,20.")] = "1-15",
+    starts: Annotated[
+        str, typer.Option("--starts", help="Starting positions, like 1-15,20; all of the site's when absent.")
+    ] = "",
     repetitions: Annotated[int, typer.Option("--repetitions", min=1, max=1000)] = 1,
     site: PlayedSite = BUILT_IN_SITE,
     robot: Annotated[

@@ -25,7 +25,7 @@ arms:                   # two to twelve: a name of yours, and what --model takes
     # goals: [monitor]  # goals of one arm alone: run, and never compared
 
 goals: [{goals}]        # the shared goals: those that are compared
-starting_positions: {starts}
+{starts}      # all of the site's where this is left out
 repetitions: {repetitions}
 # protocol: {{max_actions: 150}}
 
@@ -55,7 +55,7 @@ def study_text(
     goals: Sequence[str],
     site: str = "apartment",
     robot: str = "simulated",
-    starts: str = "1-15",
+    starts: str = "",
     repetitions: int = 1,
     seed: int = 0,
     blind: bool = True,
@@ -73,7 +73,7 @@ def study_text(
         goals: the shared ones.
         site: where.
         robot: which.
-        starts: like 1-15,20.
+        starts: like 1-15,20; all of the site's when empty.
         repetitions: of each cell.
         seed: of everything.
         blind: whether people see codes.
@@ -89,7 +89,7 @@ def study_text(
         goals=", ".join(goals),
         site=_quoted(site),
         robot=_quoted(robot),
-        starts=_quoted(starts),
+        starts=f"starting_positions: {_quoted(starts)}" if starts else '# starting_positions: "1-15"',
         repetitions=repetitions,
         seed=seed,
         rehearsal="" if pretend_real else "# ",
