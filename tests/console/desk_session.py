@@ -56,8 +56,20 @@ def desk_session(directory: Path) -> Iterator[Session]:
         site, stop, halts, desk = cell(), Stopping(), [], Desk()
         camera: list[npt.NDArray[np.uint8]] = []
         occasion = Occasion(
-            *("puck in cell", 4, 1, 0, ProtocolParameters(), True, lambda: halts.append("halt"), stop, site, 0.177),
-            *(journal, results, (campaign.id,), "lab"),
+            label="puck in cell",
+            trials=4,
+            done=1,
+            successes=0,
+            parameters=ProtocolParameters(),
+            needs_a_person=True,
+            halt=lambda: halts.append("halt"),
+            stop=stop,
+            site=site,
+            robot_radius_m=0.177,
+            journal=journal,
+            results=results,
+            campaigns=(campaign.id,),
+            operator="lab",
             glimpse=lambda: camera[0] if camera else None,
         )
         batteries = [Battery(0.84), Battery(0.71)]

@@ -24,7 +24,7 @@ from vsnbench.runner.session_summary import session_words
 from vsnbench.runner.stopping import Stopping
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Occasion:
     """What somebody attends."""
 
