@@ -70,12 +70,3 @@ def test_a_group_of_verbs_alone_teaches_itself(typed: Typed) -> None:
     assert answer.code == 2
     assert "Usage: vsnbench episodes" in answer.out + answer.err
     assert "error" not in answer.err
-
-
-def test_a_name_that_is_nearly_one_is_met_with_the_right_one(typed: Typed) -> None:
-    assert "no model 'orakel': did you mean oracle? The known ones are" in typed(*RUN, "--model=orakel").err or (
-        "no model 'orakel': did you mean oracle?" in typed("run", "--model", "orakel", "--goal", "chair").err
-    )
-    assert "no goal category 'couch'; write sofa; there are" in typed("run", "-m", "oracle", "--goal", "couch").err
-    said = typed(*RUN, "--robot", "turtlebot").err
-    assert "no robot 'turtlebot': did you mean turtlebot2? The known ones are" in said or "turtlebot4?" in said

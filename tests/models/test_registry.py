@@ -62,6 +62,8 @@ def test_only_the_oracle_is_handed_the_site() -> None:
 def test_an_unknown_model_names_the_known_ones() -> None:
     with pytest.raises(UsageError, match=r"no model 'psychic'.*random.*oracle.*package\.module:Class"):
         registry.create_policy("psychic")
+    with pytest.raises(UsageError, match=r"no model 'orakel': did you mean oracle\? The known ones are random, "):
+        registry.create_policy("orakel")
 
 
 def test_a_policy_can_be_named_by_its_path(plug_in_module: str) -> None:

@@ -1,5 +1,6 @@
 """The YAML reader: right values in, or the line and the field of what is wrong."""
 
+from enum import StrEnum
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,15 @@ from vsnbench.errors import SiteError
 from vsnbench.protocol.settings_file import parse_settings, read_settings, settings_faults
 
 
+class Tyre(StrEnum):
+    RUBBER = "rubber"
+    FOAM = "foam"
+
+
 class Wheel(BaseModel):
     model_config = ConfigDict(extra="forbid")
     radius_m: float
+    tyre: Tyre = Tyre.RUBBER
 
 
 class Cart(BaseModel):
@@ -35,6 +42,10 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
     ("text", "expected"),
     [
         ("name: a\nwheels:\n- radius_m: 0.2\n- radius_m: round\n", r"^cart.yaml:4: wheels.1.radius_m: "),
+        (
+            "name: a\nwheels:\n- {radius_m: 1, tyre: ruber}\n",
+            r"^cart.yaml:3: wheels.0.tyre: 'ruber' is none of its words: did you mean rubber\?$",
+        ),
         ("# a remark\n\nname: a\ncolour: red\n", r"^cart.yaml:4: colour: there is no such field$"),
         ("nam: a\nwheels: []\n", r"^cart.yaml:1: nam: there is no such field: did you mean name\? \(and 1 more\)$"),
         ("name: a\nwheels: []\nname: b\n", r"^cart.yaml:3: name is given twice in the same place$"),

@@ -106,6 +106,7 @@ def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pyte
     ("name", "kind", "words"),
     [
         ("warp-drive", UsageError, r"no robot 'warp-drive': the known ones are simulated, .*package.module:Class"),
+        ("turtelbot2", UsageError, r"no robot 'turtelbot2': did you mean turtlebot2\? The known ones are simulated, "),
         ("simulated:roomba", UsageError, "no robot profile 'roomba'"),
         ("no.such.module:Robot", RobotError, "cannot import no.such.module:Robot: ModuleNotFoundError"),
         (f"{HERE}:Missing", RobotError, "cannot import"),

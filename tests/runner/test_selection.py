@@ -55,6 +55,8 @@ def test_goals_may_come_separated_by_commas_and_twice() -> None:
     ("asked", "card", "words"),
     [
         ("kettle", ANY, "no goal category 'kettle'; there are chair"),
+        ("couch", ANY, "no goal category 'couch'; write sofa; there are chair"),
+        ("toillet", ANY, r"no goal category 'toillet'; did you mean toilet\? there are chair"),
         ("plant", PAPERS_VLV, "vlv does not know plant; it knows bed, chair"),
         ("", ANY, "no goal given"),
     ],

@@ -65,7 +65,7 @@ def _words_of(detail: ErrorDetails, model: type[BaseModel]) -> Words:
         return _no_text(detail)
     if kind in _NO_TRUTH:
         return f"{as_written(given)} is neither true nor false", "write one of them"
-    if kind == "literal_error":
+    if kind in {"literal_error", "enum"}:
         expected = str(detail["ctx"]["expected"])
         near = get_close_matches(str(given), re.findall("'([^']+)'", expected), n=1, cutoff=0.6)
         return f"{as_written(given)} is none of its words", f"did you mean {near[0]}?" if near else f"write {expected}"
