@@ -125,3 +125,20 @@ def test_killed_workers_and_a_killed_driver_lose_no_trial_and_leave_nothing_behi
     assert rows(tmp_path, "SELECT end_reason, COUNT(*) FROM episode WHERE state = 'void'") == [("interrupted", 3)]
     assert half_written(tmp_path) == []
     assert_gone(workers)
+
+
+def test_where_the_process_is_killed_that_workers_are_forked_from_others_take_their_trials_again(
+    tmp_path: Path,
+) -> None:
+    words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-2", "--max-steps", "150")
+    with running(tmp_path, *words, "--workers", "2") as process:
+        workers = workers_at_a_trial(process, tmp_path, 2)
+        parent = workers[0].parent()
+        assert parent is not None
+        assert parent.pid != process.pid
+        parent.kill()
+        _, said = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, said
+    assert "a worker ended with SIGKILL at chair from" in said
+    assert rows(tmp_path, JUDGED) == [(2, 2)]
+    assert_gone([parent, *workers])

@@ -1,5 +1,6 @@
 """A fork server and its workers: what is forked is a worker like any other, and nothing of them is left."""
 
+import os
 import signal
 from multiprocessing.connection import Connection
 
@@ -7,6 +8,7 @@ import psutil
 import pytest
 
 from tests.processes import has_ended, wait_until
+from vsnbench.runner.pool import process
 from vsnbench.runner.pool.messages import Stop
 from vsnbench.runner.pool.process import (
     ForkServer,
@@ -26,10 +28,10 @@ def test_workers_are_forked_by_a_process_of_one_thread_and_end_with_it() -> None
     server = ForkServer()
     try:
         left, right, third = (server.fork() for _ in range(3))
-        process = psutil.Process(server.pid)
-        forked = {child.pid: child for child in process.children()}
+        seen = psutil.Process(server.pid)
+        forked = {child.pid: child for child in seen.children()}
         assert set(forked) == {left.pid, right.pid, third.pid}
-        assert process.num_threads() == 1, "a lock that another thread held would be held for ever in a worker"
+        assert seen.num_threads() == 1, "a lock that another thread held would be held for ever in a worker"
         connection = Connection(left.socket.detach())
         connection.send(STOP)
         wait_until(lambda: has_ended(forked[left.pid]), "a worker ends when it is told to")
@@ -57,6 +59,28 @@ def test_what_a_killed_fork_server_has_forked_ends_with_it_and_is_known_to_have_
             server.fork()
     finally:
         server.end()
+    assert worker.bury() == -signal.SIGKILL, "who is lost with another is buried when the server has been"
+
+
+def test_a_fork_server_that_does_not_answer_yet_is_ended_without_waiting_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(process, "END_TIMEOUT_S", 3600.0)
+    server = ForkServer()
+    try:
+        os.kill(server.pid, signal.SIGSTOP)
+        before = signal.signal(signal.SIGALRM, interrupt)
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                _forked_within(0.05, server)
+        finally:
+            signal.signal(signal.SIGALRM, before)
+    finally:
+        server.end()
+    assert not psutil.pid_exists(server.pid)
 
 
 def test_a_fork_server_that_was_started_early_is_taken_by_whoever_asks_or_ended_with_the_block() -> None:
@@ -71,6 +95,11 @@ def test_a_fork_server_that_was_started_early_is_taken_by_whoever_asks_or_ended_
     finally:
         taken.end()
     assert _servers() == set()
+
+
+def _forked_within(seconds: float, server: ForkServer) -> None:
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    server.fork()
 
 
 def _servers() -> set[int]:

@@ -51,12 +51,13 @@ class ForkServer:
         Raises:
             ConnectionError: the server is gone, and its workers are too.
         """
-        self._has_forked = True
         ours, theirs = socket.socketpair()
         try:
             with theirs:
                 socket.send_fds(self._control, [FORK], [theirs.fileno()])
-            return WorkerProcess(self, self._answer(), ours)
+            number = self._answer()
+            self._has_forked = True
+            return WorkerProcess(self, number, ours)
         except BaseException:
             ours.close()
             raise
@@ -70,11 +71,11 @@ class ForkServer:
         try:
             self._control.send(b"%s %d" % (BURY, number))
             return self._answer()
-        except ConnectionError:
+        except OSError:  # nobody is there any more, or the socket is closed
             return -signal.SIGKILL  # by the kernel, when its server went
 
     def end(self) -> None:
-        """End it and all its workers."""
+        """End it and all its workers; one that is still importing hears nothing, and is ended at once."""
         self._control.close()  # that the driver is gone is what it takes this for
         if self._has_forked:
             with contextlib.suppress(subprocess.TimeoutExpired):
