@@ -38,17 +38,16 @@ def main(descriptor: str) -> None:
 
 
 def _load() -> None:
-    """Import what a worker needs, and what the compiler needs before it loads its first function."""
+    """Import what a worker needs, and have the first compiled loop loaded: with it comes most of the compiler."""
     import cv2  # noqa: F401
     import mujoco  # noqa: F401
-    import numba.np.arraymath  # noqa: F401
-    from numba.core.registry import cpu_target
+    import numpy as np
 
     import vsnbench.robots.simulated
     import vsnbench.runner.pool.worker  # noqa: F401
+    from vsnbench.protocol.depth_rows import to_millimetres
 
-    cpu_target.typing_context.refresh()
-    cpu_target.target_context.refresh()
+    to_millimetres(np.zeros((1, 1), np.float32), np.zeros((1, 1), np.uint16))
 
 
 def _serve(control: socket.socket) -> str | None:
