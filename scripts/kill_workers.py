@@ -34,6 +34,17 @@ def campaign(results: Path, *words: str) -> list[str]:
     return [*PYTHON, "vsnbench.cli.main", "run", *words, "--results", str(results)]
 
 
+def said(results: Path) -> Path:
+    """Return the file of all that the drivers of a record said."""
+    return results.parent / "said.txt"
+
+
+def driver_of(command: list[str], results: Path) -> "subprocess.Popen[bytes]":
+    """Start a driver whose words are kept."""
+    with said(results).open("a") as words:
+        return subprocess.Popen(command, stderr=words)
+
+
 def workers_of(driver: psutil.Process) -> list[psutil.Process]:
     """Return a driver's workers, and the process that they are forked from, with which all of them end."""
     with suppress(psutil.Error):
@@ -57,7 +68,7 @@ def kill_workers(results: Path, words: list[str], asked: argparse.Namespace, cha
     """Kill at random, spread over the trials: the campaign goes on between two kills however slow the machine is."""
     killed, code = 0, 1
     while code != 0:
-        process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
+        process = driver_of(campaign(results, *words), results)
         while process.poll() is None:
             time.sleep(asked.within_s * chance.random())
             alive = workers_of(psutil.Process(process.pid))
@@ -78,7 +89,7 @@ def is_due(killed: int, results: Path, asked: argparse.Namespace) -> bool:
 
 def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
     for killed in range(asked.kills):
-        process = subprocess.Popen(campaign(results, *words), stderr=subprocess.DEVNULL)
+        process = driver_of(campaign(results, *words), results)
         while process.poll() is None and not (is_due(killed, results, asked) and workers_at_it(process, results)):
             time.sleep(0.05)
         time.sleep(asked.within_s * chance.random())
@@ -91,7 +102,8 @@ def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, cha
         if left := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
             sys.exit(f"workers outlived their driver: {left}")
         print(f"driver {killed + 1} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
-    subprocess.run(campaign(results, *words), check=True, stderr=subprocess.DEVNULL)
+    if driver_of(campaign(results, *words), results).wait() != 0:
+        sys.exit("the campaign did not go on")
 
 
 def workers_at_it(process: "subprocess.Popen[bytes]", results: Path) -> bool:
@@ -177,8 +189,9 @@ def look(results: Path, trials: int) -> None:
     parts = list(results.rglob("*.part"))
     running = [one.pid for one in psutil.process_iter() if str(results) in " ".join(cmdline(one))]
     print(f"{len(steps)} steps, {len(lost)} without an image, {len(images - steps)} images without a step")
-    print(f"{len(parts)} half-written files, {len(running)} processes left")
-    if ("judged", trials, trials) not in states or lost or images - steps or parts or running:
+    faults = said(results).read_text().count("Traceback") if said(results).exists() else 0
+    print(f"{len(parts)} half-written files, {len(running)} processes left, {faults} drivers that failed unforeseen")
+    if ("judged", trials, trials) not in states or lost or images - steps or parts or running or faults:
         sys.exit("something was lost, doubled or left behind")
 
 
@@ -203,7 +216,7 @@ def main() -> None:
     words += ["--workers", str(asked.workers)]
     kill = {"workers": kill_workers, "drivers": kill_drivers, "node": kill_node}[asked.what]
     with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as there:
-        results = Path(there)
+        results = Path(there) / "results"
         kill(results, words, asked, random.Random(asked.seed))
         # A run that finds nothing to do clears away what the last kill left.
         subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)

@@ -23,6 +23,7 @@ def main(descriptor: str) -> None:
     Args:
         descriptor: the number of the socket to the driver.
     """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # whoever sends it that wants it gone, without a traceback
     gc.disable()  # what is imported stays
     _load()
     gc.freeze()
