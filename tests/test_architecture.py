@@ -49,6 +49,7 @@ GROUND = {
     "resources",
     "ros_generation",
     "whole_files",
+    "scratch",
     "workers",
 }
 """Modules beside the rooms that every room may import."""

@@ -1,6 +1,8 @@
 """The console script: light to start, every verb there, errors as one line."""
 
 import importlib
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +28,19 @@ def test_help_imports_nothing_heavy_and_the_end_walks_through_nothing() -> None:
     assert "vsnbench run --model pirlnav --goal chair" in run.stdout
     assert set(HEAVY) & set(run.stderr.split()) == set()
     assert run.stderr.endswith("frozen=True")
+
+
+def test_ctrl_c_while_the_command_line_is_loaded_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "typer.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    ended = subprocess.run(
+        [sys.executable, "-m", "vsnbench", "--help"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert (ended.returncode, ended.stderr) == (130, "\nvsnbench: stopped before anything began\n")
 
 
 @pytest.mark.parametrize("verb", console_script.VERBS)

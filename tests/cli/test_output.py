@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from tests.cli.console import vsnbench
 from vsnbench.cli.main import VERBS, build_app
-from vsnbench.cli.output import WITHOUT_RESULT, flowing
+from vsnbench.cli.output import WITHOUT_RESULT, flowing, goes_on_after_ctrl_c
 from vsnbench.errors import ExitCode
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
@@ -31,6 +31,12 @@ def verbs() -> Iterator[tuple[tuple[str, ...], Any]]:
 
 
 ALL = dict(verbs())
+
+
+def test_ctrl_c_with_no_trial_under_way_says_what_next(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(KeyboardInterrupt), goes_on_after_ctrl_c():
+        raise KeyboardInterrupt
+    assert "the same command goes on" in capsys.readouterr().err
 
 
 def test_what_prints_no_result_is_a_verb_that_there_is() -> None:

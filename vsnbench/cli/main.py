@@ -9,7 +9,7 @@ import importlib
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
@@ -131,8 +131,12 @@ def build_app(verb: str | None) -> typer.Typer:
     return root
 
 
-def main() -> None:
-    """Run the command line; known errors become one line on stderr and their exit code."""
+def main(loaded: Callable[[], object] = lambda: None) -> None:
+    """Run the command line; known errors become one line on stderr and their exit code.
+
+    Args:
+        loaded: called when the verb that was typed is loaded, and has not begun.
+    """
     # Python walks through everything that lives before it ends: a second of work where models are loaded, and many on a
     # loaded machine. What has to be closed is closed by then.
     atexit.register(gc.freeze)
@@ -144,6 +148,7 @@ def main() -> None:
         app = build_app(verb)
         refuse_repeated(get_command(app), sys.argv[1:])
         _say_defaults(verb, taken)
+        loaded()
         app(prog_name="vsnbench")
     except VsnbenchError as error:
         sys.stderr.write(f"vsnbench: error: {error}\n")

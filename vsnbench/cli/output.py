@@ -50,6 +50,17 @@ def hushable(function: Callable[..., Any]) -> Callable[..., Any]:
     return verb
 
 
+@contextmanager
+def goes_on_after_ctrl_c() -> Iterator[None]:
+    """Say what Ctrl-C ends where no trial is under way that would say it: before the first, and between campaigns."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        words = "stopped (Ctrl-C), with no trial under way: the same command goes on with what is left"
+        sys.stderr.write(f"\nvsnbench: {words}\n")
+        raise
+
+
 _TERMINAL = 80
 """Columns. A longer line of a docstring was filled in the source, and goes on in the next; a shorter one is meant."""
 

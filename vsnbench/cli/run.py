@@ -20,7 +20,7 @@ from vsnbench.cli.options import (
     what_is_kept,
     workers_asked,
 )
-from vsnbench.cli.output import Json, print_json
+from vsnbench.cli.output import Json, goes_on_after_ctrl_c, print_json
 from vsnbench.errors import UsageError
 from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
@@ -34,6 +34,7 @@ _MODEL = "Model"
 _DEVELOPMENT = "While a model is written"
 
 
+@goes_on_after_ctrl_c()
 def command(
     context: typer.Context,
     model: Annotated[

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from rich.markup import escape
 
 from vsnbench.end_signals import EndAsked
 from vsnbench.errors import ExitCode, UsageError
+from vsnbench.scratch import ScratchDirectory
 
 PASSING = "VSNBENCH_PASSING_RESULTS"
 """Set in the environment of a run whose results are thrown away when it is run again."""
@@ -45,22 +45,20 @@ def run_and_watch(
     watched = [*_sources(model), *(file for file in files if file is not None)]
     console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
     again = [sys.executable, "-m", "vsnbench.cli.main", *(word for word in sys.argv[1:] if word != "--watch")]
-    asked, scratch = EndAsked(), Path(tempfile.mkdtemp(prefix="vsnbench-watch-"))
-    try:
-        with asked.listening():
-            while not asked:
-                seen = _state(watched)
-                shutil.rmtree(scratch / "results", ignore_errors=True)
-                code = _run([*again, "--fail-fast", "--results", str(scratch / "results")], asked)
-                if asked:
-                    break
-                mark = "[green]passed[/green]" if code == 0 else f"[red]exit code {code}[/red]"
-                where = f"waiting for a change of {escape(_words(watched))}; Ctrl-C ends it"
-                console.print(f"{mark}; {where}")
-                while not asked.wait(_LOOK_AGAIN_S) and _state(watched) == seen:
-                    pass
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+    asked = EndAsked()
+    with ScratchDirectory("watch") as held, asked.listening():
+        scratch = held.path
+        while not asked:
+            seen = _state(watched)
+            shutil.rmtree(scratch / "results", ignore_errors=True)
+            code = _run([*again, "--fail-fast", "--results", str(scratch / "results")], asked)
+            if asked:
+                break
+            mark = "[green]passed[/green]" if code == 0 else f"[red]exit code {code}[/red]"
+            where = f"waiting for a change of {escape(_words(watched))}; Ctrl-C ends it"
+            console.print(f"{mark}; {where}")
+            while not asked.wait(_LOOK_AGAIN_S) and _state(watched) == seen:
+                pass
     return ExitCode.INTERRUPTED
 
 

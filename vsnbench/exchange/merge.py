@@ -4,9 +4,6 @@ The other record is not believed: its rows are looked through, and its files are
 from inside it. Files come first, under a temporary name; one transaction puts them in place with their rows.
 """
 
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -25,6 +22,7 @@ from vsnbench.database_url import parse_url, shown_url, sqlite_path, sqlite_url
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.record.arrivals import Arrivals, files_below, sweep_arrivals
 from vsnbench.record.results import DATABASE_NAME, LOW_SPACE_BYTES, ResultsDirectory
+from vsnbench.scratch import ScratchDirectory
 
 Told = Callable[[str, int, int], None]
 """Is told what is being done, how much of it is done, and of how much."""
@@ -96,9 +94,7 @@ def merge(
     """
     _check_apart(target, others)
     with ExitStack() as stack:
-        _sweep_copies()
-        copies = tempfile.TemporaryDirectory(prefix=f"{_COPIES}{os.getpid()}-")
-        scratch = Path(stack.enter_context(copies))
+        scratch = stack.enter_context(ScratchDirectory("merge")).path
         records = [_opened(stack, other, scratch / str(place)) for place, other in enumerate(others)]
         if not dry_run and _exists(target):
             _upgrade(target)
@@ -115,17 +111,6 @@ def merge(
         if not dry_run and plan.changes:
             _write(target, others, records, merged, found, told)
     return merged
-
-
-_COPIES = "vsnbench-merge-"
-
-
-def _sweep_copies() -> None:
-    """Remove the copies of databases that killed merges of this machine left behind."""
-    for folder in Path(tempfile.gettempdir()).glob(f"{_COPIES}*"):
-        owner = folder.name.removeprefix(_COPIES).partition("-")[0]
-        if owner.isdecimal() and not Path(f"/proc/{owner}").exists():
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 _Sizes = dict[Path, int]

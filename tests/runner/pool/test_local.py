@@ -107,7 +107,9 @@ def test_ctrl_c_at_the_driver_ends_every_episode_recorded(tmp_path: Path) -> Non
     assert_gone(workers)
 
 
-def test_killed_workers_their_killed_server_and_a_killed_driver_lose_no_trial_and_leave_nothing_behind(tmp_path: Path) -> None:
+def test_a_killed_driver_workers_and_their_server_lose_no_trial_and_leave_nothing_behind(
+    tmp_path: Path,
+) -> None:
     words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-4", "--max-steps", "30")
     command = (*words, "--workers", "2")
     with running(tmp_path, *command) as process:

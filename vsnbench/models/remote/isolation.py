@@ -12,7 +12,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections import deque
@@ -27,6 +26,7 @@ from vsnbench.harmless_text import harmless
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.connection import Answer, Connection
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.scratch import ScratchDirectory
 from vsnbench.workers import command_that_ends_with_parent
 
 logger = logging.getLogger(__name__)
@@ -53,9 +53,9 @@ class Isolation:
 class IsolatedProcess:
     """A running model server of our own."""
 
-    def __init__(self, process: subprocess.Popen[bytes], directory: Path, name: str) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], scratch: ScratchDirectory, name: str) -> None:
         self._process = process
-        self._directory = directory
+        self._scratch = scratch
         self._name = name
         self._last_lines: deque[str] = deque(maxlen=_LAST_LINES)
         self._reader = threading.Thread(target=self._pass_on, name=f"stderr of {name}", daemon=True)
@@ -81,8 +81,8 @@ class IsolatedProcess:
             UsageError: the interpreter does not exist, or the options are not for another Python.
             ModelError: it ended, or does not listen in time.
         """
-        directory = Path(tempfile.mkdtemp(prefix="vsnbench-model-"))
-        socket_file = directory / "model.sock"
+        scratch = ScratchDirectory("model")
+        socket_file = scratch.path / "model.sock"
         try:
             command = _command(model, options, isolation.python, socket_file)
             process = subprocess.Popen(
@@ -97,13 +97,13 @@ class IsolatedProcess:
                 limit = (isolation.memory_bytes, isolation.memory_bytes)
                 resource.prlimit(process.pid, resource.RLIMIT_DATA, limit)
         except (OSError, UsageError) as error:
-            shutil.rmtree(directory, ignore_errors=True)
+            scratch.remove()
             if isinstance(error, UsageError):
                 raise
             raise UsageError(
                 f"model {model}: cannot start {isolation.python or sys.executable}: {error.strerror}"
             ) from error
-        started = cls(process, directory, model)
+        started = cls(process, scratch, model)
         try:
             started._wait_for(socket_file, timeout_s)
         except BaseException:
@@ -119,7 +119,7 @@ class IsolatedProcess:
     @property
     def socket_file(self) -> str:
         """Where it listens."""
-        return str(self._directory / "model.sock")
+        return str(self._scratch.path / "model.sock")
 
     @property
     def death(self) -> str | None:
@@ -153,7 +153,7 @@ class IsolatedProcess:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_TERMINATE_S)
         self._reader.join(1.0)
-        shutil.rmtree(self._directory, ignore_errors=True)
+        self._scratch.remove()
 
     def _where_it_is(self, last: str) -> str:
         """Return what to do about a module that is not found; empty where something else is wrong."""

@@ -4,11 +4,9 @@ A worker that seals needs no shared disk and no database. The same loop and the 
 the record is; only what they write goes into memory and a temporary directory, and from there into the seal.
 """
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 from vsnbench.database.campaign_plan import Trial
 from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
@@ -23,6 +21,7 @@ from vsnbench.runner.bench import Bench, BenchDescription, BenchPlan
 from vsnbench.runner.episode import EpisodeOutcome, EpisodePlan, run_episode
 from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.stopping import Stopping
+from vsnbench.scratch import ScratchDirectory
 
 _DIRECTORY = "episodes/000000"
 
@@ -57,8 +56,8 @@ def run_sealed(bench: Bench, ran_on: Provenance, plan: BenchPlan, trial: Trial, 
     """
     kept = _Kept()
     described = bench.description
-    with tempfile.TemporaryDirectory(prefix="vsnbench-trial-") as there:
-        results = ResultsDirectory.locate(Path(there))
+    with ScratchDirectory("trial") as scratch:
+        results = ResultsDirectory.locate(scratch.path)
         target = RecordingTarget(
             kept,
             results,
