@@ -4,14 +4,10 @@ import fcntl
 import os
 import shutil
 import tempfile
-import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
-
-_SETTLED_S = 60.0
-"""A directory is there a moment before its owner holds it; nobody takes one that is younger for left behind."""
 
 
 class ScratchDirectory:
@@ -33,9 +29,10 @@ class ScratchDirectory:
         prefix = f"vsnbench-{purpose}-"
         for other in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
             _clear_if_left_behind(other)
-        self.path = Path(tempfile.mkdtemp(prefix=prefix))
-        self._held = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+        not_held_yet = Path(tempfile.mkdtemp(prefix=f".{prefix}"))
+        self._held = os.open(not_held_yet, os.O_RDONLY | os.O_DIRECTORY)
         fcntl.flock(self._held, fcntl.LOCK_EX)
+        self.path = not_held_yet.rename(not_held_yet.with_name(not_held_yet.name[1:]))
 
     def remove(self) -> None:
         """Remove it with all that is inside; once more does nothing."""
@@ -54,11 +51,10 @@ class ScratchDirectory:
 
 
 def _clear_if_left_behind(directory: Path) -> None:
-    with suppress(OSError):  # another user's, no directory, or removed by its owner just now
+    with suppress(OSError):  # held, another user's, no directory, or removed by its owner just now
         held = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
-            if time.time() - os.fstat(held).st_mtime > _SETTLED_S:
-                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(directory, ignore_errors=True)
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(directory, ignore_errors=True)
         finally:
             os.close(held)

@@ -47,16 +47,19 @@ def test_workers_are_forked_by_a_process_of_one_thread_and_end_with_it() -> None
 
 
 @pytest.mark.slow
-def test_what_a_killed_fork_server_has_forked_ends_with_it_and_is_known_to_have_been_killed() -> None:
+def test_what_an_ended_fork_server_has_forked_ends_with_it_and_is_known_to_have_been_killed(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     server = ForkServer()
     try:
         worker = server.fork()
         forked = psutil.Process(worker.pid)
-        psutil.Process(server.pid).kill()
+        os.kill(server.pid, signal.SIGINT)
         wait_until(lambda: has_ended(forked), "the kernel ends it")
         assert worker.bury() == -signal.SIGKILL
         with pytest.raises(ConnectionError):
             server.fork()
+        assert capfd.readouterr().err == ""
     finally:
         server.end()
     assert worker.bury() == -signal.SIGKILL, "who is lost with another is buried when the server has been"
