@@ -14,6 +14,11 @@ import psutil
 import pytest
 
 from tests.processes import has_ended, wait_until
+from vsnbench.protocol.site import load_site
+from vsnbench.runner.bench import BenchPlan
+from vsnbench.runner.pool.capacity import Wish
+from vsnbench.runner.pool.local import LocalPool
+from vsnbench.runner.pool.process import PROGRAM
 from vsnbench.whole_files import PART
 
 STORY = """
@@ -72,6 +77,12 @@ def workers_at_a_trial(process: "subprocess.Popen[str]", results: Path, count: i
 
 def assert_gone(workers: Sequence[psutil.Process]) -> None:
     wait_until(lambda: all(map(has_ended, workers)), f"these end: {workers}")
+
+
+def workers_of_this_process() -> list[psutil.Process]:
+    """Return the processes that a fork server of this one has forked."""
+    servers = [child for child in psutil.Process().children() if PROGRAM in child.cmdline()]
+    return [worker for server in servers for worker in server.children()]
 
 
 def half_written(results: Path) -> list[Path]:
@@ -142,3 +153,18 @@ def test_where_the_process_is_killed_that_workers_are_forked_from_others_take_th
     assert "a worker ended with SIGKILL at chair from" in said
     assert rows(tmp_path, JUDGED) == [(2, 2)]
     assert_gone([parent, *workers])
+
+
+@pytest.mark.slow
+def test_a_bench_of_the_campaign_before_that_is_ready_late_is_not_taken_for_this_ones() -> None:
+    before, now = (BenchPlan(load_site("apartment"), model, ("chair",)) for model in ("forward", "random"))
+    with LocalPool(before, Wish(2, asked_for=True)) as pool:
+        one, late = workers_of_this_process()
+        late.suspend()
+        for plan in (now, before, now):
+            pool.prepare(plan, Wish(2, asked_for=True))
+            assert pool.description.card.name == plan.model
+        assert pool.free == 1
+        late.resume()
+        wait_until(lambda: pool.events(0.1) == [] and pool.free == 2, "the late one is heard, and makes the last bench")
+    assert_gone([one, late])

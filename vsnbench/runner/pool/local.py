@@ -50,6 +50,8 @@ class LocalWorker:
         self.connection: Connection[Order, Report] = Connection(process.socket.detach())
         self.prepared: Prepared | None = None
         self.trial: Trial | None = None
+        self._benches_ordered = 0
+        """And not yet answered: in a sweep a campaign may be over before each of its workers has made its bench."""
 
     @property
     def is_free(self) -> bool:
@@ -62,6 +64,19 @@ class LocalWorker:
             self.connection.send(order)
         except OSError:
             logger.debug("worker %d is gone", self.process.pid)
+
+    def have_make(self, order: Prepare) -> None:
+        """Have it make a bench, as soon as it has done what it was told before."""
+        self.prepared = None
+        self._benches_ordered += 1
+        self.tell(order)
+
+    def has_made(self, prepared: Prepared) -> bool:
+        """Take its answer to the order of a bench; return whether it is the one that was ordered last."""
+        self._benches_ordered -= 1
+        if self._benches_ordered == 0:
+            self.prepared = prepared
+        return self.prepared is not None
 
     def bury(self) -> str:
         """End it where it has not ended yet, and say how it ended."""
@@ -96,8 +111,7 @@ class LocalPool:
         capacity = self._capacity
         try:
             for worker in self._workers:
-                worker.prepared = None
-                worker.tell(self._order)
+                worker.have_make(self._order)
             self._start(capacity.at_first(wish, plan.model_options.get("device")) - len(self._workers))
             first = self._await_first()
             self._description = first.description
@@ -187,7 +201,7 @@ class LocalPool:
         for _ in range(count):
             worker = LocalWorker(self._forked())
             self._workers.append(worker)
-            worker.tell(self._order)
+            worker.have_make(self._order)
 
     def _forked(self) -> WorkerProcess:
         try:
@@ -207,7 +221,8 @@ class LocalPool:
                 lost += isinstance(event, WorkerLost)
                 if isinstance(event, WorkerLost) and lost == LOST_BEFORE_READY:
                     raise VsnbenchError(
-                        f"a worker ended while it got ready, with {event.words}", advice="see its words above"
+                        f"{lost} workers ended while they got ready, the last with {event.words}",
+                        advice="it said why above, or the system ended it for want of memory: try --workers 1",
                     )
             for worker in self._workers:
                 if worker.prepared is not None:
@@ -216,8 +231,7 @@ class LocalPool:
     def _heard(self, worker: LocalWorker, report: Report) -> None:
         match report:
             case Prepared() as prepared:
-                worker.prepared = prepared
-                if self._workers_differ(prepared):
+                if worker.has_made(prepared) and self._workers_differ(prepared):
                     raise VsnbenchError("two workers made of the same plan differ: " + self._workers_differ(prepared))
             case Acted(actions):
                 self._events.append(ActionsTaken(actions))
