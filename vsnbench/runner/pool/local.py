@@ -37,7 +37,7 @@ from vsnbench.runner.stopping import StopRequest
 logger = logging.getLogger(__name__)
 
 LOST_BEFORE_READY = 3
-"""After so many workers that died before one was ready, another would die too."""
+"""After so many workers that died before one was ready, or processes to fork one from, another would die too."""
 STOP_TIMEOUT_S = 20.0
 """How long workers may take to end their episodes: an action and a commit, on a busy machine."""
 
@@ -204,15 +204,16 @@ class LocalPool:
             worker.have_make(self._order)
 
     def _forked(self) -> WorkerProcess:
-        try:
-            return self._server.fork()
-        except ConnectionError:  # somebody has killed it, and its workers with it
-            self._server.end()
-            self._server = fork_server()
-        try:
-            return self._server.fork()
-        except ConnectionError as error:
-            raise VsnbenchError(f"no worker can be started: {error}", advice="see its words above") from error
+        for _ in range(LOST_BEFORE_READY):
+            try:
+                return self._server.fork()
+            except ConnectionError:  # somebody has killed it, and its workers with it
+                self._server.end()
+                self._server = fork_server()
+        raise VsnbenchError(
+            f"no worker can be started: {LOST_BEFORE_READY} processes that were to fork one ended before they did",
+            advice="one said why above, or somebody ended them; the same command goes on",
+        )
 
     def _await_first(self) -> Prepared:
         lost = 0
