@@ -16,9 +16,10 @@ import pytest
 from tests.processes import has_ended, wait_until
 from vsnbench.protocol.site import load_site
 from vsnbench.runner.bench import BenchPlan
+from vsnbench.runner.pool import local
 from vsnbench.runner.pool.capacity import Wish
 from vsnbench.runner.pool.local import LocalPool
-from vsnbench.runner.pool.process import PROGRAM
+from vsnbench.runner.pool.process import PROGRAM, ForkServer
 from vsnbench.whole_files import PART
 
 STORY = """
@@ -168,3 +169,15 @@ def test_a_bench_of_the_campaign_before_that_is_ready_late_is_not_taken_for_this
         late.resume()
         wait_until(lambda: pool.events(0.1) == [] and pool.free == 2, "the late one is heard, and makes the last bench")
     assert_gone([one, late])
+
+
+@pytest.mark.slow
+def test_two_fork_servers_that_end_one_after_another_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers = [ForkServer() for _ in range(3)]
+    for killed in servers[1:]:
+        os.kill(killed.pid, signal.SIGKILL)
+    monkeypatch.setattr(local, "fork_server", servers.pop)
+    with LocalPool(BenchPlan(load_site("apartment"), "forward", ("chair",)), Wish(1, asked_for=True)) as pool:
+        assert pool.free == 1
+    assert not servers
+    assert not workers_of_this_process()
