@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -82,8 +82,12 @@ def assert_gone(workers: Sequence[psutil.Process]) -> None:
 
 def workers_of_this_process() -> list[psutil.Process]:
     """Return the processes that a fork server of this one has forked."""
-    servers = [child for child in psutil.Process().children() if PROGRAM in child.cmdline()]
-    return [worker for server in servers for worker in server.children()]
+    found = []
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):  # another test's, which ends just now
+            if PROGRAM in child.cmdline():
+                found += child.children()
+    return found
 
 
 def half_written(results: Path) -> list[Path]:
