@@ -86,6 +86,11 @@ class BenchDescription:
         """The model's name for people, with its weights where it has any."""
         return f"{self.card.name} ({self.card.weights_label})" if self.card.weights_label else self.card.name
 
+    @property
+    def on_gpu(self) -> bool:
+        """Whether the model says that it runs on one."""
+        return self.card.runs_on.get("device", "cpu") != "cpu"
+
     def difference(self, other: "BenchDescription") -> str:
         """Say in words what is not the same on another bench made from the same plan; empty when all is."""
         pairs = {

@@ -93,7 +93,7 @@ class Capacity:
         )
         if gpu := measured.gpu:
             return f"{said} and {gpu.taken_bytes / GIB:.1f} of the GPU's {gpu.total_bytes / GIB:.1f} GiB"
-        return f"{said}; the model is on a GPU, whose memory is not known" if _is_on_gpu(measured) else said
+        return f"{said}; the model is on a GPU, whose memory is not known" if measured.description.on_gpu else said
 
 
 def wish_for(workers: int | None, trials: int, capacity: Capacity) -> Wish:
@@ -124,7 +124,7 @@ def chosen(wish: Wish, capacity: Capacity, measured: Prepared, started: int = 1)
     one_bytes, gpu = takes_bytes(measured), measured.gpu
     held = max(1, capacity.free_bytes // one_bytes)
     held_by_gpu = held if gpu is None else started + gpu.free_bytes // gpu.taken_bytes
-    if gpu is None and not wish.asked_for and _is_on_gpu(measured):
+    if gpu is None and not wish.asked_for and measured.description.on_gpu:
         return 1
     if wish.at_most <= min(held, held_by_gpu):
         return wish.at_most
@@ -143,10 +143,6 @@ def chosen(wish: Wish, capacity: Capacity, measured: Prepared, started: int = 1)
         f"which holds {held}",
         advice=f"give --workers {held}, or leave it out",
     )
-
-
-def _is_on_gpu(measured: Prepared) -> bool:
-    return measured.description.card.runs_on.get("device", "cpu") != "cpu"
 
 
 def _cgroup_memory_left() -> int | None:

@@ -102,7 +102,9 @@ class Worker:
         self._bench = self._stack.enter_context(open_bench(plan))
         self._plan = plan
         self._stop.last_acts[:] = [self._bench.robot.halt]
-        self._connection.send(Prepared(self._bench.description, psutil.Process().memory_full_info().uss, gpu_memory()))
+        described, own_bytes = self._bench.description, psutil.Process().memory_full_info().uss
+        # A model that only tried the GPU has left something there, too: the next process knows not to.
+        self._connection.send(Prepared(described, own_bytes, gpu_memory() if described.on_gpu else None))
         # The driver opens the record now: what the first trial needs is loaded meanwhile.
         self._provenance = self._bench.provenance(shlex.join(command))
         _load_for_trials(self._bench.description, plan)
