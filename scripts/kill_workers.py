@@ -77,7 +77,8 @@ def kill_workers(results: Path, words: list[str], asked: argparse.Namespace, cha
                     chance.choice(alive).kill()
                     killed += 1
         code = process.wait()
-        print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged", flush=True)
+        why = said(results).read_text().strip().rpartition("\n")[2] if code else "done"
+        print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged: {why}", flush=True)
     if killed < asked.kills:
         sys.exit(f"the campaign ended after {killed} kills")
 
