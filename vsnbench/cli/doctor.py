@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.options import Database, Results
+from vsnbench.cli.options import Database, Results, RobotOrProfile
 from vsnbench.cli.output import Json, print_json
-from vsnbench.lab_file import CHECKED_ROBOT, VARIABLE_OF
+from vsnbench.lab_file import CHECKED_ROBOT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,16 +20,7 @@ _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 
 def command(
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
-        ),
-    ] = CHECKED_ROBOT,
+    robot: RobotOrProfile = CHECKED_ROBOT,
     move: Annotated[
         bool, typer.Option("--move", help="Turn the robot 30° to the left and back, to see the odometry follow.")
     ] = False,

@@ -72,6 +72,16 @@ ConsoleKey = Annotated[
     typer.Option("--console-key", help="PEM file of its private key", rich_help_panel=PAGE_PANEL),
 ]
 
+RobotOrProfile = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        "-r",
+        envvar=VARIABLE_OF["robot"],
+        show_envvar=False,
+        help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
+    ),
+]
 PlayedSite = Annotated[
     str,
     typer.Option(

@@ -5,23 +5,14 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.options import Database, Results
+from vsnbench.cli.options import Database, Results, RobotOrProfile
 from vsnbench.cli.output import Json, print_json
 from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
 
 
 def command(
     start: Annotated[int, typer.Option("--start", help="Number of the starting position that the robot stands at.")],
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
-        ),
-    ] = BUILT_IN_ROBOT,
+    robot: RobotOrProfile = BUILT_IN_ROBOT,
     site: Annotated[
         str,
         typer.Option(

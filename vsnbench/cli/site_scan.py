@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.options import RobotOrProfile
 from vsnbench.cli.output import Json, print_json
-from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.lab_file import BUILT_IN_ROBOT, BUILT_IN_SITE
 
 if TYPE_CHECKING:
     from vsnbench.cli.scan_progress import ScanProgress
@@ -20,16 +21,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
-        ),
-    ] = BUILT_IN_ROBOT,
+    robot: RobotOrProfile = BUILT_IN_ROBOT,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Where to: a map.yaml that is not there yet, its PGM beside it.")
     ] = Path("scan.yaml"),
