@@ -1,32 +1,50 @@
-"""Makes docs/api.md from the docstrings of what plug-ins and notebooks build on."""
+"""Makes docs/api.md from docstrings: the public interface, then the modules behind it."""
 
 import ast
 import inspect
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
+from vsnbench import _NAMES as PUBLIC_NAMES
+from vsnbench.report.analysis.episodes_frame import COLUMNS
+from vsnbench.report.frames import CAMPAIGN_COLUMNS
+
 PREAMBLE = """# The Python interface
 
-What models, robots and notebooks of your own build on, from the docstrings. [models.md](models.md) and
-[robots.md](robots.md) tell how; this page is made by `make docs`.
+The interface for your own models, robots and notebooks, made from the docstrings by `make docs`. [models.md](models.md)
+and [robots.md](robots.md) are the guides.
+
+```python
+from vsnbench import Action, Decision, ModelCard, Policy  # a model
+from vsnbench import Fix, MotionResult, Observation, Robot  # a robot
+from vsnbench import open_results  # a notebook
+```
+
+## Names of `vsnbench`
+
+The sections below describe them in the modules that define them. Import them from `vsnbench`: the modules can move.
+
+| name | |
+| --- | --- |
 """
 PARTS = {
     "For a model": [
         "vsnbench.models.contract",
-        "vsnbench.protocol.observation",
-        "vsnbench.protocol.decision",
-        "vsnbench.protocol.actions",
+        "vsnbench.values.observation",
+        "vsnbench.values.decision",
+        "vsnbench.values.action",
         "vsnbench.models.remote.vsnbench_policy",
     ],
     "For a robot": [
         "vsnbench.robots.contract",
-        "vsnbench.protocol.robot_identity",
-        "vsnbench.protocol.motion_result",
-        "vsnbench.protocol.fix",
+        "vsnbench.values.robot_identity",
+        "vsnbench.values.motion_result",
+        "vsnbench.values.fix",
     ],
     "Frames, cameras and the rules": [
-        "vsnbench.protocol.pose",
-        "vsnbench.protocol.camera",
+        "vsnbench.values.pose",
+        "vsnbench.values.camera",
         "vsnbench.protocol.parameters",
         "vsnbench.protocol.judge",
         "vsnbench.protocol.metrics",
@@ -42,8 +60,6 @@ PARTS = {
         "vsnbench.statistics.bootstrap",
         "vsnbench.statistics.multiple",
         "vsnbench.statistics.agreement",
-        "vsnbench.statistics.equivalence",
-        "vsnbench.statistics.posterior",
         "vsnbench.statistics.prediction_powered",
     ],
 }
@@ -51,25 +67,49 @@ PARTS = {
 
 def api_page() -> str:
     """Return docs/api.md."""
-    parts = [PREAMBLE]
+    rows = sorted(
+        f"| `{name}` | {_summary(module, name)} |" for module, names in PUBLIC_NAMES.items() for name in names
+    )
+    parts = [PREAMBLE + "\n".join(rows) + "\n"]
     for title, modules in PARTS.items():
         parts.append(f"## {title}\n")
         parts += [_module(name) for name in modules]
+        if "vsnbench.report.frames" in modules:
+            parts += [_columns("episodes", COLUMNS), _columns("campaigns", CAMPAIGN_COLUMNS)]
     return "\n".join(parts).rstrip() + "\n"
 
 
-def _module(name: str) -> str:
-    spec = find_spec(name)
+def _columns(method: str, columns: Mapping[str, str]) -> str:
+    rows = "\n".join(f"| `{name}` | {meaning} |" for name, meaning in columns.items())
+    return f"#### Columns of `Results.{method}()`\n\n| column | |\n| --- | --- |\n{rows}\n"
+
+
+def _tree(module: str) -> ast.Module:
+    spec = find_spec(module)
     if spec is None or spec.origin is None:
-        raise ModuleNotFoundError(name)
-    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+        raise ModuleNotFoundError(module)
+    return ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+
+
+def _summary(module: str, name: str) -> str:
+    """Return the first line of the docstring of a class or function."""
+    nodes = (node for node in _tree(module).body if isinstance(node, ast.ClassDef | ast.FunctionDef))
+    return _first_line(next(node for node in nodes if node.name == name))
+
+
+def _module(name: str) -> str:
+    tree = _tree(name)
     lines = [f"### `{name}`\n", _first_line(tree), ""]
     for node in tree.body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             lines += _class(node)
-        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not _is_deprecated(node):
             lines += [f"#### `{_signature(node)}`\n", *_text(node), ""]
     return "\n".join(lines)
+
+
+def _is_deprecated(node: ast.FunctionDef) -> bool:
+    return "Deprecated." in (ast.get_docstring(node) or "")
 
 
 def _class(node: ast.ClassDef) -> list[str]:
@@ -79,9 +119,10 @@ def _class(node: ast.ClassDef) -> list[str]:
         lines.append(f"- `{field}`{f': {meaning}' if meaning else ''}")
     for method in node.body:
         if isinstance(method, ast.FunctionDef) and not method.name.startswith("_"):
-            is_property = any(isinstance(one, ast.Name) and one.id == "property" for one in method.decorator_list)
-            shown = f"{method.name}: {_returned(method)}" if is_property else _signature(method)
-            lines.append(f"- `{shown}`: {_first_line(method)}")
+            decorators = {item.id for item in method.decorator_list if isinstance(item, ast.Name)}
+            text = f"{method.name}: {_returned(method)}" if "property" in decorators else _signature(method)
+            required = " (abstract)" if "abstractmethod" in decorators else ""
+            lines.append(f"- `{text}`{required}: {_first_line(method)}")
     return [*lines, ""]
 
 
@@ -90,9 +131,9 @@ def _fields(node: ast.ClassDef) -> list[tuple[str, str]]:
     found = []
     for statement, after in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-            shown, name = f"{statement.target.id}: {ast.unparse(statement.annotation)}", statement.target.id
+            text, name = f"{statement.target.id}: {ast.unparse(statement.annotation)}", statement.target.id
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
-            shown = name = statement.targets[0].id
+            text = name = statement.targets[0].id
         else:
             continue
         if name.startswith("_") or name == "model_config":
@@ -101,7 +142,7 @@ def _fields(node: ast.ClassDef) -> list[tuple[str, str]]:
         meaning = (
             inspect.cleandoc(constant.value) if constant and isinstance(constant.value, str) else _described(statement)
         )
-        found.append((shown, " ".join(meaning.split())))
+        found.append((text, " ".join(meaning.split())))
     return found
 
 

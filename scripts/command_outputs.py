@@ -1,8 +1,8 @@
-"""Fills the pages of docs/ with what commands print, by running them, and with files as they are.
+"""Fills blocks in docs/ with command output and file contents.
 
-A page says `<!-- output of: vsnbench ... -->` or `<!-- file: PATH -->` on a line, and the block after it is filled.
-Only commands that print the same on every machine are marked so: a test runs them again. All of a page's run in one
-scratch directory, one after the other, at 80 columns.
+A page marks a block with `<!-- output of: vsnbench ... -->` or `<!-- file: PATH -->` on the line before it. Commands of
+a page run in order in one temporary directory, at 80 columns. A test runs them again, so their output must not depend
+on the machine.
 """
 
 import contextlib
@@ -18,20 +18,19 @@ from pathlib import Path
 from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parent.parent
-COLUMNS = "80"
 _MARKED = re.compile(r"(<!-- (output of|file): (.+?) -->\n```\w+\n)(.*?)(```\n)", re.DOTALL)
 
 
 def filled(page: str) -> str:
-    """Return a page with every marked block as it is today."""
+    """Return a page with current contents in every marked block."""
     if not _MARKED.search(page):
         return page
-    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         return _MARKED.sub(_fill, page)
 
 
 def pages() -> Iterator[Path]:
-    """Yield the pages that have such blocks."""
+    """Yield the pages with marked blocks."""
     for page in sorted((ROOT / "docs").glob("*.md")):
         if _MARKED.search(page.read_text(encoding="utf-8")):
             yield page
@@ -43,26 +42,28 @@ def _fill(block: "re.Match[str]") -> str:
     return f"{head}{text.rstrip()}\n{end}"
 
 
-def output_of(line: str) -> str:
-    """Return what a command line prints, results and notes as a terminal shows them together."""
+def output_of(line: str, columns: int = 80) -> str:
+    """Return stdout and stderr of a command line, run in this process."""
     from vsnbench.cli.main import main
 
     words = shlex.split(line)
-    said = dict(word.split("=", 1) for word in words[: words.index("vsnbench")])
-    typed = words[words.index("vsnbench") :]
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("VSNBENCH_")}
-    terminal = {"COLUMNS": COLUMNS, "NO_COLOR": "1", "TERM": "dumb"}
-    heard = io.StringIO()
+    command = words.index("vsnbench")
+    kept = {
+        name: value for name, value in os.environ.items() if not name.startswith("VSNBENCH_") and name != "FORCE_COLOR"
+    }
+    terminal = {"COLUMNS": str(columns), "NO_COLOR": "1", "TERM": "dumb"}
+    given = dict(word.split("=", 1) for word in words[:command])
+    output = io.StringIO()
     with (
-        patch.dict(os.environ, kept | terminal | said, clear=True),
-        patch.object(sys, "argv", typed),
+        patch.dict(os.environ, kept | terminal | given, clear=True),
+        patch.object(sys, "argv", words[command:]),
         patch.object(logging, "basicConfig"),
-        contextlib.redirect_stdout(heard),
-        contextlib.redirect_stderr(heard),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(output),
         contextlib.suppress(SystemExit),
     ):
         main()
-    return "\n".join(text.rstrip() for text in heard.getvalue().splitlines())
+    return "\n".join(text.rstrip() for text in output.getvalue().splitlines()).strip("\n")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Broken requests for a page, drawn from chance: none of them is one that a phone's owner would mean."""
+"""Random invalid requests for the operator's page."""
 
 import json
 import random
@@ -6,18 +6,18 @@ import threading
 from typing import Any
 from urllib.parse import urlsplit
 
-from tests.console.browser import Browser
+from tests.web.browser import Browser
 
 PATHS = (
-    *("/", "/state", "/plan.svg", "/picture", "/sign-in", "/answer", "/judge", "/stop", "/pause", "/wish", "/live"),
+    *("/", "/state", "/plan.svg", "/picture", "/sign-in", "/answer", "/judge", "/stop", "/pause", "/placing", "/live"),
     *(
-        "/placing/seen",
+        "/placing/camera",
         "/placing/../..",
         "/episodes",
         "/episodes/1/frames/1",
         "/episodes/-1/frames/99999999999999999999",
     ),
-    *("/summary", "/amend", "/undo", "/assets/operator.js", "/assets/../gate.py", "/assets/%2e%2e/gate.py", "//", "*"),
+    *("/summary", "/amend", "/undo", "/assets/operator.js", "/assets/../page.py", "/assets/%2e%2e/page.py", "//", "*"),
     *("/?token=", "/?token=%ff%fe", "/x\x00y", "/" + "a" * 9000, "http://evil.example/state", "/../../etc/passwd"),
 )
 METHODS = ("GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "TRACE", "CONNECT", "PATCH", "get", "G\x00T", "X" * 300)
@@ -25,13 +25,16 @@ VALUES: tuple[Any, ...] = (
     *(None, -1, 1, 2**40, 1.5, 1e308, "go", "skip", "end", "x" * 600, [], {}, True, "\u202e\ud7ff", "0.5", {"a": [1]}),
     *("' OR 1=1 --", "<script>", "\x00", "84", "no", "look", "turn"),
 )
-NAMES = ("question", "said", "episode", "seen", "touched", "distance", "void", "sure", "name", "what", "note", "felt")
+NAMES = (
+    *("question", "answer", "episode", "seen", "touched", "distance", "void", "confirmed", "name", "action", "note"),
+    "felt",
+)
 CHANGES = ("/stop", "/pause", "/live")
-"""What a phone may do at any moment: here it is asked for without the page's proof, or the cookie, alone."""
+"""Requests that are always allowed, so they are sent without a valid CSRF token or cookie only."""
 
 
 class Requests:
-    """Draws requests; from any thread."""
+    """Generates requests. Thread-safe."""
 
     def __init__(self, browser: Browser, chance: random.Random) -> None:
         self._browser = browser
@@ -39,20 +42,20 @@ class Requests:
         self._lock = threading.Lock()
         self._host = urlsplit(browser.address).netloc
 
-    def one(self) -> tuple[bytes, str]:
-        """Return the bytes of a request, and how it ends: `whole`, or `cut` in the midst of it."""
+    def next(self) -> tuple[bytes, str]:
+        """Return the bytes of a request, and whether it is sent `whole` or `cut` off."""
         with self._lock:
-            return self._one()
+            return self._next()
 
-    def _one(self) -> tuple[bytes, str]:
+    def _next(self) -> tuple[bytes, str]:
         chance = self._chance
         path, method = chance.choice(PATHS), chance.choices(METHODS, [8, 14, *[1] * (len(METHODS) - 2)])[0]
-        meant = path in CHANGES
+        is_change = path in CHANGES
         if path == "/live" and chance.random() < 0.7:
             return self._socket(), chance.choice(["whole", "cut"])
         body = self._body()
         lines = [f"{method} {path} HTTP/{chance.choice(['1.1', '1.1', '1.1', '1.0', '2.0', '9'])}"]
-        lines += self._host_lines() + self._cookie_lines() + self._origin_lines(meant=meant)
+        lines += self._host_lines() + self._cookie_lines() + self._origin_lines(is_change=is_change)
         kind = chance.choice(
             ["application/json", "application/json", "text/plain", "", "multipart/form-data; boundary=x"]
         )
@@ -97,12 +100,12 @@ class Requests:
         chosen = self._chance.choices([self._browser.cookie, "", *wrong], [10, 3, *[1] * len(wrong)])[0]
         return [f"Cookie: {chosen}"] if chosen else []
 
-    def _origin_lines(self, *, meant: bool) -> list[str]:
-        own, proof = f"http://{self._host}", self._browser.proof
+    def _origin_lines(self, *, is_change: bool) -> list[str]:
+        own, token = f"http://{self._host}", self._browser.csrf_token
         origins = self._chance.choices([own, "http://evil.example", "null", "", own + ".evil"], [10, 1, 1, 1, 1])[0]
-        proofs = ["0" * 64, "", proof[:-1], "\u00e9" * 64]
-        shown = self._chance.choice(proofs) if meant or self._chance.random() < 0.2 else proof
-        return [*([f"Origin: {origins}"] if origins else []), f"X-Vsnbench-Proof: {shown}"]
+        wrong_tokens = ["0" * 64, "", token[:-1], "\u00e9" * 64]
+        sent = self._chance.choice(wrong_tokens) if is_change or self._chance.random() < 0.2 else token
+        return [*([f"Origin: {origins}"] if origins else []), f"X-CSRF-Token: {sent}"]
 
     def _length_lines(self, body: bytes) -> list[str]:
         right = [f"Content-Length: {len(body)}"]
@@ -118,11 +121,11 @@ class Requests:
         chance = self._chance
         draw = chance.random()
         if draw < 0.6:
-            said = {chance.choice(NAMES): chance.choice(VALUES) for _ in range(chance.randrange(5))}
-            said["question"] = chance.choice([*VALUES, chance.randrange(2**31)])
-            if "episode" in said or chance.random() < 0.5:
-                said["episode"] = chance.choice([999, -1, "1", None, 2**31, 2**63])
-            return json.dumps(said).encode()
+            content = {chance.choice(NAMES): chance.choice(VALUES) for _ in range(chance.randrange(5))}
+            content["question"] = chance.choice([*VALUES, chance.randrange(2**31)])
+            if "episode" in content or chance.random() < 0.5:
+                content["episode"] = chance.choice([999, -1, "1", None, 2**31, 2**63])
+            return json.dumps(content).encode()
         if draw < 0.7:
             return b"[" * chance.randrange(1, 50_000)
         if draw < 0.75:
@@ -130,10 +133,10 @@ class Requests:
         return chance.randbytes(chance.randrange(400)) if draw < 0.9 else b""
 
     def _socket(self) -> bytes:
-        """Return the opening of a web socket and frames that nobody would send."""
+        """Return the handshake of a web socket and invalid frames."""
         chance = self._chance
         key = chance.choice(["dGhlIHNhbXBsZSBub25jZQ==", "", "x", "\u00e9"])
-        lines = ["GET /live HTTP/1.1", *self._host_lines(), *self._cookie_lines(), *self._origin_lines(meant=True)]
+        lines = ["GET /live HTTP/1.1", *self._host_lines(), *self._cookie_lines(), *self._origin_lines(is_change=True)]
         version = chance.choice(["13", "13", "8", ""])
         lines += ["Upgrade: websocket", "Connection: Upgrade", f"Sec-WebSocket-Key: {key}"]
         lines.append(f"Sec-WebSocket-Version: {version}")
@@ -143,7 +146,7 @@ class Requests:
     def _frame(self) -> bytes:
         chance = self._chance
         content = chance.choice(
-            [b"{}", b"[1]", b'{"beat": "x"}', b'{"beat": 1}', b"\xff\xfe", b"", b"{" * 100, b"null"]
+            [b"{}", b"[1]", b'{"heartbeat": "x"}', b'{"heartbeat": 1}', b"\xff\xfe", b"", b"{" * 100, b"null"]
         )
         mask = bytes(4)
         head = bytes([chance.choice([0x81, 0x82, 0x88, 0x89, 0x80, 0x0F, 0xFF])])

@@ -1,9 +1,9 @@
-"""Takes docs/figures/console/*.webp: every step of the operator's page at phone size, light beside dark.
+"""Takes docs/figures/console/*.webp: every step of the operator's page at phone size, in light and dark.
 
-usage: python scripts/console_screens.py [DIRECTORY]   (some two minutes on a busy machine)
+usage: python scripts/console_screens.py [DIRECTORY]   (about two minutes)
 
-A rehearsal in the embedded apartment is run by clicks; two phones, one of them dark, see the same. Placed, measured,
-driven, judged, asked back, corrected, cut off, ended: what is on the screen at each step is kept.
+A rehearsal in the embedded apartment is run by clicks on two phones, one of them dark. The script saves the screen at
+each step, from sign-in to the end.
 """
 
 import os
@@ -20,53 +20,54 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.console.phone import Phone, Said, chromium_of_phones, phone_in
-from tests.console.rehearsal import quiet_port, wait_until
-from tests.console.tcp_relay import TcpRelay
+from tests.web.blind_study import quiet_port, wait_until
+from tests.web.phone import GivenJudgement, Phone, chromium_of_phones, phone_in
+from tests.web.tcp_relay import TcpRelay
 
 ROOT = Path(__file__).resolve().parent.parent
 SCALE = 1.5
+LOADED = "() => [...document.querySelectorAll('#judging img')].every(image => image.naturalWidth)"
 QUALITY = 60
-UNHURRIED = '''"""The oracle at a real robot's pace, so that it can be watched."""
+SLOW_ORACLE = '''"""The oracle at a real robot's speed."""
 import time
-from vsnbench.models.oracle import Oracle as Hurried
+from vsnbench.models.baselines.oracle import Oracle as FastOracle
 
-class Oracle(Hurried):
+class Oracle(FastOracle):
     def act(self, observation):
         time.sleep(0.4)
         return super().act(observation)
 '''
-WORDS = (
+ARGUMENTS = (
     "--model",
-    "unhurried:Oracle",
+    "slow_oracle:Oracle",
     "--goal",
     "chair",
     "--starts",
     "3",
-    "--pretend-real",
+    "--rehearse",
     "--robot",
     "simulated:lola2",
 )
 
 
 class Screens:
-    """Two phones that see the same, and what they showed."""
+    """Saves screenshots of two phones side by side."""
 
     def __init__(self, phones: list[Phone], folder: Path) -> None:
         self._phones = phones
         self._folder = folder
 
-    def keep(self, name: str, look_at: str = "") -> None:
-        """Write what both show, side by side; scrolled to something where that is named."""
-        shown = []
+    def save(self, name: str, scroll_to: str = "") -> None:
+        """Save both screens, scrolled to an element if one is given."""
+        images = []
         for phone in self._phones:
-            if look_at:
-                phone.page.locator(look_at).first.evaluate("one => one.scrollIntoView({ block: 'center' })")
+            if scroll_to:
+                phone.page.locator(scroll_to).first.evaluate("element => element.scrollIntoView({ block: 'center' })")
             phone.page.wait_for_timeout(300)
-            shown.append(cv2.imdecode(np.frombuffer(phone.page.screenshot(), np.uint8), cv2.IMREAD_COLOR))
-        gap = np.full((shown[0].shape[0], 24, 3), 255, np.uint8)
+            images.append(cv2.imdecode(np.frombuffer(phone.page.screenshot(), np.uint8), cv2.IMREAD_COLOR))
+        gap = np.full((images[0].shape[0], 24, 3), 255, np.uint8)
         file = self._folder / f"{name}.webp"
-        cv2.imwrite(str(file), np.hstack([shown[0], gap, shown[1]]), [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+        cv2.imwrite(str(file), np.hstack([images[0], gap, images[1]]), [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
         print(f"{file.name}  {file.stat().st_size / 1000:.0f} kB", flush=True)
 
 
@@ -77,8 +78,8 @@ def main(folder: Path) -> None:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         port = quiet_port(random.Random())
         log = directory / "log"
-        command = [sys.executable, "-m", "vsnbench.cli.main", "run", *WORDS, "--console-port", str(port)]
-        (directory / "unhurried.py").write_text(UNHURRIED)
+        command = [sys.executable, "-m", "vsnbench.cli.main", "run", *ARGUMENTS, f"--console=:{port}"]
+        (directory / "slow_oracle.py").write_text(SLOW_ORACLE)
         path = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(directory)])}
         with log.open("w") as sink:
             results = ["--results", str(directory / "results")]
@@ -91,16 +92,16 @@ def main(folder: Path) -> None:
         relay = stack.enter_context(TcpRelay(port))
         hosts = ("127.0.0.1", "localhost")
         browser = stack.enter_context(chromium_of_phones(*((host, relay, port) for host in hosts)))
-        looks = zip(("Anna", "Ben"), hosts, ("light", "dark"), strict=True)
+        settings = zip(("Anna", "Ben"), hosts, ("light", "dark"), strict=True)
         phones = [
-            phone_in(browser, name, host, relay, found[0], color_scheme=look, device_scale_factor=SCALE)
-            for name, host, look in looks
+            phone_in(browser, name, host, relay, found[0], color_scheme=scheme, device_scale_factor=SCALE)
+            for name, host, scheme in settings
         ]
         by_clicks(phones, Screens(phones, folder), relay)
 
 
 def by_clicks(phones: list[Phone], screens: Screens, relay: TcpRelay) -> None:
-    """Do one trial, and keep each screen of it."""
+    """Run one trial and save each screen."""
     anna, ben = phones
 
     def both(selector: str) -> None:
@@ -110,16 +111,16 @@ def by_clicks(phones: list[Phone], screens: Screens, relay: TcpRelay) -> None:
     for phone in phones:
         phone.page.goto(phone.address)
         phone.page.wait_for_selector("#name", state="visible")
-    screens.keep("1-sign-in")
+    screens.save("1-sign-in")
     for phone in phones:
         phone.sign_in()
     both("#plan svg")
     both("#check")
-    screens.keep("2-next-trial")
+    screens.save("2-next-trial")
     anna.page.click("#check")
     both("#placement")
-    screens.keep("3-measured", "#placement")
-    screens.keep("3-what-it-should-see", ".overlay")
+    screens.save("3-measured", "#placement")
+    screens.save("3-expected-image", ".overlay")
     for _ in range(8):
         if "good" in str(anna.page.get_attribute("#placement", "class")):
             break
@@ -128,35 +129,37 @@ def by_clicks(phones: list[Phone], screens: Screens, relay: TcpRelay) -> None:
         anna.page.wait_for_selector(f"#placement, .overlay img:not([src='{key}'])")
         anna.page.wait_for_function("() => !document.getElementById('go').disabled")
     both("#placement")
-    screens.keep("4-it-stands-there", "#go")
+    screens.save("4-in-place", "#go")
     anna.page.click("#go")
     both("#picture img[src^=blob]")
     anna.page.wait_for_function("() => document.getElementById('driving-steps').textContent.length > 8")
-    screens.keep("5-driving")
+    screens.save("5-driving")
     relay.stall()
     both("#offline")
-    screens.keep("6-no-link")
+    screens.save("6-not-connected")
     relay.mend(cut=True)
     for phone in phones:
         phone.page.wait_for_selector("#offline", state="hidden")
     both("#judging .judging-form")
-    screens.keep("7-what-happened")
     for phone in phones:
-        phone.fill_judgement("#judging", Said("", distance="4 m"))
-    anna.confirm("#judging", Said(""))
-    ben.confirm("#judging", Said(""))
-    both("#ask")
-    screens.keep("8-asked-back")
+        phone.page.wait_for_function(LOADED)
+    screens.save("7-judging")
     for phone in phones:
-        phone.page.click("#ask [value=no]")
-        phone.fill_judgement("#judging", Said("", distance="0.84"))
-    anna.confirm("#judging", Said(""))
+        phone.fill_judgement("#judging", GivenJudgement("", distance="4 m"))
+    anna.confirm("#judging", GivenJudgement(""))
+    ben.confirm("#judging", GivenJudgement(""))
+    both("#dialog")
+    screens.save("8-confirmation")
+    for phone in phones:
+        phone.page.click("#dialog [value=no]")
+        phone.fill_judgement("#judging", GivenJudgement("", distance="0.84"))
+    anna.confirm("#judging", GivenJudgement(""))
     both("#finish")
     for phone in phones:
         if not phone.page.locator("#episodes").is_visible():
             phone.page.click("#episodes-card summary")
     both(".episode [data-amend]")
-    screens.keep("9-the-end")
+    screens.save("9-end")
 
 
 if __name__ == "__main__":

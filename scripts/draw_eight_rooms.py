@@ -2,11 +2,10 @@
 
 usage: python scripts/draw_eight_rooms.py OUTPUT.yaml [--flat scripts/eight_rooms.yaml]
 
-The map under the plan is made from the flat (`sites export --map`); walls are traced over it from end to end, doors
-and windows are clicked onto them, furniture comes from the palette and gets its numbers typed, starts too. Prints the
-clock's time, and what a person would need by the keystroke-level model (Card, Moran and Newell 1980): 1.1 s to point,
-0.2 s to click, 0.28 s a key, 0.4 s to change between mouse and keyboard, 1.35 s to think before every thing. That is
-somebody who knows the page and reads every number off a list; measuring the flat is not in it.
+The underlay is a map of the flat (`sites export --map`). The script traces walls, clicks doors and windows, and places
+furniture and starts with typed coordinates. It prints the elapsed time, and an estimate for an experienced person by
+the keystroke-level model (Card, Moran and Newell 1980): 1.1 s to point, 0.2 s to click, 0.28 s per key, 0.4 s to change
+between mouse and keyboard, 1.35 s to think before each element. The estimate does not include measuring the flat.
 """
 
 import argparse
@@ -20,12 +19,12 @@ from typing import Any
 
 from playwright.sync_api import Page, sync_playwright
 
-from vsnbench.console.plan_underlay import Underlay
-from vsnbench.console.session_key import SessionKey
-from vsnbench.console.site_editor import MOST_BODY_BYTES, SiteEditor
-from vsnbench.console.web_server import WebServer
-from vsnbench.protocol.site import Site, SiteObject, load_site
 from vsnbench.robots.profiles import load_profile
+from vsnbench.sites.site import Site, SiteObject, load_site
+from vsnbench.web.site_editor.editor import MAX_BODY_BYTES, SiteEditor
+from vsnbench.web.site_editor.underlay import Underlay
+from vsnbench.web_server.server import WebServer
+from vsnbench.web_server.session_key import SessionKey
 
 Point = tuple[float, float]
 POINT_S, CLICK_S, KEY_S, HAND_S, THINK_S = 1.1, 0.2, 0.28, 0.4, 1.35
@@ -34,28 +33,28 @@ PATIENCE_MS = 240_000
 
 @dataclass
 class Effort:
-    """What was done, in the units of the keystroke-level model."""
+    """Counts of actions for the keystroke-level model."""
 
     clicks: int = 0
     keys: int = 0
-    things: int = 0
+    elements: int = 0
     hands: int = 0
 
     @property
     def minutes(self) -> float:
-        """Of a person, by the model."""
-        seconds = self.clicks * (POINT_S + CLICK_S) + self.keys * KEY_S + self.hands * HAND_S + self.things * THINK_S
+        """Estimated time of a person."""
+        seconds = self.clicks * (POINT_S + CLICK_S) + self.keys * KEY_S + self.hands * HAND_S + self.elements * THINK_S
         return seconds / 60
 
 
 class Drawing:
-    """The page, as a person has it."""
+    """Draws on the page and counts the actions."""
 
     def __init__(self, page: Page) -> None:
         self.page, self.effort = page, Effort()
 
     def pixels(self, at: Point) -> Point:
-        """Return where a place of the plan is on the screen."""
+        """Return the screen position of a point of the plan."""
         plan = self.page.locator("#plan")
         left, top, width, height = (float(part) for part in (plan.get_attribute("viewBox") or "").split())
         box = plan.bounding_box()
@@ -66,16 +65,16 @@ class Drawing:
         return x, box["y"] + box["height"] / 2 + (-at[1] - top - height / 2) / scale
 
     def tool(self, name: str) -> None:
-        """Take a tool."""
+        """Select a tool."""
         self.press(f"#tools [data-tool={name}]")
 
     def press(self, selector: str) -> None:
-        """Click something of the page."""
+        """Click an element of the page."""
         self.page.click(selector)
         self.effort.clicks += 1
 
     def click(self, *places: Point) -> None:
-        """Click places of the plan."""
+        """Click points of the plan."""
         for place in places:
             self.page.mouse.click(*self.pixels(place))
             self.effort.clicks += 1
@@ -87,7 +86,7 @@ class Drawing:
         self.effort.hands += 2
 
     def type(self, field: str, value: Any, shown: Any = None) -> None:
-        """Type a field's value, where it is not there already."""
+        """Type the value of a field, if it differs."""
         words = f"{value:g}" if isinstance(value, int | float) else str(value)
         entry = self.page.locator(f"#field-{field}")
         if entry.input_value() in (words, str(shown)):
@@ -99,20 +98,20 @@ class Drawing:
         self.effort.hands += 2
 
     def choose(self, field: str, value: str) -> None:
-        """Choose a field's value from its list."""
+        """Select the value of a field from its list."""
         self.page.select_option(f"#field-{field}", value)
         self.effort.clicks += 2
 
     def draw(self, flat: Site) -> None:
-        """Draw everything."""
-        self.press("#reject-lines")  # walls are traced: proposals of furniture would have to be looked at one by one
+        """Draw all elements of a flat."""
+        self.press("#reject-lines")  # the script traces the walls itself
         for wall in flat.walls:
-            self.effort.things += 1
+            self.effort.elements += 1
             self.tool("wall")
             self.click(wall.start, wall.end)
             self.key("Escape")
         for room in flat.rooms:
-            self.effort.things += 1
+            self.effort.elements += 1
             self.tool("room")
             self.click(*room.polygon)
             self.key("Enter")
@@ -121,7 +120,7 @@ class Drawing:
                 self.choose("floor", room.floor)
         for kind, openings in (("door", flat.doors), ("window", flat.windows)):
             for opening in openings:
-                self.effort.things += 1
+                self.effort.elements += 1
                 self.tool(kind)
                 (x0, y0), (x1, y1) = opening.start, opening.end
                 self.click(((x0 + x1) / 2, (y0 + y1) / 2))
@@ -129,27 +128,27 @@ class Drawing:
                     self.type("name", opening.name)  # type: ignore[union-attr]
                 if getattr(opening, "closed", False):
                     self.choose("closed", "yes")
-        for thing in flat.objects:
-            self.effort.things += 1
-            self.place(thing)
+        for item in flat.objects:
+            self.effort.elements += 1
+            self.place(item)
         for start in flat.starts:
-            self.effort.things += 1
+            self.effort.elements += 1
             self.tool("start")
             self.click(start.position)
             self.type("x-m", start.position[0])
             self.type("y-m", start.position[1])
             self.type("heading_deg", start.heading_deg)
 
-    def place(self, thing: SiteObject) -> None:
-        """Put a thing where it stands, and type its numbers."""
-        self.tool(thing.category)
-        self.click(thing.position)
+    def place(self, item: SiteObject) -> None:
+        """Place an object and type its numbers."""
+        self.tool(item.category)
+        self.click(item.position)
         for name, value in (
-            ("x-m", thing.position[0]),
-            ("y-m", thing.position[1]),
-            ("heading_deg", thing.heading_deg),
-            *zip(("depth-m", "width-m", "height-m"), thing.size_m, strict=True),
-            ("elevation_m", thing.elevation_m),
+            ("x-m", item.position[0]),
+            ("y-m", item.position[1]),
+            ("heading_deg", item.heading_deg),
+            *zip(("depth-m", "width-m", "height-m"), item.size_m, strict=True),
+            ("elevation_m", item.elevation_m),
         ):
             self.type(name, value)
 
@@ -161,14 +160,14 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="write a screenshot of the page at the end")
     asked = parser.parse_args()
     if asked.output.exists():
-        raise SystemExit(f"{asked.output} is there already")
+        raise SystemExit(f"{asked.output} already exists")
     vsnbench = [sys.executable, "-m", "vsnbench.cli.main"]
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder) / "map.yaml"
         subprocess.run([*vsnbench, "sites", "export", str(asked.flat), "--map", str(path)], check=True)
         editor = SiteEditor(asked.output, load_profile("turtlebot2"), Underlay.of_file(path))
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        with WebServer(editor.app(), SessionKey.new(), most_body_bytes=MOST_BODY_BYTES) as server:
+        with WebServer(editor.app(), SessionKey.new(), max_body_bytes=MAX_BODY_BYTES) as server:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(PATIENCE_MS)
             page.goto(server.addresses[0])
@@ -182,10 +181,10 @@ def main() -> None:
                 page.screenshot(path=asked.picture)
         browser.close()
     done = drawing.effort
-    print(f"{done.things} things, {done.clicks} clicks, {done.keys} keys: {took_s / 60:.1f} min by this script's clock")
-    print(f"a person who knows the page: about {done.minutes:.0f} min by the keystroke-level model")
+    print(f"{done.elements} elements, {done.clicks} clicks, {done.keys} keys: {took_s / 60:.1f} min elapsed")
+    print(f"an experienced person: about {done.minutes:.0f} min by the keystroke-level model")
     typed = len("".join(line for line in asked.flat.read_text(encoding="utf-8").splitlines()))
-    print(f"the same as YAML: {typed} characters, {typed * KEY_S / 60:.0f} min of typing at the same pace")
+    print(f"as YAML: {typed} characters, {typed * KEY_S / 60:.0f} min of typing at the same speed")
     sys.exit(subprocess.run([*vsnbench, "sites", "check", str(asked.output)], check=False).returncode)
 
 

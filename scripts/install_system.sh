@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Install what Python packages cannot bring: `install_system.sh venv chromium postgresql ros`. Needs root or sudo for
+# Install what Python packages cannot bring: `install_system.sh venv chromium postgresql node ros`. Needs root or sudo for
 # what is missing; installs nothing that is already there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -25,6 +25,7 @@ for part in "$@"; do
             command -v chromium >/dev/null || command -v chromium-browser >/dev/null || apt_install chromium ;;
         postgresql)
             command -v postgres >/dev/null || ls /usr/lib/postgresql/*/bin/postgres >/dev/null 2>&1 || apt_install postgresql ;;
+        node) command -v node >/dev/null || apt_install nodejs ;;
         ros) [ ! -x scripts/install_ros.sh ] || scripts/install_ros.sh ;;
         *) echo "install_system.sh: unknown part $part" >&2; exit 2 ;;
     esac

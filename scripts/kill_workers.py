@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-FORKED_FROM = "vsnbench.runner.pool.fork_server"
+FORKED_FROM = "vsnbench.runner.executors.fork_server"
 PYTHON = [sys.executable, "-m"]
 GOALS = 7
 """Of the apartment, where the campaigns run."""
@@ -47,9 +47,13 @@ def driver_of(command: list[str], results: Path) -> "subprocess.Popen[bytes]":
 
 def workers_of(driver: psutil.Process) -> list[psutil.Process]:
     """Return a driver's workers, and the process that they are forked from, with which all of them end."""
+    found = []
     with suppress(psutil.Error):
-        return [child for child in driver.children(recursive=True) if FORKED_FROM in child.cmdline()]
-    return []
+        for child in driver.children(recursive=True):
+            with suppress(psutil.Error):  # it has just ended
+                if FORKED_FROM in child.cmdline():
+                    found.append(child)
+    return found
 
 
 def judged(results: Path) -> int:
@@ -131,7 +135,7 @@ def kill_node(results: Path, words: list[str], asked: argparse.Namespace, chance
         before = ours(token)
         subprocess.run([*start, f"--address=127.0.0.1:{ports[0]}"], env=known, check=True, capture_output=True)
         node = [one for one in ours(token) if one not in before]
-        words = [*words, "--cluster", f"ray://127.0.0.1:{ports[1]}"]
+        words = [*words, "--workers", f"ray://127.0.0.1:{ports[1]}"]
         process = subprocess.Popen(campaign(results, *words), env=known)
         while process.poll() is None and judged(results) < 5:
             time.sleep(0.5)

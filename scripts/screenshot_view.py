@@ -9,9 +9,9 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.viewer.rebuild import current_recording
-from vsnbench.viewer.viewers import WebViewer
+from vsnbench.viewer.web_viewer import WebViewer
 
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage")
@@ -25,7 +25,7 @@ def main(results: str, episode: str, png: str) -> None:
     with WebViewer(0, recording) as viewer, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = browser.new_page(viewport={"width": 1600, "height": 1000})
-        page.goto(f"{viewer.address}?renderer=webgl", timeout=PATIENCE_S * 1000)
+        page.goto(f"{viewer.address}&renderer=webgl", timeout=PATIENCE_S * 1000)
         began = changed = time.monotonic()
         picture = b""
         while time.monotonic() - changed < STILL_FOR_S and time.monotonic() - began < PATIENCE_S:

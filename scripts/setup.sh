@@ -4,8 +4,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="[neural,viewer]" system="" ;;
-    test) extras="[neural,viewer,postgresql,bags,ray,docs,dev]" system="chromium postgresql ros" ;;
+    run) extras="[neural,viewer,video]" system="" ;;
+    test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,docs,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
 
@@ -35,4 +35,6 @@ pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system
 [ $kind = run ] || scripts/install_ros2.sh
+[ $kind = run ] || command -v node >/dev/null ||
+    echo "node is missing: the tests of examples/node_policy are skipped (scripts/install_system.sh node)"
 echo "$fingerprint" > "$stamp"

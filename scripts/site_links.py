@@ -1,7 +1,7 @@
-"""What a page of docs/ needs on its way into the site: it is written to be read in the repository as well.
+"""Adapts pages that are written for GitHub to MkDocs (`mkdocs.yml`, hooks).
 
-A list straight after a line of text begins a list there, and has to begin one here; a link out of docs/ leads to a file
-of the repository, which the site has not, and becomes its path. MkDocs calls `on_page_markdown` (`mkdocs.yml`, hooks).
+MkDocs needs an empty line before a list. A link out of docs/ leads to a file that the website does not have; it becomes
+plain text with the file's path.
 """
 
 import re
@@ -14,7 +14,7 @@ _MARKER = re.compile(r"^<!-- (output of|file): .* -->\n", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Return a page's text as the site's reader of Markdown wants it."""
+    """Return a page's Markdown for MkDocs."""
     lines: list[str] = []
     fenced = False
     for line in _MARKER.sub("", markdown).splitlines():
@@ -28,12 +28,12 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def _as_path(link: "re.Match[str]") -> str:
-    words, path = link.groups()
-    return f"`{path}`" if path in words else f"{words} (`{path}`)"
+    text, path = link.groups()
+    return text if path in text else f"{text} (`{path}`)"
 
 
 def on_post_page(output: str, **_: Any) -> str:
-    """Return a finished page, whose search says to a screen reader what it is."""
+    """Return a finished page with a label for the search dialog, for screen readers."""
     return output.replace(
         'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
     )

@@ -1,9 +1,9 @@
-"""Says what the core and each extra bring into an environment: packages, megabytes, and the heaviest of them.
+"""Prints packages, megabytes and the largest packages of the core and of each extra.
 
-usage: python scripts/weigh.py [ENVIRONMENT ...]   (.venv and .venv-ros2 when absent)
+usage: python scripts/weigh.py [ENVIRONMENT ...]   (default: .venv and .venv-ros2)
 
-Sizes are those of the files that each installed package's RECORD names, compiled Python left out; an extra brings
-what the core does not. Nothing is downloaded: an extra that is installed nowhere is said to be missing.
+Sizes are from each installed package's RECORD, without compiled Python. An extra counts what the core does not have.
+Nothing is downloaded; an extra that is not installed is reported as missing.
 """
 
 import sys
@@ -19,20 +19,20 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def installed(environments: Iterable[Path]) -> dict[str, Distribution]:
-    """Return every package in these environments by its name; of one in several, the first."""
+    """Return the packages of these environments by name; the first environment wins."""
     found: dict[str, Distribution] = {}
     for environment in environments:
         for place in sorted(environment.glob("lib/python3*/site-packages")):
-            for each in distributions(path=[str(place)]):
-                found.setdefault(canonicalize_name(each.metadata["Name"]), each)
+            for package in distributions(path=[str(place)]):
+                found.setdefault(canonicalize_name(package.metadata["Name"]), package)
     return found
 
 
-def brought(requirements: Iterable[str], here: dict[str, Distribution]) -> set[str]:
-    """Return the packages that these requirements bring, with those that they bring in turn.
+def required(requirements: Iterable[str], here: dict[str, Distribution]) -> set[str]:
+    """Return the packages of these requirements with their dependencies.
 
     Raises:
-        KeyError: one is not installed.
+        KeyError: a package is not installed.
     """
     names: set[str] = set()
     waiting = [(Requirement(text), "") for text in requirements]
@@ -60,11 +60,11 @@ def table(environments: Iterable[Path]) -> str:
     """Return the table of docs/install.md."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     here = installed(environments)
-    core = brought(project["dependencies"], here)
-    lines = ["| | packages | MB | the heaviest |", "| --- | ---: | ---: | --- |", _line("core", core, here)]
+    core = required(project["dependencies"], here)
+    lines = ["| extra | packages | MB | largest packages |", "| --- | ---: | ---: | --- |", _line("core", core, here)]
     for extra, requirements in project["optional-dependencies"].items():
         try:
-            own = brought(requirements, here) - core
+            own = required(requirements, here) - core
         except KeyError as missing:
             lines.append(f"| `{extra}` | | | {missing.args[0]} is not installed |")
         else:
@@ -74,8 +74,8 @@ def table(environments: Iterable[Path]) -> str:
 
 def _line(title: str, names: Iterable[str], here: dict[str, Distribution]) -> str:
     sizes = sorted(((megabytes(here[name]), name) for name in names), reverse=True)
-    heaviest = ", ".join(f"{name} {size:.0f}" for size, name in sizes[:4] if size >= 1)
-    return f"| {title} | {len(sizes)} | {sum(size for size, _ in sizes):.0f} | {heaviest} |"
+    largest = ", ".join(f"{name} {size:.0f}" for size, name in sizes[:4] if size >= 1)
+    return f"| {title} | {len(sizes)} | {sum(size for size, _ in sizes):.0f} | {largest} |"
 
 
 if __name__ == "__main__":

@@ -1,98 +1,20 @@
-"""The floors of the house: imports point downward only."""
+"""The layers of the package, and limits on its files."""
 
 import ast
 import re
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
-
-import pytest
 
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
 
-_PURE = {"protocol", "statistics"}
-_MACHINERY = {"motion", "sensing", "simulator", "placement", "scan_matching", "ros1", "ros2"}
-_RESOURCES = {"models", "robots", "database", "record", "study"}
 
-MAY_IMPORT: dict[str, set[str]] = {
-    "protocol": set(),
-    "statistics": set(),
-    "motion": {"protocol"},
-    "sensing": {"protocol", "motion"},
-    "simulator": {"protocol", "motion"},
-    "placement": {"protocol", "simulator"},
-    "scan_matching": {"protocol"},
-    "ros1": {"protocol", "motion", "sensing", "simulator"},
-    "ros2": {"protocol", "motion", "sensing", "simulator"},
-    "database": {"protocol"},
-    "record": {"protocol"},
-    "models": {"protocol", "sensing"},
-    "robots": {"protocol"} | _MACHINERY,
-    "study": _PURE,
-    "viewer": {"protocol", "database", "record"},
-    "report": _PURE | {"database", "record", "study"},
-    "exchange": {"protocol", "sensing", "database", "record"},
-    "runner": {"protocol"} | _MACHINERY | _RESOURCES,
-    "console": {"protocol", "simulator", "sensing"} | _RESOURCES | {"viewer", "report", "exchange", "runner"},
-    "cli": _PURE | _MACHINERY | _RESOURCES | {"viewer", "report", "exchange", "runner", "console"},
-}
-GROUND = {
-    "compilation",
-    "compute_threads",
-    "database_url",
-    "end_signals",
-    "errors",
-    "git_checkout",
-    "harmless_text",
-    "lab_file",
-    "loopback",
-    "machine_cache",
-    "plugins",
-    "resources",
-    "ros_generation",
-    "whole_files",
-    "scratch",
-    "workers",
-}
-"""Modules beside the rooms that every room may import."""
-
-
-def imported_rooms(file: Path) -> set[str]:
-    rooms: set[str] = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            assert node.level == 0, f"{file}: relative import"
-            names = [f"vsnbench.{alias.name}" for alias in node.names] if node.module == "vsnbench" else [node.module]
-        rooms |= {name.split(".")[1] for name in names if name.startswith("vsnbench.")}
-    return {room for room in rooms if (PACKAGE / room).is_dir() or (PACKAGE / f"{room}.py").is_file()}
-
-
-def test_every_package_stands_on_a_floor() -> None:
-    packages = {path.name for path in PACKAGE.iterdir() if path.is_dir() and (path / "__init__.py").is_file()}
-    assert packages == set(MAY_IMPORT)
-
-
-@pytest.mark.parametrize("room", sorted(MAY_IMPORT))
-def test_a_room_imports_only_from_the_floors_below(room: str) -> None:
-    allowed = MAY_IMPORT[room] | GROUND | {room}
-    wrong = {
-        str(file.relative_to(PACKAGE.parent)): climbs
-        for file in sorted((PACKAGE / room).rglob("*.py"))
-        if (climbs := imported_rooms(file) - allowed)
-    }
-    assert not wrong
-
-
-def test_the_ground_imports_no_room() -> None:
-    for name in GROUND:
-        assert imported_rooms(PACKAGE / f"{name}.py") <= GROUND
-
-
-def test_the_check_notices_an_import_that_climbs(tmp_path: Path) -> None:
-    file = tmp_path / "climber.py"
-    file.write_text("from vsnbench.cli import main\nimport vsnbench.runner.selection\n")
-    assert imported_rooms(file) == {"cli", "runner"}
+def test_imports_point_downward() -> None:
+    # In another process, because import-linter disables the loggers of the present one.
+    code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=PACKAGE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
 
 
 def test_every_file_of_the_package_opens_by_saying_its_job() -> None:
@@ -108,6 +30,12 @@ def test_the_protocol_names_no_topic_or_message_of_ros() -> None:
 
 ALONE = PACKAGE / "models" / "remote" / "vsnbench_policy.py"
 """Is copied to other machines as one file, so it cannot be several."""
+
+
+def test_every_console_is_the_one_that_sanitizes_text() -> None:
+    own = re.compile(r"rich\.console import [^#\n]*\bConsole\b|rich\.console\.Console|from rich import print")
+    files = [file for file in PACKAGE.rglob("*.py") if file != PACKAGE / "text" / "terminal.py"]
+    assert [str(file) for file in files if own.search(file.read_text(encoding="utf-8"))] == []
 
 
 def test_no_file_has_grown_into_two() -> None:
@@ -138,11 +66,32 @@ def _imported_when_loaded(file: Path) -> set[str]:
     return {name for name in found if name.startswith("vsnbench.")} - {_dotted(file)}
 
 
-def test_the_drawing_of_the_house_names_every_room_and_only_files_that_there_are() -> None:
-    drawing = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
-    assert [room for room in {*MAY_IMPORT, *GROUND} if not re.search(rf"\b{room}\b", drawing)] == []
-    named = set(re.findall(r"`([a-z0-9_]+/[a-z0-9_/]+\.py)`", drawing))
+def test_the_architecture_page_names_every_package_and_only_existing_files() -> None:
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    packages = {name for layer in _layers() for name in layer}
+    assert [name for name in packages if not re.search(rf"`{name}`", page)] == []
+    named = set(re.findall(r"`([a-z0-9_]+/[a-z0-9_/]+\.py)`", page))
     assert len(named) > 20
-    beside = {name for name in named if name.startswith(("tests/", "scripts/"))}
-    assert [name for name in named - beside if not (PACKAGE / name).is_file()] == []
-    assert [name for name in beside if not (PACKAGE.parent / name).is_file()] == []
+    outside = {name for name in named if name.startswith(("tests/", "scripts/"))}
+    assert [name for name in named - outside if not (PACKAGE / name).is_file()] == []
+    assert [name for name in outside if not (PACKAGE.parent / name).is_file()] == []
+
+
+def test_the_table_of_layers_on_the_architecture_page_is_the_contract() -> None:
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`[a-z0-9_`, ]+`) \|", page, re.MULTILINE)
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows[: len(_layers())]] == _layers()
+
+
+def test_no_folder_holds_more_than_fifteen_modules() -> None:
+    counts = {
+        str(folder): len([file for file in folder.glob("*.py") if file.name != "__init__.py"])
+        for folder in [PACKAGE, *(path for path in PACKAGE.rglob("*") if path.is_dir())]
+    }
+    assert {folder: count for folder, count in counts.items() if count > 15} == {}
+
+
+def _layers() -> list[set[str]]:
+    """Return the packages of each layer, top to bottom, as the import contract in pyproject.toml lists them."""
+    config = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    return [set(layer.split(" | ")) for layer in config["tool"]["importlinter"]["contracts"][0]["layers"]]

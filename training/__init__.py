@@ -1,1 +1,1 @@
-"""Trains the small PIRLNav network that can ship with vsnbench; not part of the installed package."""
+"""Training of the small PIRLNav network that is shipped with vsnbench; not part of the installed package."""

@@ -1,4 +1,4 @@
-"""`python -m training`: run a recipe, or go on with one that was stopped."""
+"""`python -m training`: run a recipe or resume it."""
 
 import argparse
 import logging
@@ -13,7 +13,7 @@ from vsnbench.errors import VsnbenchError
 
 
 def main() -> int:
-    """Run the recipe that the arguments name."""
+    """Run the recipe of the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m training",
         description="Train the small PIRLNav network. The same command goes on with a run that was stopped.",

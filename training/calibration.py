@@ -1,4 +1,4 @@
-"""Chooses what to add to the logit of STOP, on twins that were neither trained nor validated on."""
+"""Choice of the bias of STOP's logit, on sites outside training and validation."""
 
 import logging
 from pathlib import Path
@@ -6,26 +6,26 @@ from typing import Final
 
 import torch
 
+from training.atomic_files import write_atomic
 from training.recipe import Recipe
 from training.rollout import INDEX
 from training.stage import Row
 from training.validation import Validator
-from training.whole_files import write_whole
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
-from vsnbench.protocol.actions import Action
+from vsnbench.values.action import Action
 
 logger = logging.getLogger(__name__)
 _STOP: Final = INDEX[Action.STOP]
 
 
 def calibrate_stop(recipe: Recipe, network: PIRLNavNetwork, output: Path) -> list[Row]:
-    """Drive episodes with each bias, and give the network's action head the best one.
+    """Run episodes with each bias and set the best one in the network's action head.
 
     Returns:
         The log: a row for each bias.
 
     Raises:
-        TrainingError: the disk is full or cannot be written.
+        TrainingError: the disk is full or not writable.
     """
     path, rows = output / "calibration.pt", []
     if path.is_file():
@@ -38,7 +38,7 @@ def calibrate_stop(recipe: Recipe, network: PIRLNavNetwork, output: Path) -> lis
             bias[_STOP] = learnt + added
         rows.append({"stage": "calibration", "stop_bias": added, **validator.examine(network)})
         logger.info("calibration %s", rows[-1])
-        write_whole(path, lambda file: torch.save(rows, file))
+        write_atomic(path, lambda file: torch.save(rows, file))
     best = max(rows, key=lambda row: row["validation_successes"])
     with torch.no_grad():
         bias[_STOP] = learnt + best["stop_bias"]

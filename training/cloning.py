@@ -1,6 +1,7 @@
-"""Behaviour cloning with inflection weighting: the memory learns the oracle's actions over lanes of whole episodes.
+"""Behaviour cloning with inflection weighting: the memory learns the oracle's actions from whole episodes.
 
-As in PIRLNav's first stage; the gradient is cut every few dozen steps, the memory itself goes on through an episode.
+As in PIRLNav's first stage. The gradient is truncated every few dozen steps; the memory's state continues through an
+episode.
 """
 
 import itertools
@@ -16,13 +17,13 @@ from torch import Tensor, nn
 from training.networks import recall
 from training.recipe import Recipe
 from training.shards import UNLABELLED, Shard, inflection_weight, read_shard
-from training.stage import Row, Stage
+from training.stage import Row, SessionContext
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """Where one episode lies."""
+    """Position of an episode in the data."""
 
     shard: int
     first: int
@@ -44,7 +45,7 @@ class Episodes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """T steps of B lanes; arguments of `recall`, and what to learn."""
+    """T steps of B lanes: inputs of `recall`, and targets."""
 
     features: Tensor
     gps_m: Tensor
@@ -57,7 +58,7 @@ class Batch:
 
 
 class Lanes:
-    """Endless rows of episodes, drawn anew from the seed; where each stands is all there is to remember."""
+    """Endless sequences of random episodes; their positions are the only state."""
 
     def __init__(self, data: Episodes, seed: Sequence[int], count: int) -> None:
         self._data, self._seed = data, list(seed)
@@ -93,7 +94,7 @@ class Lanes:
         )
 
     def _column(self, lane: int, steps: int) -> list[Episode]:
-        """Return the stretches of episodes that make up a lane's next steps."""
+        """Return the parts of episodes in a lane's next steps."""
         stretches = []
         while steps > 0:
             rng = np.random.default_rng([*self._seed, lane, self.drawn[lane]])
@@ -116,15 +117,15 @@ def train_cloning(
     output: Path,
     examine: Callable[[], Row],
 ) -> list[Row]:
-    """Train everything but the encoder on one round's data.
+    """Train everything except the encoder on the data of all rounds so far.
 
     Args:
         recipe: sizes and counts.
-        network: trained in place.
-        data: the episodes of this round and those before.
-        round_number: 0 for the oracle's demonstrations, then DAgger's.
-        output: the run's directory.
-        examine: drives validation episodes with the network.
+        network: the network, trained in place.
+        data: episodes of this round and earlier ones.
+        round_number: 0 for the oracle's demonstrations, then DAgger's rounds.
+        output: directory of the run.
+        examine: runs validation episodes with the network.
 
     Returns:
         The log.
@@ -132,7 +133,7 @@ def train_cloning(
     plan, sizes = recipe.cloning, recipe.network
     lanes = Lanes(data, (recipe.seed, 2, round_number), plan.lanes)
     trained = [p for name, p in network.named_parameters() if not name.startswith("net.visual_encoder.")]
-    stage = Stage(
+    stage = SessionContext(
         f"cloning-{round_number}",
         output / f"cloning-{round_number}.pt",
         recipe.sha256,
@@ -143,7 +144,7 @@ def train_cloning(
         recipe.save_every_updates,
     )
 
-    def step(stage: Stage) -> Tensor:
+    def step(stage: SessionContext) -> Tensor:
         if stage.extra:
             lanes.drawn, lanes.at = list(stage.extra["drawn"]), list(stage.extra["at"])
             hidden = stage.extra["hidden"]

@@ -1,18 +1,18 @@
-"""Draws the curves of a run: losses of every stage and success on the validation twins."""
+"""Plot of a run: losses of every stage and success rate on the validation sites."""
 
 import io
 from collections.abc import Sequence
 from pathlib import Path
 
+from training.atomic_files import write_atomic
 from training.stage import Row
-from training.whole_files import write_whole
 
 
 def draw_curves(rows: Sequence[Row], path: Path) -> None:
     """Write a PNG.
 
     Raises:
-        TrainingError: the disk is full or cannot be written.
+        TrainingError: the disk is full or not writable.
     """
     from matplotlib.figure import Figure
 
@@ -43,7 +43,7 @@ def draw_curves(rows: Sequence[Row], path: Path) -> None:
     stopping.set_ylim(0, 100)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=130)
-    write_whole(path, lambda file: file.write(drawn.getvalue()))
+    write_atomic(path, lambda file: file.write(drawn.getvalue()))
 
 
 def _line(axes: object, rows: Sequence[Row], stage: str, key: str, label: str) -> None:

@@ -1,7 +1,7 @@
-"""The way from every pose of a twin at once: the cost to go, solved backwards over the oracle's own lattice.
+"""Shortest paths from every pose of a site: the cost to go, computed backwards over the oracle's lattice.
 
-A demonstration that is knocked off its way, and DAgger, need the expert's answer at every pose; planning anew each time
-would cost more than everything else together. Allowed moves, prices and wanted views are the oracle's.
+Perturbed demonstrations and DAgger need the expert's action at every pose, and a new plan for each would take more time
+than everything else. Allowed moves, costs and target views are the oracle's.
 """
 
 import math
@@ -10,24 +10,25 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.compilation import compiled
-from vsnbench.models.goal_views import ViewCriteria, instance_view_points, wanted_poses
-from vsnbench.models.lattice_planner import Clearance, LatticePlanner
-from vsnbench.models.oracle import OracleSettings
-from vsnbench.protocol.actions import Action
+from vsnbench.models.baselines.goal_views import ViewCriteria, target_poses, target_view_points
+from vsnbench.models.baselines.lattice_planner import Clearance, LatticePlanner
+from vsnbench.models.baselines.oracle import OracleSettings
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import SiteObject
+from vsnbench.runtime.numba_cache import compiled
+from vsnbench.sites.site import SiteObject
+from vsnbench.sites.targets import Target
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 TICKS: Final = 4
-"""Costs are counted in quarters of a move."""
+"""Costs are multiples of a quarter of a move."""
 UNREACHED: Final = 2**30
 _SPARE_M = 0.03
 
 
 class Lattice:
-    """Where a robot may move in one twin, over headings that all differ by whole turns."""
+    """Allowed moves in one site, over headings that differ by whole turns."""
 
     def __init__(self, space: FreeSpace, base_heading_rad: float) -> None:
         rules = ProtocolParameters()
@@ -52,7 +53,7 @@ class Lattice:
         return (self.planner.nearest_heading(pose.heading_rad), *self.space.cell_of(*pose.position))
 
     def after(self, pose: Pose, action: Action) -> Pose:
-        """Return where an action leads; a forward move that is not allowed stays, as the depth guard has it."""
+        """Return the result of an action; a forward move that is not allowed does not move, as with the depth guard."""
         if action is Action.MOVE_FORWARD:
             return pose.compose(Pose(self.forward_m, 0.0)) if self.may_move[self.cell_of(pose)] else pose
         if action.turns:
@@ -61,20 +62,20 @@ class Lattice:
 
 
 class Guide:
-    """Answers at any pose of a twin how to get to the nearest of some wanted poses."""
+    """Best actions from any pose of a site to the nearest of some target poses."""
 
     def __init__(self, lattice: Lattice, wanted: npt.NDArray[np.bool_]) -> None:
-        """Take the wanted poses, (headings, rows, columns)."""
+        """Prepare the target poses, (headings, rows, columns)."""
         self._lattice = lattice
         self.ticks = _solve(wanted, lattice.may_move, lattice.move_ticks, lattice.offsets)
-        """(headings, rows, columns) quarters of a move to a wanted pose, or `UNREACHED`."""
+        """(headings, rows, columns) cost to a target pose in quarters of a move, or `UNREACHED`."""
 
     def ticks_from(self, pose: Pose) -> int:
-        """Return the cost from there, or `UNREACHED`."""
+        """Return the cost from a pose, or `UNREACHED`."""
         return int(self.ticks[self._lattice.cell_of(pose)])
 
     def action_at(self, pose: Pose) -> Action | None:
-        """Return the best action, STOP at a wanted pose; None where no way is known."""
+        """Return the best action, STOP at a target pose; None without a path."""
         lattice = self._lattice
         k, row, column = lattice.cell_of(pose)
         here = int(self.ticks[k, row, column])
@@ -88,22 +89,23 @@ class Guide:
             Action.TURN_RIGHT: TICKS + int(self.ticks[(k - 1) % headings, row, column]),
         }
         if lattice.may_move[k, row, column]:
-            # The cell that the solution took it to lead to: where it really leads may be another by rounding, and
-            # with that one's cost a pose could turn left and right for ever.
+            # Use the cell of the solution: the true result may round to another cell, and with its cost a pose could
+            # turn left and right forever.
             ahead = (row + int(lattice.offsets[k, 0]), column + int(lattice.offsets[k, 1]))
             costs[Action.MOVE_FORWARD] = int(lattice.move_ticks[ahead]) + int(self.ticks[k, *ahead])
         return min(costs, key=lambda action: costs[action])
 
 
 def guide_to_instance(lattice: Lattice, instance: SiteObject, eye_height_m: float) -> Guide:
-    """Return the way to where the oracle would stop for one instance of a goal."""
+    """Return the paths to where the oracle would stop for one instance of a goal."""
     settings = OracleSettings()
-    points = instance_view_points(lattice.space, instance, ViewCriteria(settings.stop_within_m, eye_height_m))
-    return Guide(lattice, wanted_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg)))
+    target = Target(instance.id, instance.shape, instance)
+    points = target_view_points(lattice.space, target, ViewCriteria(settings.stop_within_m, eye_height_m))
+    return Guide(lattice, target_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg)))
 
 
 def guide_to_place(lattice: Lattice, row: int, column: int, within_m: float) -> Guide:
-    """Return the way to about a cell of the free space, facing anywhere."""
+    """Return the paths to the surroundings of a cell of the free space, with any final heading."""
     space = lattice.space
     here = np.hypot(space.x_m - space.x_m[row, column], space.y_m - space.y_m[row, column]) <= within_m
     return Guide(lattice, np.repeat((space.cells & here)[None], lattice.planner.headings, axis=0))
@@ -116,7 +118,7 @@ def _solve(
     move_ticks: npt.NDArray[np.int64],
     offsets: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.int32]:
-    """Return the cost to go by a search outwards from the wanted poses, one bucket of equal costs after the other."""
+    """Return the cost to go by a search outwards from the target poses, in buckets of equal cost."""
     headings, rows, columns = wanted.shape
     area = rows * columns
     buckets = int(move_ticks.max()) + 1

@@ -1,8 +1,8 @@
-"""The demonstrator: it knows the floor plan, but of the goals only those that have been in view since the start.
+"""Demonstrator that knows the floor plan, but only those goals that have been in view since the start.
 
-The oracle walks straight to goals that nobody could see from where it stands; a network that sees only images cannot
-learn from it where to look. This one looks around, walks to the nearest place whose surroundings were not in view yet,
-looks around there, and goes for an instance of the goal once it was in view: all of it can be told from what was seen.
+The oracle goes straight to goals that are not visible from its position; a network that sees only images cannot learn
+from it where to search. This demonstrator looks around, goes to the nearest place whose surroundings were not in view,
+looks around there, and goes to an instance of the goal once it was in view. Its actions follow from what was seen.
 """
 
 from collections.abc import Iterable
@@ -15,33 +15,33 @@ import numpy.typing as npt
 import shapely
 
 from training.expert import UNREACHED, Lattice, guide_to_instance, guide_to_place
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.free_space import RESOLUTION_M
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.sites.geometry.walls import wall_shapes
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 _PITCH_M: Final = 0.4
-"""Between the patches of floor that are counted as seen or not."""
+"""Distance between patches of floor."""
 _SIGHT_M: Final = 3.5
-"""Patches farther off do not count as seen."""
+"""Maximum distance of a patch that counts as seen."""
 _AROUND_M: Final = 2.0
-"""A lookout is for the patches in sight within this distance."""
+"""Radius of the patches that a lookout covers."""
 _ARRIVED_M: Final = 0.3
 _LOOKED_AROUND: Final = 0.85
-"""Share of a lookout's patches that have to be seen before its place is left."""
+"""Minimum share of seen patches of a lookout before the robot leaves it."""
 _KNOWN: Final = 0.6
-"""A lookout of whose patches at least this share was seen is not walked to."""
+"""Minimum share of seen patches of a lookout that the robot does not visit."""
 _FEWEST_PATCHES: Final = 3
-"""A lookout that adds fewer patches than this is not worth one."""
+"""Minimum number of patches that a lookout adds."""
 
 Bools = npt.NDArray[np.bool_]
 
 
 class Survey:
-    """The floor of a twin in patches, which patch is in sight of which, and the lookouts that together see them all."""
+    """Patches of a site's floor, their mutual visibility, and lookouts that together see all of them."""
 
     def __init__(self, lattice: Lattice, eye_height_m: float) -> None:
-        """Take the twin's lattice and the height of the camera, metres."""
+        """Prepare the patches for a site's lattice and a camera height, metres."""
         self._lattice = lattice
         space = lattice.space
         stride = round(_PITCH_M / RESOLUTION_M)
@@ -54,9 +54,9 @@ class Survey:
         """(patches, patches) direction from the first to the second, site frame."""
         distance_m = np.hypot(across, up)
         self.in_sight = self._open_lines(distance_m)
-        """(patches, patches) within sight of each other: no wall between, not too far."""
+        """(patches, patches) mutual visibility: no wall between, within the maximum distance."""
         self.around = self.in_sight & (distance_m <= _AROUND_M)
-        """(patches, patches) what one has to look at to have looked around at a patch."""
+        """(patches, patches) which patches belong to the surroundings of a patch."""
         self.lookouts = self._spread()
         """Numbers of the patches that are lookouts."""
         self.guide_to_lookout = cache(
@@ -83,7 +83,7 @@ class Survey:
         return np.asarray(sight | sight.T)
 
     def _spread(self) -> list[int]:
-        """Return lookouts such that each covers the most patches that those before it do not."""
+        """Return lookouts, each with the most patches that earlier ones do not cover."""
         space = self._lattice.space
         roomy = space.clearance_m[self._rows, self._columns] >= space.robot_radius_m + 0.05
         missing = np.ones(len(self), np.bool_)
@@ -99,11 +99,11 @@ class Survey:
 
 @dataclass(slots=True)
 class Search:
-    """One episode's search: what was in view so far, and what the demonstrator does next."""
+    """Search of one episode: what was in view so far, and the next action."""
 
     survey: Survey
     instances: frozenset[int]
-    """The goal's instances: places in the site's list of objects."""
+    """The goal's instances as indices into the site's objects."""
     half_view_rad: float
     seen: Bools = field(init=False)
     found: set[int] = field(default_factory=set)
@@ -115,7 +115,7 @@ class Search:
         self.seen = np.zeros(len(self.survey), np.bool_)
 
     def look(self, pose: Pose, in_view: Iterable[int]) -> None:
-        """Take note of what is in view: the patches ahead, and the things that a picture shows well enough."""
+        """Record the visible patches and the objects that the image shows well enough."""
         here = self.survey.patch_at(pose)
         off = np.abs(np.angle(np.exp(1j * (self.survey.bearing_rad[here] - pose.heading_rad))))
         ahead = off <= self.half_view_rad
@@ -124,11 +124,11 @@ class Search:
         self.found |= self.instances.intersection(in_view)
 
     def action_at(self, pose: Pose) -> Action | None:
-        """Return what the demonstrator does there, after `look`; None where it knows no way."""
+        """Return the next action, after `look`; None without a path."""
         action = self._approach(pose, self.found)
         if action is None and self.found != self.instances:
             action = self._explore(pose)
-            if action is None:  # everything was looked at: it must be hidden, and from here on the plan is used
+            if action is None:  # everything was seen: the goal must be hidden, so use the plan
                 self.found = set(self.instances)
                 action = self._approach(pose, self.found)
         return action

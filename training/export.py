@@ -1,20 +1,20 @@
-"""Writes the trained network in the layout of PIRLNav's checkpoints, in half precision, for the reader of them all."""
+"""Export of the trained network in the format of PIRLNav's checkpoints, in half precision."""
 
 from collections import OrderedDict
 from pathlib import Path
 
 import torch
 
-from training.whole_files import write_whole
+from training.atomic_files import write_atomic
 from vsnbench.models.pirlnav.checkpoint import DEMONSTRATION_TRAINER
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
 def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
-    """Write a checkpoint; `frames` is how many steps of experience it saw.
+    """Write a checkpoint; `frames` is its number of training steps.
 
     Raises:
-        TrainingError: the disk is full or cannot be written.
+        TrainingError: the disk is full or not writable.
     """
     sizes = network.architecture
     config = {
@@ -39,4 +39,4 @@ def write_checkpoint(network: PIRLNavNetwork, frames: int, path: Path) -> None:
         (f"actor_critic.{name}", weight.to(torch.float16).contiguous()) for name, weight in network.state_dict().items()
     )
     content = {"state_dict": weights, "config": config, "extra_state": {"step": frames}}
-    write_whole(path, lambda file: torch.save(content, file))
+    write_atomic(path, lambda file: torch.save(content, file))

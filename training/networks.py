@@ -1,4 +1,4 @@
-"""The PIRLNav network as training needs it: many frames at once, and the memory over many steps of many lanes."""
+"""The PIRLNav network for training: many frames at once, and the memory over many steps of many lanes."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from training.twin_world import View
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.network import Bottleneck, PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.protocol.actions import Action
+from vsnbench.values.action import Action
 
 _IMAGE_MEAN, _IMAGE_VARIANCE = 0.5, 0.06
-"""What the network's normalisation of images is set to; about what the twins' images have."""
+"""Normalization of images, approximately that of the generated sites."""
 
 
 def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
-    """Return an untrained network; unused actions start out as unlikely."""
+    """Return an untrained network; unused actions have a low initial probability."""
     torch.manual_seed(seed)
     network = PIRLNavNetwork(architecture)
     statistics = network.net.visual_encoder.running_mean_and_var
@@ -30,19 +30,19 @@ def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
     for module in network.modules():
         if isinstance(module, nn.Conv2d):
             nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
-        if isinstance(module, Bottleneck):  # blocks begin as identities, which trains such a deep small network faster
+        if isinstance(module, Bottleneck):  # blocks begin as identities, so that this deep small network trains faster
             nn.init.zeros_(module.bn3.weight)
     with torch.no_grad():
         head = network.action_distribution.get_parameter("linear.bias")
         head[len(INDEX) :] = -4.0
-    for weight in network.net.visual_encoder.parameters():  # faster on processors in this layout
+    for weight in network.net.visual_encoder.parameters():  # this memory layout is faster on processors
         if weight.ndim == 4:
             weight.data = weight.data.contiguous(memory_format=torch.channels_last)
     return network
 
 
 class Describer(nn.Module):
-    """What is in view, from the visual features: trained with the encoder and then thrown away."""
+    """Head that predicts what is in view, for training of the encoder only."""
 
     def __init__(self, visual_size: int) -> None:
         super().__init__()
@@ -74,13 +74,13 @@ def recall(
     """Run the memory over T steps of B lanes.
 
     Args:
-        network: whose encoder is not used here.
+        network: the network; its encoder is not used.
         features: (T, B, F) compressed features.
         gps_m: (T, B, 2).
         compass_rad: (T, B).
         goals: (T, B) int64.
         previous: (T, B) int64.
-        begins: (T, B) bool: the memory is empty before these steps.
+        begins: (T, B) bool, first steps of episodes, which reset the memory.
         hidden: (layers, B, H).
 
     Returns:
@@ -90,7 +90,7 @@ def recall(
     steps, lanes = begins.shape
     visual = net.visual_fc(features.reshape(steps * lanes, -1)).reshape(steps, lanes, -1)
     direction = torch.stack([torch.cos(compass_rad), torch.sin(compass_rad)], dim=-1)
-    told = torch.cat(
+    inputs = torch.cat(
         [
             visual,
             net.gps_embedding(gps_m),
@@ -103,13 +103,13 @@ def recall(
     keep = (~begins).to(hidden.dtype)
     outputs = []
     for step in range(steps):
-        output, hidden = net.state_encoder.rnn(told[step : step + 1], hidden * keep[step][None, :, None])
+        output, hidden = net.state_encoder.rnn(inputs[step : step + 1], hidden * keep[step][None, :, None])
         outputs.append(output[0])
     return network.action_distribution(torch.stack(outputs)), hidden
 
 
 class NetworkStudent:
-    """Drives lanes with a network, by sampling; the memory of a lane is found by its identity."""
+    """Samples actions of a network for several lanes; a lane's memory is found by its identity."""
 
     def __init__(self, network: PIRLNavNetwork, seed: int) -> None:
         self._network = network.eval()
@@ -142,7 +142,7 @@ class NetworkStudent:
 
 
 def learning_rate(peak: float, update: int, updates: int) -> float:
-    """Return the rate of an update: a short rise, then half a cosine down to a twentieth."""
+    """Return the learning rate of an update: a short warm-up, then half a cosine down to a twentieth."""
     rise = max(1, updates // 50)
     if update < rise:
         return peak * (update + 1) / rise

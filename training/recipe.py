@@ -1,4 +1,4 @@
-"""Everything that decides what a training run does; its hash names the data and the result."""
+"""Settings of a training run; their hash identifies the data and the result."""
 
 import hashlib
 import json
@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from vsnbench.errors import UsageError
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
-from vsnbench.protocol.settings_file import read_settings
-from vsnbench.simulator.twins.generate import SEEDS, Split
-from vsnbench.simulator.twins.variation import CameraVariation
+from vsnbench.settings.yaml_file import read_settings
+from vsnbench.simulator.generated_sites.generate import SEEDS, Split
+from vsnbench.simulator.generated_sites.variation import CameraVariation
 
 Span = tuple[float, float]
 Count = Annotated[int, Field(ge=1)]
@@ -23,7 +23,7 @@ class _Strict(BaseModel):
 
 
 class NetworkSizes(_Strict):
-    """The free sizes of the PIRLNav network."""
+    """Sizes of the PIRLNav network."""
 
     image_size_px: int = Field(default=96, multiple_of=32, ge=32, le=256)
     base_planes: int = Field(default=12, multiple_of=2, ge=2, le=32)
@@ -33,12 +33,12 @@ class NetworkSizes(_Strict):
 
     @property
     def architecture(self) -> Architecture:
-        """The network: imitation only, so without a critic."""
+        """The network for imitation, without a critic."""
         return Architecture(**self.model_dump(), actions=len(ACTIONS), goals=len(GOALS), critic=False)
 
 
 class Demonstrations(_Strict):
-    """How the data of one round is made; a shard is one twin seen with one camera."""
+    """Data of one round; a shard is one site with one camera."""
 
     twins: Count = Field(default=220, description="shards of the first round")
     dagger_twins: int = Field(default=50, ge=0, description="shards of every later round")
@@ -58,12 +58,12 @@ class Demonstrations(_Strict):
 
     @property
     def camera_variation(self) -> CameraVariation:
-        """The spans of the camera's properties."""
+        """Ranges of the camera's properties."""
         return CameraVariation(self.mount_height_m, self.tilt_deg, self.horizontal_fov_deg)
 
 
 class Seeing(_Strict):
-    """Training of the image encoder on single frames: what is in view, how near, and how far the way is free."""
+    """Training of the image encoder on single frames: objects in view, their distance, and the free distance."""
 
     updates: Count = 5000
     batch: Count = 64
@@ -82,7 +82,7 @@ class Cloning(_Strict):
 
 
 class Validation(_Strict):
-    """Episodes on twins that are never trained on, driven without physics."""
+    """Episodes on validation sites, without physics."""
 
     twins: Count = 3
     episodes: Count = 24
@@ -90,10 +90,10 @@ class Validation(_Strict):
 
 
 class Calibration(_Strict):
-    """What is added to the logit of STOP, chosen on validation twins of its own.
+    """Bias of STOP's logit, chosen on validation sites of its own.
 
-    Inflection weighting makes STOP, always a change of action, as many times likelier as the weight says; sampled at
-    every step, it comes too early.
+    Inflection weighting increases the probability of STOP, which is always a change of action, by the weight. Sampled
+    at every step, STOP would come too early.
     """
 
     stop_biases: tuple[float, ...] = Field(default=(0.0, -1.0, -2.0, -2.5, -3.0, -3.5, -4.0), min_length=1)
@@ -121,19 +121,19 @@ class Recipe(_Strict):
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
     def demonstrations_of(self, round_number: int) -> Demonstrations:
-        """Return how a shard of that round is made."""
+        """Return the data settings of a round."""
         plan = self.demonstrations
         if round_number == 0:
             return plan
         return plan.model_copy(update={"episodes": plan.dagger_episodes, "perturbed_share": 0.0})
 
     def cloning_updates(self, round_number: int) -> int:
-        """Return how long that round's cloning goes on; rounds beyond those named go on like the last."""
+        """Return the cloning settings of a round; later rounds use the last ones."""
         updates = self.cloning.updates
         return updates[min(round_number, len(updates) - 1)]
 
     def training_seeds(self, round_number: int) -> range:
-        """Return the twins of a round; no two rounds share one, and none is validated or tested on."""
+        """Return the sites of a round; rounds do not share sites with each other, validation or test."""
         plan = self.demonstrations
         first = SEEDS[Split.TRAINING].start + 10_000 * self.seed
         first += 0 if round_number == 0 else plan.twins + (round_number - 1) * plan.dagger_twins
@@ -144,12 +144,12 @@ class Recipe(_Strict):
 
     @property
     def validation_seeds(self) -> range:
-        """The twins that success is measured on between the rounds."""
+        """Sites that measure success between rounds."""
         return SEEDS[Split.VALIDATION][: self.validation.twins]
 
     @property
     def calibration_seeds(self) -> range:
-        """The twins that the bias of STOP is chosen on: other ones."""
+        """Sites for the choice of STOP's bias."""
         first = self.validation.twins
         return SEEDS[Split.VALIDATION][first : first + self.calibration.twins]
 
@@ -158,10 +158,10 @@ RECIPES: Final = Path(__file__).parent / "recipes"
 
 
 def load_recipe(name_or_path: str) -> Recipe:
-    """Read one of our recipes by name, or any by path.
+    """Read a recipe by name or path.
 
     Raises:
-        UsageError: there is no such recipe, or it breaks the format.
+        UsageError: the recipe does not exist or breaks the format.
     """
     ours = RECIPES / f"{name_or_path}.yaml"
     return read_settings(ours if ours.is_file() else Path(name_or_path), Recipe, UsageError, "recipe")

@@ -1,4 +1,4 @@
-"""Drives episodes side by side in a twin and keeps every step: the perturbed demonstrator, or a student (DAgger)."""
+"""Runs several episodes of a site at once and stores every step: the perturbed demonstrator, or a student (DAgger)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,17 +11,17 @@ from training.recipe import Demonstrations
 from training.shards import UNLABELLED, Shard, encode
 from training.twin_world import SUCCESS_DISTANCE_M, TwinWorld, View
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 INDEX: Final = {action: number for number, action in enumerate([each.executed for each in ACTIONS[:4]])}
-"""STOP, MOVE_FORWARD, TURN_LEFT, TURN_RIGHT: the actions that are ever demonstrated."""
+"""Actions in demonstrations."""
 _MOVES: Final = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
 @dataclass(slots=True)
 class Lane:
-    """One episode on its way."""
+    """One running episode."""
 
     goal: str
     start: Pose
@@ -31,7 +31,7 @@ class Lane:
     perturbed_left: int = 0
     driven_by_student: bool = False
     turns_left: int = 0
-    """Actions until student and demonstrator change places."""
+    """Number of actions until student and demonstrator alternate."""
     stopped: bool = False
 
     @property
@@ -48,12 +48,12 @@ class Lane:
 
 
 class Student(Protocol):
-    """A policy that acts for several lanes at once and remembers each."""
+    """Policy for several lanes with a memory for each."""
 
     def choose(self, lanes: Sequence[Lane], views: Sequence[View]) -> tuple[list[Action], npt.NDArray[np.float16]]:
-        """Return an action for each lane, and (lanes, F) features of what it saw.
+        """Return an action for each lane, and (lanes, F) features of its image.
 
-        A lane whose `steps` is 0 begins an episode.
+        A lane with `steps` 0 begins an episode.
         """
         ...
 
@@ -63,7 +63,7 @@ _Row = tuple[npt.NDArray[np.uint8], npt.NDArray[np.float16], tuple[float, float]
 
 @dataclass(slots=True)
 class _Steps:
-    """The columns of a shard, for one lane, and what the student saw in its images."""
+    """Columns of a shard for one lane, and the student's features."""
 
     rows: list[_Row] = field(default_factory=list)
     features: list[npt.NDArray[np.float16]] = field(default_factory=list)
@@ -71,18 +71,18 @@ class _Steps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Demonstration:
-    """What one twin gave."""
+    """Result for one site."""
 
     shard: Shard
     features: npt.NDArray[np.float16] | None
-    """(N, F) when a student drove; its shard then holds no images."""
+    """(N, F) features if a student acted; its shard then has no images."""
 
 
 def demonstrate(
     world: TwinWorld, plan: Demonstrations, rng: np.random.Generator, student: Student | None = None
 ) -> Demonstration:
-    """Drive `plan.episodes` episodes and label every step with the demonstrator's action."""
-    kept: list[_Steps] = []
+    """Run `plan.episodes` episodes and label every step with the demonstrator's action."""
+    collected: list[_Steps] = []
     goals = list(GOALS)
     for first in range(0, plan.episodes, plan.lanes):
         wave = [goals[(first + k) % len(goals)] for k in range(min(plan.lanes, plan.episodes - first))]
@@ -104,20 +104,20 @@ def demonstrate(
                 expert = searches[k].action_at(lanes[k].pose)
                 image = encode(views[k].rgb, plan.jpeg_quality) if student is None else np.zeros(0, np.uint8)
                 _keep(steps[k], lanes[k], image, views[k], expert)
-                wish = expert
+                requested = expert
                 if student is not None and (_students_turn(lanes[k], plan, rng) or expert is None):
-                    wish = chosen[k]
-                _advance(world, plan, lanes[k], expert, wish, rng)
-        kept += steps
-    rows = [row for steps in kept for row in steps.features]
-    return Demonstration(_shard(kept), np.stack(rows) if rows else None)
+                    requested = chosen[k]
+                _advance(world, plan, lanes[k], expert, requested, rng)
+        collected += steps
+    rows = [row for steps in collected for row in steps.features]
+    return Demonstration(_shard(collected), np.stack(rows) if rows else None)
 
 
 def _students_turn(lane: Lane, plan: Demonstrations, rng: np.random.Generator) -> bool:
-    """Return whether the student drives now: a few actions, then the demonstrator puts right what came of them.
+    """Return whether the student acts now; student and demonstrator alternate after a few actions.
 
-    Alone, or by turns at every step, a weak student soon is where nobody can tell from what was seen what the
-    demonstrator wants, and learns to turn to and fro.
+    A weak student that acts alone, or alternates at every step, soon gets to poses where the demonstrator's action does
+    not follow from what was seen, and learns to turn left and right.
     """
     if lane.turns_left == 0:
         lane.driven_by_student = bool(rng.random() < 0.5) if lane.steps == 0 else not lane.driven_by_student
@@ -132,14 +132,14 @@ def _advance(
     plan: Demonstrations,
     lane: Lane,
     expert: Action | None,
-    wish: Action | None,
+    requested: Action | None,
     rng: np.random.Generator,
 ) -> None:
-    """Carry out the wish, now and then a random move instead; a wrong STOP is not carried out."""
-    if expert is Action.STOP and wish is Action.STOP:
+    """Execute the requested action, or sometimes a random move; a wrong STOP is not executed."""
+    if expert is Action.STOP and requested is Action.STOP:
         lane.stopped = True
         return
-    action = expert if wish is Action.STOP else wish
+    action = expert if requested is Action.STOP else requested
     if lane.perturbed_left == 0 and rng.random() < plan.perturbed_share:
         lane.perturbed_left = int(rng.integers(1, plan.perturbed_actions + 1))
     at_random = lane.perturbed_left > 0 or action is None
@@ -149,7 +149,7 @@ def _advance(
 
 
 def move(world: TwinWorld, lane: Lane, action: Action) -> None:
-    """Let a lane take an action."""
+    """Execute an action in a lane."""
     lane.pose = world.lattice.after(lane.pose, action)
     lane.previous = 1 + INDEX[action]
     lane.steps += 1
@@ -171,9 +171,9 @@ def _keep(steps: _Steps, lane: Lane, image: npt.NDArray[np.uint8], view: View, e
     )
 
 
-def _shard(kept: Sequence[_Steps]) -> Shard:
+def _shard(collected: Sequence[_Steps]) -> Shard:
     images, views, gps, compass, goals, previous, expert, begins = zip(
-        *(row for steps in kept for row in steps.rows), strict=True
+        *(row for steps in collected for row in steps.rows), strict=True
     )
     return Shard(
         images=np.concatenate(images),
@@ -190,7 +190,7 @@ def _shard(kept: Sequence[_Steps]) -> Shard:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a student's episodes went, without physics: a refused move is no collision here."""
+    """Results of a student's episodes, without physics: a blocked move is not a collision."""
 
     episodes: int
     successes: int
@@ -204,7 +204,7 @@ class Outcome:
 
 
 def evaluate(world: TwinWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:
-    """Let a student drive alone and judge it by the protocol's distance and cap."""
+    """Let a student act alone and judge it by the protocol's distance and cap."""
     goals = list(GOALS)
     wave = [goals[k % len(goals)] for k in range(episodes)]
     starts = [world.draw_start(goal, rng) for goal in wave]

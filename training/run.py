@@ -1,4 +1,4 @@
-"""The whole run, stage by stage; each skips what is done, so that a killed run goes on where it was."""
+"""All stages of a run; finished stages are skipped, so that a killed run resumes."""
 
 import json
 import logging
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from training.atomic_files import TrainingError, write_atomic
 from training.calibration import calibrate_stop
 from training.cloning import Episodes, train_cloning
 from training.curves import draw_curves
@@ -23,10 +24,9 @@ from training.shards import read_shard, write_shard
 from training.stage import Row
 from training.twin_world import TwinWorld
 from training.validation import Validator
-from training.whole_files import TrainingError, write_whole
-from vsnbench.models.weights import file_sha256
-from vsnbench.whole_files import sweep_parts
-from vsnbench.workers import end_with_parent
+from vsnbench.files.atomic import sweep_parts
+from vsnbench.models.checkpoints.weights import file_sha256
+from vsnbench.runtime.child_process import end_with_parent
 
 logger = logging.getLogger(__name__)
 WEIGHTS = "pirlnav-embedded.ckpt"
@@ -36,15 +36,15 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
     """Run a recipe to its end.
 
     Args:
-        recipe: what to do.
-        output: the run's directory; made if need be.
-        workers: processes that make demonstrations.
+        recipe: the recipe.
+        output: directory of the run; created if missing.
+        workers: number of processes for demonstrations.
 
     Returns:
         The checkpoint.
 
     Raises:
-        TrainingError: the disk is full, or the directory is another recipe's.
+        TrainingError: the disk is full, or the directory belongs to another recipe.
     """
     _claim(recipe, output)
     network = new_network(recipe.network.architecture, recipe.seed)
@@ -79,7 +79,7 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
 
 
 def _claim(recipe: Recipe, output: Path) -> None:
-    """Make the directory this recipe's, and clear what killed processes left half written."""
+    """Create the directory for this recipe and remove temporary files of killed processes."""
     claim = output / "recipe.json"
     if claim.is_file():
         if json.loads(claim.read_text())["sha256"] != recipe.sha256:
@@ -90,7 +90,7 @@ def _claim(recipe: Recipe, output: Path) -> None:
 
 
 def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path | None) -> int:
-    """Drive one twin's episodes and write its shard, after the features that a student saw; return its steps."""
+    """Run one site's episodes and write the shard, after the student's features; return the number of steps."""
     torch.set_num_threads(1)
     world = TwinWorld(recipe, seed)
     driver: Student | None = None
@@ -114,12 +114,12 @@ def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path
 
 
 def _features_of(shard: Path) -> Path:
-    """Return where the features of a shard's frames lie."""
+    """Return the path of a shard's features."""
     return shard.parents[2] / "features" / shard.parent.name / f"{shard.stem}.npy"
 
 
 def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, student: Path | None) -> list[Path]:
-    """Make the shards of a round that are not there yet."""
+    """Make the missing shards of a round."""
     seeds = recipe.training_seeds(number)
     paths = [output / "demonstrations" / f"round-{number}" / f"{seed:06d}.npz" for seed in seeds]
     missing = [(seed, path) for seed, path in zip(seeds, paths, strict=True) if not path.is_file()]
@@ -159,10 +159,10 @@ def _result(recipe: Recipe, rows: list[Row], path: Path) -> dict[str, Any]:
 
 def _write_log(rows: list[Row], output: Path) -> None:
     text = "".join(json.dumps(row) + "\n" for row in rows)
-    write_whole(output / "log.jsonl", lambda file: file.write(text.encode()))
+    write_atomic(output / "log.jsonl", lambda file: file.write(text.encode()))
     draw_curves(rows, output / "curves.png")
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
     text = json.dumps(content, indent=2) + "\n"
-    write_whole(path, lambda file: file.write(text.encode()))
+    write_atomic(path, lambda file: file.write(text.encode()))

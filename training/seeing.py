@@ -1,7 +1,7 @@
-"""Trains the image encoder on single frames to say what is in view, how near it is, and how far the way is free.
+"""Training of the image encoder on single frames: objects in view, their distance, and the free distance ahead.
 
-Not part of the paper's recipe: the labels are free in a simulator, and with a trained encoder the memory can be
-trained on stored features, many times faster than through the images. That is what lets the recipe fit two CPU cores.
+This is not part of the paper's recipe. The simulator provides the labels, and with a trained encoder the memory can be
+trained on stored features, many times faster than on images. Two CPU cores are then sufficient.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from training.atomic_files import write_atomic
 from training.networks import Describer, compressed
 from training.recipe import Recipe
 from training.shards import Shard, mirrored, read_shard
-from training.stage import Row, Stage
-from training.whole_files import write_whole
+from training.stage import Row, SessionContext
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 _BATCH = 64
@@ -35,7 +35,7 @@ class _Eye(nn.Module):
 
 
 def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path], output: Path) -> list[Row]:
-    """Train the encoder on the frames of `shards`; the last tenth of them is held out and measured on.
+    """Train the encoder on the frames of `shards`; the last tenth of the shards is held out for validation.
 
     Returns:
         The log.
@@ -44,11 +44,11 @@ def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path]
     eye = _Eye(network).train()
     loaded = [read_shard(path) for path in shards]
     held_out = max(1, len(loaded) // 10) if len(loaded) > 1 else 0
-    training, kept = loaded[held_out:], loaded[:held_out] or loaded
+    training, validation = loaded[held_out:], loaded[:held_out] or loaded
     plan = recipe.seeing
     trained = [*network.net.visual_encoder.parameters(), *network.net.visual_fc.parameters()]
     trained += eye.describer.parameters()
-    stage = Stage(
+    stage = SessionContext(
         "seeing",
         output / "seeing.pt",
         recipe.sha256,
@@ -59,13 +59,13 @@ def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path]
         recipe.save_every_updates,
     )
 
-    def step(stage: Stage) -> Tensor:
+    def step(stage: SessionContext) -> Tensor:
         rng = np.random.default_rng([recipe.seed, 1, stage.update])
         images, labels = _frames(training, plan.batch, rng, mirrored_share=0.5)
         return _error(eye.describe(images), labels)
 
-    def examine(_stage: Stage) -> Row:
-        images, labels = _frames(kept, 4 * plan.batch, np.random.default_rng(recipe.seed))
+    def examine(_stage: SessionContext) -> Row:
+        images, labels = _frames(validation, 4 * plan.batch, np.random.default_rng(recipe.seed))
         with torch.no_grad():
             return {"held_out_loss": float(_error(eye.describe(images), labels))}
 
@@ -75,7 +75,7 @@ def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path]
 
 
 def store_features(network: PIRLNavNetwork, shard: Path, features: Path) -> None:
-    """Write (N, F) float16 compressed features of a shard's frames, unless they are there."""
+    """Write (N, F) float16 compressed features of a shard's frames, unless they exist."""
     if features.is_file():
         return
     frames, rows = read_shard(shard), []
@@ -87,12 +87,12 @@ def store_features(network: PIRLNavNetwork, shard: Path, features: Path) -> None
 
 
 def write_features(path: Path, features: npt.NDArray[np.float16]) -> None:
-    """Write (N, F) features whole or not at all.
+    """Write (N, F) features atomically.
 
     Raises:
-        TrainingError: the disk is full or cannot be written.
+        TrainingError: the disk is full or not writable.
     """
-    write_whole(path, lambda file: np.save(file, features))
+    write_atomic(path, lambda file: np.save(file, features))
 
 
 def _frames(

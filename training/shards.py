@@ -1,4 +1,4 @@
-"""What one twin gave: frames with what the network is told at each, what the oracle would do, and what is in view."""
+"""Data of one site: frames with the network's inputs, the oracle's action, and labels of what is in view."""
 
 import json
 from collections.abc import Iterable
@@ -10,28 +10,29 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from training.whole_files import TrainingError, write_whole
+from training.atomic_files import TrainingError, write_atomic
 from vsnbench.models.pirlnav.policy import GOALS
 
 BANDS: Final = 6
-"""Vertical strips of the depth image in which the free way is measured."""
+"""Number of vertical strips of the depth image, for the free distance."""
 STRIPS: Final = 5
-"""Vertical strips of the picture in which the goals are looked for."""
+"""Number of vertical strips of the image, for the goals."""
 LABELS: Final = (STRIPS + 1) * len(GOALS) + BANDS
 UNLABELLED: Final = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shard:
-    """N steps of whole episodes, one after the other."""
+    """N steps of consecutive whole episodes."""
 
     images: npt.NDArray[np.uint8]
-    """All JPEG files, end to end."""
+    """All JPEG files, concatenated."""
     ends: npt.NDArray[np.int64]
-    """(N,) where each of them ends."""
+    """(N,) end of each file."""
     views: npt.NDArray[np.float16]
-    """(N, LABELS): for each goal the share (square root) that it takes of each strip, left to right; nearness of each
-    goal (1 / (1 + metres), 0 unseen); and nearness of what is ahead in each band."""
+    """(N, LABELS): for each goal the share (square root) of each strip, left to right; nearness of each goal
+    (1 / (1 + metres), 0 if not visible); and nearness of the surface ahead in each band.
+    """
     gps_m: npt.NDArray[np.float32]
     """(N, 2) forward and right of the episode's start."""
     compass_rad: npt.NDArray[np.float32]
@@ -39,9 +40,9 @@ class Shard:
     goals: npt.NDArray[np.uint8]
     """(N,)."""
     previous: npt.NDArray[np.uint8]
-    """(N,) 1 + the action before, 0 at the start of an episode."""
+    """(N,) 1 + the previous action, 0 at the start of an episode."""
     expert: npt.NDArray[np.int8]
-    """(N,) the oracle's action, `UNLABELLED` where it knows no way."""
+    """(N,) the oracle's action, `UNLABELLED` without a path."""
     begins: npt.NDArray[np.bool_]
     """(N,) first step of an episode."""
 
@@ -56,14 +57,14 @@ class Shard:
 
     @property
     def inflections(self) -> npt.NDArray[np.bool_]:
-        """(N,) whether the oracle's action differs from the action before; a first step counts."""
+        """(N,) whether the oracle's action differs from the previous one; a first step counts."""
         return np.asarray(self.previous != self.expert.astype(np.int64) + 1, np.bool_)
 
 
 def mirrored(
     image: npt.NDArray[np.uint8], labels: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Return a picture (S, S, 3) and its labels as a mirror shows them."""
+    """Return an image (S, S, 3) and its labels, mirrored."""
     goals = len(GOALS)
     shares, near, ahead = np.split(labels, [STRIPS * goals, (STRIPS + 1) * goals])
     turned = shares.reshape(goals, STRIPS)[:, ::-1].ravel()
@@ -77,21 +78,21 @@ def encode(rgb: npt.NDArray[np.uint8], quality: int) -> npt.NDArray[np.uint8]:
 
 
 def write_shard(path: Path, shard: Shard, provenance: dict[str, Any]) -> None:
-    """Write a shard whole or not at all.
+    """Write a shard atomically.
 
     Raises:
-        TrainingError: the disk is full or cannot be written.
+        TrainingError: the disk is full or not writable.
     """
     arrays = {field.name: getattr(shard, field.name) for field in fields(Shard)}
     text = np.frombuffer(json.dumps(provenance, sort_keys=True).encode(), np.uint8)
-    write_whole(path, lambda file: np.savez(file, provenance=text, **arrays))
+    write_atomic(path, lambda file: np.savez(file, provenance=text, **arrays))
 
 
 def read_shard(path: Path, *, with_images: bool = True) -> Shard:
-    """Read a shard; its images take most of the memory and are left out on request.
+    """Read a shard, optionally without its images, which take most of the memory.
 
     Raises:
-        TrainingError: it is damaged.
+        TrainingError: the file is damaged.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -102,15 +103,8 @@ def read_shard(path: Path, *, with_images: bool = True) -> Shard:
         raise TrainingError(f"shard {path} is damaged ({error}): remove it and run the same command again") from error
 
 
-def read_provenance(path: Path) -> dict[str, Any]:
-    """Return the note that travels in a shard."""
-    with np.load(path, allow_pickle=False) as archive:
-        noted: dict[str, Any] = json.loads(archive["provenance"].tobytes())
-    return noted
-
-
 def inflection_weight(shards: Iterable[Shard]) -> float:
-    """Return how many steps there are to one at which the oracle changes its action."""
+    """Return the ratio of all steps to those at which the oracle changes its action."""
     counted = [
         (int((s.expert != UNLABELLED).sum()), int((s.inflections & (s.expert != UNLABELLED)).sum())) for s in shards
     ]

@@ -1,4 +1,4 @@
-"""One resumable stretch of training: updates, a checkpoint now and then, and the log that travels in it."""
+"""One resumable stage of training: updates, periodic checkpoints, and a log inside them."""
 
 import logging
 import time
@@ -10,18 +10,18 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from training.atomic_files import TrainingError, write_atomic
 from training.networks import learning_rate
-from training.whole_files import TrainingError, write_whole
 
 logger = logging.getLogger(__name__)
 LOG_EVERY_UPDATES = 20
 Row = dict[str, Any]
-"""One line of the log: plain JSON values."""
+"""One row of the log: plain JSON values."""
 
 
 @dataclass(slots=True)
-class Stage:
-    """What is trained, where its state is kept, and how far it is."""
+class SessionContext:
+    """Network under training, path of its state, and progress."""
 
     name: str
     path: Path
@@ -34,26 +34,26 @@ class Stage:
     update: int = 0
     rows: list[Row] = field(default_factory=list)
     extra: dict[str, Any] = field(default_factory=dict)
-    """Whatever else has to be known to go on: plain values and tensors."""
+    """Further state for resumption: plain values and tensors."""
 
     def run(
         self,
-        step: Callable[["Stage"], Tensor],
+        step: Callable[["SessionContext"], Tensor],
         *,
         largest_gradient: float,
-        examine: Callable[["Stage"], Row] | None = None,
+        examine: Callable[["SessionContext"], Row] | None = None,
         examine_every: int = 0,
     ) -> None:
         """Train to the last update, from the newest checkpoint if there is one.
 
         Args:
-            step: returns the loss of an update; keeps in `extra` what it needs next time.
-            largest_gradient: longer ones are shortened to this norm.
-            examine: what to measure now and then, and at the end.
-            examine_every: how many updates lie between two examinations.
+            step: returns the loss of an update; stores its state in `extra`.
+            largest_gradient: maximum norm of the gradient; larger ones are scaled down.
+            examine: periodic measurement, also at the end.
+            examine_every: number of updates between measurements.
 
         Raises:
-            TrainingError: the disk is full, the checkpoint is another recipe's, or the loss is not finite.
+            TrainingError: the disk is full, the checkpoint belongs to another recipe, or the loss is not finite.
         """
         optimizer = torch.optim.AdamW(self.parameters, lr=self.peak_rate, weight_decay=1e-4)
         self._resume(optimizer)
@@ -95,7 +95,7 @@ class Stage:
             "rows": self.rows,
             "extra": self.extra,
         }
-        write_whole(self.path, lambda file: torch.save(state, file))
+        write_atomic(self.path, lambda file: torch.save(state, file))
 
     def _resume(self, optimizer: torch.optim.Optimizer) -> None:
         if not self.path.is_file():

@@ -1,4 +1,4 @@
-"""A twin to drive in without physics: exact moves on the lattice, and pictures of the size that the network takes."""
+"""Simulation of a site without physics: exact moves on the lattice, and images of the network's size."""
 
 import math
 from dataclasses import dataclass
@@ -12,31 +12,31 @@ from training.explorer import Search, Survey
 from training.recipe import Recipe
 from training.shards import BANDS, STRIPS
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.protocol.camera import Camera
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site
 from vsnbench.robots.profiles import load_profile
-from vsnbench.simulator.renderer import Renderer, eye_of
+from vsnbench.simulator.generated_sites.generate import generate_site
+from vsnbench.simulator.generated_sites.variation import Lighting
+from vsnbench.simulator.rendering.renderer import Renderer, eye_of
 from vsnbench.simulator.scene import build_scene
-from vsnbench.simulator.twins.generate import generate_site
-from vsnbench.simulator.twins.variation import Lighting
+from vsnbench.sites.site import Site
+from vsnbench.values.camera import Camera
+from vsnbench.values.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One picture and what is in it."""
+    """One image and what is in it."""
 
     rgb: npt.NDArray[np.uint8]
     labels: npt.NDArray[np.float16]
-    """(LABELS,), see `Shard.views`."""
+    """(LABELS,) labels, see `Shard.views`."""
     in_view: frozenset[int]
-    """Places in the site's list of the things that take enough of the picture to be recognised."""
+    """Indices of the site's objects that are large enough in the image to be recognized."""
 
 
 class TwinWorld:
-    """One twin, one camera, one light."""
+    """One site, one camera, one lighting."""
 
     def __init__(self, recipe: Recipe, seed: int) -> None:
         plan, profile = recipe.demonstrations, load_profile(recipe.profile)
@@ -50,7 +50,7 @@ class TwinWorld:
         self.lattice = Lattice(self._space, float(rng.uniform(-math.pi, math.pi)))
         self._survey = Survey(self.lattice, self.camera.mount_height_m)
         self._starts: dict[str, npt.NDArray[np.int32]] = {}
-        # The picture is the centre of the camera's, as the network's own preprocessing cuts it.
+        # The image is the centre of the camera's, like that of the network's preprocessing.
         self._focal_px = self.camera.focal_px * self.size_px / min(self.camera.width, self.camera.height)
 
         self._half_view_rad = _SURELY_IN_VIEW * math.atan(self.size_px / 2 / self._focal_px)
@@ -65,7 +65,7 @@ class TwinWorld:
         return frozenset(number for number, thing in enumerate(self.site.objects) if thing.category == goal)
 
     def draw_start(self, goal: str, rng: np.random.Generator) -> Pose:
-        """Return a free pose from which the goal can be reached and is not yet."""
+        """Return a free pose from which the goal is reachable and not yet reached."""
         space = self._space
         if goal not in self._starts:
             guides = [self._survey.guide_to_thing(number) for number in sorted(self._instances(goal))]
@@ -76,14 +76,14 @@ class TwinWorld:
         return Pose(float(space.x_m[row, column]), float(space.y_m[row, column]), self.lattice.planner.heading_rad(k))
 
     def look(self, pose: Pose) -> View:
-        """Return the picture from a pose."""
+        """Return the image at a pose."""
         frame = self._renderer.render_from(eye_of(self.camera, pose), self.size_px, self.size_px, self._focal_px)
         pixels = np.bincount(frame.instance.ravel(), minlength=len(self.site.objects) + 1)[1:]
         in_view = frozenset(np.flatnonzero(pixels >= _SHOWN_SHARE * frame.instance.size).tolist())
         return View(self._light.apply(frame.rgb), self._labels(frame.instance, frame.depth_m), in_view)
 
     def goal_distance_m(self, goal: str, pose: Pose) -> float:
-        """Return the distance to the nearest instance's footprint."""
+        """Return the distance to the footprint of the nearest instance."""
         from shapely.geometry import Point
 
         here = Point(pose.position)
@@ -91,7 +91,7 @@ class TwinWorld:
 
     @cached_property
     def _goal_of(self) -> npt.NDArray[np.int64]:
-        """By instance id: 1 + the goal's number, 0 for everything else."""
+        """By instance id: 1 + index of the goal, 0 for other objects."""
         numbers = [1 + GOALS[thing.category] if thing.category in GOALS else 0 for thing in self.site.objects]
         return np.array([0, *numbers])
 
@@ -110,13 +110,13 @@ class TwinWorld:
 
 
 _SHOWN_SHARE = 0.005
-"""Of the picture: a thing that takes this much of it has been found."""
+"""Minimum share of the image of a found object."""
 _SURELY_IN_VIEW = 0.85
-"""Of half the field of view: what is no farther off the middle counts as looked at."""
+"""Share of half the field of view around the centre that counts as looked at."""
 
 
 def _low(depth_m: npt.NDArray[np.float32], share: float) -> float:
-    """Return the depth that `share` of the pixels are nearer than."""
+    """Return the depth below which a `share` of the pixels are."""
     k = int(share * (len(depth_m) - 1))
     return float(np.partition(depth_m, k)[k])
 

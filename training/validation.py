@@ -1,4 +1,4 @@
-"""Measures on twins that are never trained on how often the network succeeds, without physics."""
+"""Measures the success rate on validation sites, without physics."""
 
 from collections.abc import Sequence
 
@@ -13,15 +13,15 @@ from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
 class Validator:
-    """The same episodes every time."""
+    """Validation episodes, the same in every measurement."""
 
     def __init__(self, recipe: Recipe, seeds: Sequence[int], episodes: int) -> None:
-        """Take the seeds of the twins, and how many episodes to drive in each."""
+        """Prepare the sites of some seeds, with a number of episodes in each."""
         self._recipe, self._seeds, self._episodes = recipe, seeds, episodes
         self._worlds: dict[int, TwinWorld] = {}
 
     def examine(self, network: PIRLNavNetwork) -> Row:
-        """Drive the episodes with sampled actions; return successes and stops over all of them."""
+        """Run the episodes with sampled actions; return successes and stops over all of them."""
         was_training = network.training
         outcomes = []
         for seed in self._seeds:

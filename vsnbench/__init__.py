@@ -1,3 +1,117 @@
-"""vsnbench: does a visual-semantic-navigation model work on a real robot?"""
+"""Benchmark of visual-semantic-navigation models on real and simulated robots.
+
+The public interface is imported from here: `from vsnbench import Policy, ModelCard, Action, Decision`. The modules that
+define it are loaded on first use.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from vsnbench.deprecated_imports import install_finder
+
+if TYPE_CHECKING:
+    from vsnbench.errors import ModelError, NotPlacedError, RobotError, VsnbenchError
+    from vsnbench.models.contract import ModelCard, Policy
+    from vsnbench.models.task import Task
+    from vsnbench.protocol.parameters import ProtocolParameters
+    from vsnbench.report.frames import Results, open_results
+    from vsnbench.robots.contract import Robot
+    from vsnbench.robots.profiles import load_profile
+    from vsnbench.settings.yaml_file import read_settings
+    from vsnbench.sites.site import Site, StartingPosition
+    from vsnbench.values.action import Action
+    from vsnbench.values.battery import Battery
+    from vsnbench.values.camera import Camera
+    from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
+    from vsnbench.values.fix import Fix, PoseSource
+    from vsnbench.values.goal import Goal, GoalKind
+    from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+    from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
+    from vsnbench.values.observation import Budget, Observation, Sensor
+    from vsnbench.values.pose import Pose
+    from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Action",
+    "ActionKind",
+    "Battery",
+    "Box",
+    "Budget",
+    "Camera",
+    "Chunk",
+    "Collision",
+    "CollisionSource",
+    "Decision",
+    "Diagnostics",
+    "Fix",
+    "Goal",
+    "GoalKind",
+    "GridMap",
+    "ModelCard",
+    "ModelError",
+    "MotionResult",
+    "Move",
+    "NotPlacedError",
+    "Observation",
+    "Pixel",
+    "Policy",
+    "Pose",
+    "PoseSource",
+    "ProtocolParameters",
+    "Results",
+    "Robot",
+    "RobotError",
+    "RobotIdentity",
+    "Sensor",
+    "Site",
+    "StartingPosition",
+    "Task",
+    "Trajectory",
+    "Velocity",
+    "VsnbenchError",
+    "Waypoint",
+    "kind_of_class",
+    "load_profile",
+    "open_results",
+    "read_settings",
+]
+
+_NAMES = {
+    "vsnbench.errors": ("ModelError", "NotPlacedError", "RobotError", "VsnbenchError"),
+    "vsnbench.models.contract": ("ModelCard", "Policy"),
+    "vsnbench.models.task": ("Task",),
+    "vsnbench.protocol.parameters": ("ProtocolParameters",),
+    "vsnbench.report.frames": ("Results", "open_results"),
+    "vsnbench.robots.contract": ("Robot",),
+    "vsnbench.robots.profiles": ("load_profile",),
+    "vsnbench.settings.yaml_file": ("read_settings",),
+    "vsnbench.sites.site": ("Site", "StartingPosition"),
+    "vsnbench.values.action": ("Action",),
+    "vsnbench.values.battery": ("Battery",),
+    "vsnbench.values.camera": ("Camera",),
+    "vsnbench.values.decision": ("Box", "Decision", "Diagnostics", "GridMap"),
+    "vsnbench.values.fix": ("Fix", "PoseSource"),
+    "vsnbench.values.goal": ("Goal", "GoalKind"),
+    "vsnbench.values.motion_result": ("Collision", "CollisionSource", "MotionResult"),
+    "vsnbench.values.movement": ("ActionKind", "Chunk", "Move", "Pixel", "Trajectory", "Velocity", "Waypoint"),
+    "vsnbench.values.observation": ("Budget", "Observation", "Sensor"),
+    "vsnbench.values.pose": ("Pose",),
+    "vsnbench.values.robot_identity": ("RobotIdentity", "kind_of_class"),
+}
+"""Public names by the module that defines them."""
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _NAMES.items():
+        if name in names:
+            return globals().setdefault(name, getattr(import_module(module), name))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+install_finder(_NAMES)

@@ -1,4 +1,4 @@
-"""The command `vsnbench` from its first moment: Ctrl-C while it is being loaded is a line, and no traceback."""
+"""Entry point of `vsnbench`: Ctrl-C while it loads prints one line instead of a traceback."""
 
 import os
 import signal
@@ -6,21 +6,21 @@ import signal
 
 def main() -> None:
     """Load the command line and run it."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else whoever started it wants none heard
-        signal.signal(signal.SIGINT, _nothing_has_begun)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # otherwise the parent process ignores it
+        signal.signal(signal.SIGINT, _stop_before_start)
     from vsnbench.cli.main import main as command_line
 
-    command_line(_listens)
+    command_line(_restore_ctrl_c)
 
 
-def _nothing_has_begun(number: int, _frame: object) -> None:
-    os.write(2, b"\nvsnbench: stopped before anything began\n")
+def _stop_before_start(number: int, _frame: object) -> None:
+    os.write(2, b"\nvsnbench: stopped before the command started\n")
     os._exit(128 + number)
 
 
-def _listens() -> None:
-    """Let Ctrl-C be for the verb, which may have something to put in order."""
-    if signal.getsignal(signal.SIGINT) is _nothing_has_begun:
+def _restore_ctrl_c() -> None:
+    """Raise KeyboardInterrupt on Ctrl-C again, so that the command can clean up."""
+    if signal.getsignal(signal.SIGINT) is _stop_before_start:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

@@ -1,46 +1,54 @@
-"""The errors that users see: what was wrong and where, and, apart from that, what to do next; and the exit codes."""
+"""Errors that users see, and exit codes."""
 
 from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """What a command's end says to a script; `docs/command-line.md` has the same table."""
+    """Exit code of a command; `docs/command-line.md` has the same table."""
 
     DONE = 0
-    """It did what was asked, and what it looked at is sound."""
+    """Success."""
     FAILED = 1
-    """It could not, something it checked is not right, or trials are left."""
+    """Failure, failed check or unfinished trials."""
     USAGE = 2
-    """What was typed, or a study's file, does not fit together; nothing was done."""
+    """Usage error or invalid study file; the command changed nothing."""
     HUNG_UP = 129
-    """Ended by its terminal, which was closed: the robot stands, every finished step is recorded."""
+    """The terminal was closed. The robot was stopped; every finished step is recorded."""
     INTERRUPTED = 130
-    """Ended by Ctrl-C or the emergency stop: likewise."""
+    """Ctrl-C or the emergency stop. The robot was stopped; every finished step is recorded."""
     TERMINATED = 143
-    """Ended by SIGTERM: likewise."""
+    """SIGTERM. The robot was stopped; every finished step is recorded."""
 
 
 class VsnbenchError(Exception):
-    """Anything that stops a command for a reason its user can do something about; exit code 1.
+    """Error that the user can fix; exit code 1.
 
-    `str` makes one line of both parts, for a terminal, a log or the record.
+    `str` joins statement and advice in one line.
+
+    Attributes:
+        code: stable kebab-case name of the kind of error, for tests and scripts; texts may change, codes do not.
+        advice: the next step for the user, or an empty string.
     """
 
     exit_code = ExitCode.FAILED
+    code = "failed"
 
-    def __init__(self, statement: object = "", *, advice: str = "") -> None:
-        """Keep the two parts of the message.
+    def __init__(self, statement: object = "", *, advice: str = "", code: str = "") -> None:
+        """Create an error.
 
         Args:
-            statement: what was wrong, and where.
-            advice: what to do next; empty where nothing better is known than the statement.
+            statement: what is wrong, and where.
+            advice: the fix; empty if it is obvious.
+            code: kind of error, if it is more specific than that of the class.
         """
         super().__init__(str(statement))
         self.advice = advice
+        if code:
+            self.code = code
 
     @property
     def statement(self) -> str:
-        """What was wrong, and where."""
+        """What is wrong, and where."""
         return str(self.args[0])
 
     def __str__(self) -> str:
@@ -52,64 +60,104 @@ class VsnbenchError(Exception):
 
 
 class UsageError(VsnbenchError):
-    """The command asked for something that does not exist or does not fit together; exit code 2."""
+    """Options or arguments that do not exist or contradict each other; exit code 2."""
+
+    exit_code = ExitCode.USAGE
+    code = "usage"
+
+
+class SiteError(VsnbenchError):
+    """A site cannot be used: its file is invalid, or a check found an error."""
+
+    code = "invalid-site"
+
+
+class SiteFileError(SiteError):
+    """A site file cannot be read or breaks the site format; exit code 2."""
 
     exit_code = ExitCode.USAGE
 
 
-class SiteError(VsnbenchError):
-    """A site file that cannot be read or breaks a rule of the site format."""
+class ProtocolError(VsnbenchError):
+    """A protocol file cannot be read or breaks its format."""
+
+    code = "invalid-protocol"
 
 
 class RobotError(VsnbenchError):
-    """The robot, simulated or real, cannot be used or stopped answering."""
+    """The robot, simulated or real, cannot be used."""
+
+    code = "robot"
 
 
 class NotPlacedError(RobotError):
-    """The robot does not stand as it should at its start, and a person can put that right."""
+    """The robot is not at its starting position; the operator can correct this."""
+
+    code = "not-placed"
 
 
 class NoAnswerError(RobotError):
-    """A part of the robot, or of its network, does not answer; it may come back."""
+    """A part of the robot or of its network does not answer; it may recover."""
+
+    code = "no-answer"
+
+
+class ImageError(RobotError):
+    """An image message cannot be decoded."""
+
+    code = "invalid-image"
 
 
 class SensorLostError(RobotError):
-    """A sensor of the robot went silent or sends what cannot be used."""
+    """A sensor of the robot sends nothing or invalid data."""
+
+    code = "sensor-lost"
 
 
 class ModelError(VsnbenchError):
     """A policy or its weights cannot be used."""
 
+    code = "model"
+
 
 class DecisionError(ModelError):
-    """A decision, or a part of it, that is not one: wrong types, numbers that are none, more than may be kept."""
+    """A decision has wrong types, invalid numbers or too much data."""
 
-
-class ObservationError(VsnbenchError):
-    """A message that should hold an observation and does not."""
+    code = "invalid-decision"
 
 
 class SensorNotDeclaredError(ModelError, AttributeError):
-    """A policy reads a sensor that its card does not name."""
+    """A policy reads a sensor that is not on its card."""
+
+    code = "sensor-not-declared"
 
 
 class ModelLostError(VsnbenchError):
-    """A policy in another process did not answer in time, or is gone."""
+    """A policy in another process did not answer in time or ended."""
+
+    code = "model-lost"
 
 
 class RecordError(VsnbenchError):
     """The results directory or its database cannot be used."""
 
+    code = "record"
+
 
 class EpisodeClosedError(RecordError):
-    """The episode is not this process's to write to: it has ended, or another process has it."""
+    """This process may not write to the episode: it has ended or belongs to another process."""
+
+    code = "episode-closed"
 
 
 class JudgedMeanwhileError(VsnbenchError):
-    """Another has judged the episode since it was looked at; nothing was written."""
+    """Another operator judged the episode in the meantime; nothing was written."""
+
+    code = "judged-meanwhile"
 
 
 class StudyError(VsnbenchError):
-    """A study file that breaks its format, or is not what was locked; exit code 2."""
+    """A study file breaks its format or differs from its lock; exit code 2."""
 
     exit_code = ExitCode.USAGE
+    code = "invalid-study"

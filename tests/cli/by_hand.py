@@ -2,23 +2,23 @@
 
 from pathlib import Path
 
-from vsnbench.models.contract import ModelCard
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.fix import Fix, PoseSource
-from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
-from vsnbench.protocol.site import Site
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.sites.site import Site
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 
 
 class ByHand(SimulatedRobot):
     """Says that it is real, and that nothing but a person can place it."""
 
-    needs_a_person = True
+    needs_operator = True
     sensors = SimulatedRobot.sensors - {Sensor.DEPTH}
     """It says nothing of its depth camera: nobody checks how it stands."""
 
@@ -45,7 +45,7 @@ class Slow(ByHand):
         return super().execute(action)
 
 
-class TurnTwice:
+class TurnTwice(Policy):
     """Turns twice, and stops."""
 
     card = ModelCard("turn-twice")
@@ -58,7 +58,7 @@ class TurnTwice:
         return Decision(Action.TURN_LEFT if self.left >= 0 else Action.STOP)
 
 
-class Stuck:
+class Stuck(Policy):
     """Never comes back from reset, whatever it is told."""
 
     card = ModelCard("stuck")
@@ -76,7 +76,7 @@ class Stuck:
         return Decision(Action.STOP)
 
 
-class Straying:
+class Straying(Policy):
     """Leaves a thread running that is no daemon."""
 
     card = ModelCard("straying")

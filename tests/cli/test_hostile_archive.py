@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.console import vsnbench as type_in
 from tests.viewer.synthetic_episode import record
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.directory import ResultsDirectory
 
 
 def vsnbench(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -35,19 +36,65 @@ def say(archive: Path, images_directory: str) -> None:
 
 
 @pytest.mark.parametrize("elsewhere", ["../elsewhere", "/tmp/../{0}/elsewhere", "episodes/link"])
-def test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written(archive: Path, elsewhere: str) -> None:
+def test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written(
+    archive: Path, elsewhere: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(archive.parent)
     outside = archive.parent / "elsewhere"
     (outside / "rgb").mkdir(parents=True)
     (archive / "episodes" / "link").symlink_to(outside)
     say(archive, elsewhere.format(archive.parent))
     for words in (["view", "1", "--path"], ["episodes", "show", "1"], ["export", "bag", "1", "x.bag"]):
-        done = vsnbench(*words, "--results", str(archive), cwd=archive.parent)
-        assert done.returncode == 1, done.stdout + done.stderr
-        assert "leads out of it" in done.stderr
-        assert "Traceback" not in done.stderr
-    done = vsnbench("report", "--results", str(archive), "--output", "report", cwd=archive.parent)
-    assert done.returncode == 0, done.stderr
+        done = type_in(monkeypatch, capsys, *words, "--results", str(archive))
+        assert done.code == 1, done.out + done.err
+        assert "leads out of it" in done.err
+        assert "Traceback" not in done.err
+    done = type_in(monkeypatch, capsys, "report", "--results", str(archive), "--output", "report")
+    assert done.code == 0, done.err
     assert sorted(path.name for path in outside.rglob("*")) == ["rgb"]
+
+
+@pytest.mark.parametrize(
+    "words", [["view", "1", "--path"], ["episodes", "show", "1"], ["episodes", "list"], ["report"], ["judge", "1"]]
+)
+def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[str]) -> None:
+    escapes = "\x1b]0;owned\x07\x9b2J"
+    with closing(sqlite3.connect(archive / "vsnbench.db")) as database, database:
+        database.execute("UPDATE episode SET images_directory = ?, error = ?", [f"../{escapes}\nforged", escapes])
+        database.execute("UPDATE model SET name = ?, weights_label = ?", [f"m{escapes}", escapes])
+        database.execute("UPDATE verdict SET reason = ?, author = ?", [escapes, escapes])
+        database.execute("UPDATE process SET host = ?, command = ?", [escapes, escapes])
+        database.execute("UPDATE event SET text = ?, kind = ?", [escapes, escapes])
+    done = vsnbench(*words, "--results", str(archive), cwd=archive.parent)
+    assert not set("\x1b\x07\x9b") & set(done.stdout + done.stderr)
+    assert "Traceback" not in done.stderr
+    if words[0] == "view":
+        assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(
+            ["report"],
+            ["episodes", "show", "1"],
+            ["episodes", "list"],
+            ["export", "csv", "s.csv"],
+            ["view", "1", "--path"],
+        ),
+        *(["judge", "1", "--void", "why"], ["run", "--model", "forward", "--goal", "chair", "--starts", "1"]),
+        ["db", "status"],
+    ],
+)
+def test_a_record_with_an_endless_view_ends_every_command_in_a_line(archive: Path, words: list[str]) -> None:
+    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id FROM n"
+    with closing(sqlite3.connect(archive / "vsnbench.db")) as database:
+        database.executescript(f"DROP TABLE event; CREATE VIEW event AS {endless}")
+    place = [] if "merge" in words else ["--results", str(archive)]
+    done = vsnbench(*words, *place, cwd=archive.parent)
+    assert done.returncode in (1, 2)
+    assert "has a view 'event'" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_link_that_waits_where_a_recording_is_written_is_not_followed(archive: Path) -> None:

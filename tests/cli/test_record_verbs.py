@@ -9,12 +9,12 @@ from unittest import mock
 
 import pytest
 
-from tests.database.records_of_a_lab import plan, run, stopped, void
+from tests.results.records_of_a_lab import plan, run, stopped, void
 from vsnbench.cli.main import main
-from vsnbench.database import migrate
-from vsnbench.database.campaign_plan import PlannedTrial
-from vsnbench.database.journal import Journal
-from vsnbench.database_url import sqlite_url
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.schema import migrate
+from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.journal import Journal
 
 PROMISED = {
     "id", "uuid", "campaign", "model", "robot", "site", "goal", "start", "repetition", "end_reason", "success",
@@ -80,8 +80,8 @@ def test_the_list_can_be_restricted_and_says_when_it_is_cut(results: Path) -> No
     void_ones = vsnbench(results, "episodes", "list", "--outcome", "void", "--json").stdout
     assert [row["id"] for row in json.loads(void_ones)] == [1]
     cut = vsnbench(results, "episodes", "list", "--limit", "1")
-    assert "the latest 1 of 2" in cut.stderr
-    assert vsnbench(results, "episodes", "list", "--goal", "bed").stderr.strip() == "no such episodes"
+    assert "latest 1 of 2" in cut.stderr
+    assert vsnbench(results, "episodes", "list", "--goal", "bed").stderr.strip() == "no episodes found"
 
 
 def test_one_episode_is_shown_whole(results: Path) -> None:
@@ -97,11 +97,15 @@ def test_one_episode_is_shown_whole(results: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "line"),
     [
-        (["episodes", "show", "77"], 2, "there is no episode 77"),
-        (["episodes", "list", "--outcome", "glory"], 2, "no outcome 'glory'"),
-        (["episodes", "list", "--results", "/nowhere"], 1, "there is no record at /nowhere/vsnbench.db"),
+        (["episodes", "show", "77"], 2, "episode 77"),
+        (["episodes", "list", "--outcome", "glory"], 2, "unknown outcome 'glory'"),
+        (["episodes", "list", "--results", "/nowhere"], 1, "no record at /nowhere/vsnbench.db"),
+        (["episodes", "list", "--goal", "chiar"], 2, "Did you mean 'chair'?"),
+        (["report", "--goal", "chiar"], 2, "Did you mean 'chair'?"),
+        (["report", "--site", "apartmnet"], 2, "is not in this record"),
+        (["sites", "show", "appartment"], 2, "did you mean 'apartment'?"),
         (["db", "status", "--db", "nonsense"], 2, "not a database URL"),
-        (["db", "backup", "/nowhere/copy.db"], 1, "there is no directory /nowhere"),
+        (["db", "backup", "/nowhere/copy.db"], 1, "the directory /nowhere does not exist"),
     ],
 )
 def test_a_mistake_is_one_line(results: Path, words: list[str], code: int, line: str) -> None:
@@ -130,7 +134,7 @@ def test_a_script_gets_every_episode_unless_it_asks_for_fewer(tmp_path: Path) ->
             run(journal, trial, stopped(success=True), steps=0)
     assert len(json.loads(vsnbench(tmp_path, "episodes", "list", "--json").stdout)) == 53
     assert len(json.loads(vsnbench(tmp_path, "episodes", "list", "--json", "--limit", "2").stdout)) == 2
-    assert "the latest 50 of 53" in vsnbench(tmp_path, "episodes", "list").stderr
+    assert "latest 50 of 53" in vsnbench(tmp_path, "episodes", "list").stderr
 
 
 def test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key(tmp_path: Path) -> None:

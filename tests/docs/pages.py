@@ -1,4 +1,4 @@
-"""The pages of docs/ as a reader types them: their shell blocks, command by command, and what each block needs."""
+"""Shell blocks and commands of the pages of docs/."""
 
 import re
 import shlex
@@ -11,11 +11,12 @@ from typing import Any
 import typer
 
 from vsnbench.cli.main import VERBS, build_app
+from vsnbench.cli.support.words import mark_missing_values
 
 ROOT = Path(__file__).resolve().parents[2]
-MADE = ("api.md", "cli.md", "schema.md")
-"""Pages that `make docs` writes from the program itself."""
-PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.name not in MADE]
+GENERATED = ("api.md", "cli.md", "schema.md")
+"""Pages that `make docs` generates."""
+PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.name not in GENERATED]
 _BLOCK = re.compile(r"^(?:<!-- needs: (?P<needs>.+?) -->\n)?```bash\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 _OTHER = re.compile(r"^(?:<!-- (?:output of|file): .+? -->\n)?```(?!bash)\w*\n.*?^```$", re.MULTILINE | re.DOTALL)
 _SPAN = re.compile(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)")
@@ -28,28 +29,28 @@ class Block:
     """A shell block of a page."""
 
     needs: str
-    """What it takes that no test has; empty where it runs as it is."""
+    """What the block needs that a test does not have; empty if it runs."""
     commands: tuple[str, ...]
 
 
 def blocks(page: str) -> list[Block]:
-    """Return the shell blocks of a page's text, in their order."""
-    return [Block(each["needs"] or "", tuple(_commands(each["body"]))) for each in _BLOCK.finditer(page)]
+    """Return the shell blocks of a page."""
+    return [Block(match["needs"] or "", tuple(_commands(match["body"]))) for match in _BLOCK.finditer(page)]
 
 
-def typed_elsewhere(page: str) -> list[str]:
-    """Return the lines outside of shell blocks that look as if they were to be typed; nobody would run those."""
+def commands_outside_blocks(page: str) -> list[str]:
+    """Return lines that look like commands but are not in a shell block."""
     return re.findall(_LOOKS_TYPED, _SPAN.sub("", _prose(page)), re.MULTILINE)
 
 
 def spans(page: str) -> list[str]:
-    """Return the commands that a page names within its sentences, but for those that leave something open."""
-    named = [" ".join(words.split()) for words in _SPAN.findall(_prose(page))]
-    return [words for words in named if words.startswith("vsnbench ") and not _PLACEHOLDER.search(words)]
+    """Return the complete commands in a page's inline code."""
+    codes = [" ".join(code.split()) for code in _SPAN.findall(_prose(page))]
+    return [code for code in codes if code.startswith("vsnbench ") and not _PLACEHOLDER.search(code)]
 
 
 def scripts(page: str) -> list[str]:
-    """Return the files of this repository's that a page names within its sentences and shell blocks."""
+    """Return the files of this repository that a page names in prose and shell blocks."""
     named = re.findall(r"\b(?:benchmarks|scripts|tests|examples)/[\w/]+\.\w+", _OTHER.sub("", page))
     return sorted(set(named))
 
@@ -59,47 +60,47 @@ def _prose(page: str) -> str:
 
 
 def _commands(body: str) -> Iterator[str]:
-    """Yield the commands of a block; a loop is one."""
-    held: list[str] = []
+    """Yield the commands of a block; a loop is a single command."""
+    lines: list[str] = []
     for line in body.splitlines():
-        held.append(line)
-        opened = sum(bool(re.match(r"\s*(for|while) ", one)) for one in held)
-        if opened == sum(one.strip() == "done" for one in held) and not line.endswith("\\"):
-            if any(one.strip() and not one.startswith("#") for one in held):
-                yield "\n".join(held)
-            held = []
-    assert not held, f"a block breaks off within {held}"
+        lines.append(line)
+        opened = sum(bool(re.match(r"\s*(for|while) ", each)) for each in lines)
+        if opened == sum(each.strip() == "done" for each in lines) and not line.endswith("\\"):
+            if any(each.strip() and not each.startswith("#") for each in lines):
+                yield "\n".join(lines)
+            lines = []
+    assert not lines, f"incomplete command at the end of a block: {lines}"
 
 
 def plain(command: str) -> str:
-    """Return a command of one line without its comment."""
+    """Return a one-line command without its comment."""
     return re.split(r"\s#", command)[0].strip()
 
 
 def understand(words: list[str], *, strict: bool = True) -> None:
-    """Parse words after `vsnbench` without running them; one that is not known ends the test."""
+    """Parse the arguments of `vsnbench` without running it; unknown ones raise."""
     verb = next((word for word in words if not word.startswith("-")), None)
     if verb is None:
         root = typer.main.get_command(build_app(None))
         known = {name for parameter in root.params for name in parameter.opts}
         assert set(words) <= known | {"--help", "--show-completion", "--install-completion"}
         return
-    assert verb in VERBS, f"there is no verb {verb}"
+    assert verb in VERBS, f"unknown command {verb}"
     if "--help" in words:
         return
     command: Any = typer.main.get_command(build_app(verb))
     try:
-        context = command.make_context("vsnbench", list(words))
+        context = command.make_context("vsnbench", mark_missing_values(words))
         while hasattr(command, "resolve_command"):
             _, command, rest = command.resolve_command(context, [*context._protected_args, *context.args])
             context = command.make_context(command.name, list(rest), parent=context)
     except Exception as problem:
-        if strict or type(problem).__name__ != "MissingParameter":  # a sentence may name the verb alone
+        if strict or type(problem).__name__ != "MissingParameter":  # prose may name a command without its arguments
             raise
 
 
-def look_at(command: str) -> None:
-    """See that what a command that cannot be run here names is there: verbs, options, scripts, targets, extras."""
+def check_names(command: str) -> None:
+    """Check that commands, options, scripts, targets and extras exist, without running the command."""
     if command.startswith("for "):
         return
     for part in re.split(r"\s&&\s", plain(command)):

@@ -1,4 +1,4 @@
-"""Somebody who types a page's commands at a shell, in a directory of the page's own."""
+"""Types the commands of a page at a shell, in a directory of its own."""
 
 import http.cookiejar
 import os
@@ -13,23 +13,23 @@ from pathlib import Path
 
 from tests.processes import wait_until
 
-PATIENCE_S = 240.0
-"""For one command; a page's slowest takes seconds on a machine that does nothing else."""
+TIME_LIMIT_S = 240.0
+"""For a single command; the slowest takes seconds on an idle machine."""
 SMALL_ROBOT = "simulated:turtlebot2@160x120"
-"""Drives where a command names no robot: a small picture is drawn in a tenth of the time."""
-_KEPT = ("cd ", "export ")
-_GETS_ON = re.compile(r"^#\d+ |^\d+ actions, |^\d+ workers: ", re.MULTILINE)
-"""An episode that has ended, a scan that has seen floor, workers that are on their way."""
-_SERVED = re.compile(r"http://127\.0\.0\.1:\d+/\S*")
+"""Default robot: a small image renders in a tenth of the time."""
+_STATE_COMMANDS = ("cd ", "export ")
+_PROGRESS = re.compile(r"^#\d+ |^\d+ workers: ", re.MULTILINE)
+"""A finished episode, or starting workers."""
+_ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/\S*")
 
 
 class Shell:
-    """Types commands one after another; what `cd` and `export` did stays."""
+    """Types commands one after another; effects of `cd` and `export` stay."""
 
     def __init__(self, directory: Path, environment: dict[str, str]) -> None:
-        """Begin in a directory that is there, with more environment than a reader has."""
+        """Start in an existing directory, with additional environment variables."""
         self.directory = directory
-        self._typed: list[str] = []
+        self._state: list[str] = []
         self._number = 0
         home = directory / ".home"
         home.mkdir(exist_ok=True)
@@ -47,76 +47,76 @@ class Shell:
         }
 
     def types(self, command: str, codes: tuple[int, ...] = (0,)) -> str:
-        """Type a command, wait for its end, and return what it said; an exit code that is not one of these fails."""
+        """Type a command, wait for its end and one of these exit codes, and return its output."""
         with self.running(command) as (shell, log):
-            code = shell.wait(PATIENCE_S)
-        said = log.read_text(errors="replace")
-        assert code in codes, f"{command}\nended with {code}:\n{said}"
-        assert "Traceback" not in said, f"{command}\n{said}"
-        if command.startswith(_KEPT):
-            self._typed.append(command)
-        return said
+            code = shell.wait(TIME_LIMIT_S)
+        printed = log.read_text(errors="replace")
+        assert code in codes, f"{command}\nended with {code}:\n{printed}"
+        assert "Traceback" not in printed, f"{command}\n{printed}"
+        if command.startswith(_STATE_COMMANDS):
+            self._state.append(command)
+        return printed
 
-    def begins(self, command: str) -> str:
-        """Type a command that takes long, press Ctrl-C when it gets on, and return what it said."""
+    def types_and_interrupts(self, command: str) -> str:
+        """Type a long command, press Ctrl-C when it makes progress, and return its output."""
         pictures = "episodes/*/rgb/0001.jpg"
         before = len(list(self.directory.rglob(pictures)))
         slow_or_quiet = "--quiet" in command or "--robot" in command
         with self.running(command) as (shell, log):
 
-            def gets_on() -> bool:
-                said = log.read_text(errors="replace")
-                sees = slow_or_quiet and len(list(self.directory.rglob(pictures))) > before
-                assert shell.poll() in (None, 0), f"{command}\nended with {shell.poll()}:\n{said}"
-                return sees or bool(_GETS_ON.search(said)) or shell.poll() is not None
+            def makes_progress() -> bool:
+                printed = log.read_text(errors="replace")
+                new_picture = slow_or_quiet and len(list(self.directory.rglob(pictures))) > before
+                assert shell.poll() in (None, 0), f"{command}\nended with {shell.poll()}:\n{printed}"
+                return new_picture or bool(_PROGRESS.search(printed)) or shell.poll() is not None
 
-            wait_until(gets_on, f"{command} gets on", PATIENCE_S)
+            wait_until(makes_progress, f"{command} makes progress", TIME_LIMIT_S)
             code = press_ctrl_c(shell)
-        said = log.read_text(errors="replace")
-        # What was nearly done may be done before the key is heard; a loop's own code is that of its last command.
-        assert code == 130 or (code == 0 and ("next: vsnbench" in said or command.startswith("for "))), said
-        assert "Traceback" not in said, said
-        return said
+        printed = log.read_text(errors="replace")
+        # A command that is nearly done may finish before the key arrives; a loop returns the code of its last command.
+        assert code == 130 or (code == 0 and ("next: vsnbench" in printed or command.startswith("for "))), printed
+        assert "Traceback" not in printed, printed
+        return printed
 
-    def serves(self, command: str, code: int) -> str:
-        """Type a command that serves a page, ask for it once, press Ctrl-C, and return what it said."""
+    def types_and_visits(self, command: str, code: int) -> str:
+        """Type a command that serves a page, load the page, press Ctrl-C, and return the output."""
         with self.running(command) as (shell, log):
 
-            def said_where() -> "re.Match[str] | None":
-                said = log.read_text(errors="replace")
-                assert shell.poll() is None, f"{command}\nended with {shell.poll()}:\n{said}"
-                return _SERVED.search(said)
+            def address() -> "re.Match[str] | None":
+                printed = log.read_text(errors="replace")
+                assert shell.poll() is None, f"{command}\nended with {shell.poll()}:\n{printed}"
+                return _ADDRESS.search(printed)
 
-            wait_until(said_where, f"{command} says where its page is", PATIENCE_S)
-            where = said_where()
-            assert where is not None
+            wait_until(address, f"{command} prints its address", TIME_LIMIT_S)
+            found = address()
+            assert found is not None
             browser = urllib.request.build_opener(
                 urllib.request.ProxyHandler({}), urllib.request.HTTPCookieProcessor(http.cookiejar.CookieJar())
             )
-            with browser.open(where[0], timeout=60) as answer:
+            with browser.open(found[0], timeout=60) as answer:
                 assert answer.read().decode().lstrip().lower().startswith("<!doctype html")
             assert press_ctrl_c(shell) == code
         return log.read_text(errors="replace")
 
-    def says(self, command: str, words: str, code: int) -> None:
-        """Type a command that goes on until it is ended, wait for words of it, and press Ctrl-C."""
+    def types_until(self, command: str, text: str, code: int) -> None:
+        """Type a command, wait for a text in its output, and press Ctrl-C."""
         with self.running(command) as (shell, log):
             wait_until(
-                lambda: words in log.read_text(errors="replace") or shell.poll() is not None,
-                f"{command} says {words}",
-                PATIENCE_S,
+                lambda: text in log.read_text(errors="replace") or shell.poll() is not None,
+                f"{command} prints {text}",
+                TIME_LIMIT_S,
             )
             assert shell.poll() is None, log.read_text(errors="replace")
             assert press_ctrl_c(shell) == code
 
     @contextmanager
     def running(self, command: str) -> Iterator[tuple["subprocess.Popen[bytes]", Path]]:
-        """Start a command in a session of its own, as a terminal would; whatever still runs of it is killed after."""
+        """Start a command in a session of its own, as a terminal does; kill what is left of it afterwards."""
         self._number += 1
         log = self.directory / ".home" / f"{self._number:02}.log"
         with log.open("wb") as sink:
             shell = subprocess.Popen(
-                ["/bin/bash", "-c", "\n".join([*self._typed, command, "exit $?"])],
+                ["/bin/bash", "-c", "\n".join([*self._state, command, "exit $?"])],
                 cwd=self.directory,
                 env=self.environment,
                 stdin=subprocess.DEVNULL,
@@ -133,7 +133,7 @@ class Shell:
 
 
 def press_ctrl_c(shell: "subprocess.Popen[bytes]") -> int:
-    """Interrupt whatever runs in a shell's session, as a terminal does, and return the exit code."""
+    """Interrupt all processes of a shell's session, as a terminal does, and return the exit code."""
     if shell.poll() is None:
         os.killpg(shell.pid, signal.SIGINT)
-    return shell.wait(PATIENCE_S)
+    return shell.wait(TIME_LIMIT_S)

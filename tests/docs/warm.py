@@ -1,7 +1,7 @@
-"""`vsnbench` without its seconds of imports: a process that has made them forks for every command that is typed.
+"""A `vsnbench` without import time: a server process with all imports done forks for every command.
 
-`python warm.py NAME` serves; `vsnbench`, as `warm_vsnbench` puts it on a path, hands its words, directory, environment
-and streams over, passes signals on, and ends with the command's own exit code.
+`python warm.py NAME` serves. The `vsnbench` that `warm_vsnbench` puts on a path sends its arguments, directory,
+environment and streams to the server, forwards signals, and ends with the command's exit code.
 """
 
 import array
@@ -24,9 +24,10 @@ from tests.processes import PATIENCE_S, wait_until
 
 _HEAVY = (
     "vsnbench.cli.main",
-    *("vsnbench.cli.run", "vsnbench.cli.report", "vsnbench.cli.sites", "vsnbench.cli.study_running"),
-    *("vsnbench.runner.launch", "vsnbench.runner.study_session", "vsnbench.robots.simulated", "vsnbench.report.build"),
-    *("vsnbench.models.pirlnav.policy", "vsnbench.models.vlv.policy", "vsnbench.console.operator_page"),
+    *("vsnbench.cli.running.run", "vsnbench.cli.results.report", "vsnbench.cli.sites", "vsnbench.cli.study.running"),
+    *("vsnbench.runner.setup.launch", "vsnbench.runner.study.session"),
+    *("vsnbench.robots.simulated", "vsnbench.report.build"),
+    *("vsnbench.models.pirlnav.policy", "vsnbench.models.vlv.policy", "vsnbench.web.operator.page"),
     *("torch", "numba", "onnx", "alembic", "matplotlib.pyplot", "scipy.stats"),
 )
 _CLIENT = """#!{python} -IS
@@ -35,26 +36,26 @@ if sys.argv[1:] and sys.argv[1].endswith("-completion"):  # asks which shell its
     os.execv({real!r}, [{real!r}, *sys.argv[1:]])
 link = socket.socket(socket.AF_UNIX)
 link.connect("\\0" + {name!r})
-words = json.dumps([sys.argv[1:], os.getcwd(), dict(os.environ)]).encode()
+request = json.dumps([sys.argv[1:], os.getcwd(), dict(os.environ)]).encode()
 streams = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [0, 1, 2]))]
-link.sendmsg([len(words).to_bytes(4, "big")], streams)
-link.sendall(words)
-heard = link.makefile()
-pid = int(heard.readline())
-def pass_on(number, _):
+link.sendmsg([len(request).to_bytes(4, "big")], streams)
+link.sendall(request)
+replies = link.makefile()
+pid = int(replies.readline())
+def forward(number, _):
     try:
         os.kill(pid, number)
     except ProcessLookupError:
-        pass  # it has just ended
+        pass  # already ended
 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-    signal.signal(number, pass_on)
-sys.exit(int(heard.readline()))
+    signal.signal(number, forward)
+sys.exit(int(replies.readline()))
 """
 
 
 @contextmanager
 def warm_vsnbench(directory: Path) -> Iterator[Path]:
-    """Serve, and give a directory for `$PATH` in which `vsnbench` is, unless this machine's libraries forbid forks."""
+    """Serve, and yield a directory for `$PATH` with `vsnbench`; without it if loaded libraries prevent forking."""
     name = f"vsnbench-{uuid.uuid4()}"
     directory.mkdir()
     client = directory / "vsnbench"
@@ -68,29 +69,29 @@ def warm_vsnbench(directory: Path) -> Iterator[Path]:
         try:
             wait_until(lambda: select.select([server.stdout], [], [], 0)[0], "vsnbench is warm", 4 * PATIENCE_S)
             if server.stdout.readline() != b"warm\n":
-                client.unlink()  # the real one comes next on the path
+                client.unlink()  # the installed one is next on the path
             yield directory
         finally:
             server.kill()
 
 
 def serve(name: str) -> None:
-    """Fork for every command, until killed; returns in the process that is to run one."""
+    """Fork for every command until killed; returns in the process that runs the command."""
     import importlib
 
-    # On one core nothing takes more workers than it is asked to, and what is imported starts no threads of its own.
+    # One core: automatic worker counts stay at 1, and imports start no threads.
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     for module in _HEAVY:
         importlib.import_module(module)
     if len([*Path("/proc/self/task").iterdir()]) > 1:
-        sys.exit("cold")  # a fork would lose the threads, and keep the locks that they hold
-    gc.freeze()  # nobody walks through them any more
+        sys.exit("cold")  # a fork would lose the threads and keep their locks
+    gc.freeze()  # later collections skip the imports
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(f"\0{name}")
     listener.listen()
     sys.stdout.write("warm\n")
     sys.stdout.flush()
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks how a keeper ended
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # keepers need no wait
     while True:
         link, _ = listener.accept()
         if os.fork() == 0:
@@ -119,7 +120,7 @@ def _received(link: socket.socket) -> tuple[list[int], bytes]:
 
 
 def _become(streams: list[int], words: list[str], directory: str, environment: dict[str, str]) -> None:
-    """Be as a process that was started by the shell is."""
+    """Take over streams, directory, environment and arguments of the shell's process."""
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
@@ -127,17 +128,17 @@ def _become(streams: list[int], words: list[str], directory: str, environment: d
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = ["vsnbench", *words]
-    sys.path.pop(0)  # this repository's root, which `-m` has put there
-    # Processes that it starts import what `vsnbench` itself is, and no test.
+    sys.path.pop(0)  # the repository's root, added by `-m`
+    # Child processes import vsnbench, not this test module.
     sys.modules["__main__"].__spec__ = None
     sys.modules["__main__"].__file__ = sys.modules["vsnbench.cli.main"].__file__
 
 
 def _keep(link: socket.socket, pid: int) -> None:
-    """Say how a command ended; kill it where whoever typed it is gone."""
+    """Report a command's exit code; kill it when the client is gone."""
     link.sendall(f"{pid}\n".encode())
     while (ended := os.waitpid(pid, os.WNOHANG))[0] == 0:
-        if select.select([link], [], [], 0.02)[0]:  # it never says anything more: it is gone
+        if select.select([link], [], [], 0.02)[0]:  # readable means closed: the client is gone
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             os._exit(0)
@@ -156,7 +157,7 @@ if __name__ == "__main__":
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     else:
         code = 0
-    # As an interpreter ends, but for taking apart what was imported: half a second for each command.
+    # Like an interpreter's exit, without half a second of module teardown.
     threading._shutdown()  # type: ignore[attr-defined]
     atexit._run_exitfuncs()
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""What a reader of a page has before the first command: files of a lab's own, and a record of earlier trials."""
+"""Files and records that a page's commands need before the first one."""
 
 import json
 import re
@@ -39,7 +39,7 @@ def _released_pirlnav(shell: Shell) -> None:
 
 
 def _two_models(shell: Shell) -> None:
-    """A driven episode with its images, a record of two models, and other tools' results."""
+    """An episode with images, a record of two models, and results of other tools."""
     shell.types("vsnbench run --model random --goal chair --starts 1")
     lab = Lab(shell.directory / "results")
     for model, successes in (("vlv", 9), ("pirlnav", 6)):
@@ -49,8 +49,14 @@ def _two_models(shell: Shell) -> None:
     _write(shell.directory / "episodes.json", json.dumps([episode]))
 
 
+def _pairs(shell: Shell) -> None:
+    """Successes of one model (1 to 3), and failures of another on the same trials (4 to 6), with images."""
+    for words in ("oracle", "random --max-steps 3"):
+        shell.types(f"vsnbench run --model {words} --goal chair --starts 4-6")
+
+
 def _awaiting(shell: Shell) -> None:
-    """Records of several days, one with seventeen episodes that await a person's word."""
+    """Records of several days; episodes of one of them await a judgement."""
     collided = Attempt(goal="bed", success=False, end_reason=EndReason.COLLISION, distance_m=2.0)
     days = {"results": "vlv", "lab-b/results": "pirlnav", "monday": "random", "tuesday": "forward"}
     for place, model in days.items():
@@ -67,9 +73,9 @@ def _robot_of_the_examples(shell: Shell) -> None:
 
 
 def _surveyed(shell: Shell) -> None:
-    """The page's own example as lab.yaml, a drawing of it, and the map that a robot made of a place."""
-    _write(shell.directory / "lab.yaml", _code("sites.md", "yaml"))
-    shell.types("vsnbench sites export lab.yaml --svg plan.svg --map map.yaml")
+    """The example of the site file as lab.yaml, and a ROS map of it."""
+    _write(shell.directory / "lab.yaml", _code("site-file.md", "yaml"))
+    shell.types("vsnbench sites export lab.yaml --map map.yaml")
 
 
 def _trained(shell: Shell) -> None:
@@ -84,14 +90,14 @@ def _released_vlv(shell: Shell) -> None:
 
 BEFORE: dict[str, Callable[[Shell], None]] = {
     "console.md": _locked_study,
+    "look.md": _pairs,
     "models.md": _spinner,
     "pirlnav.md": _released_pirlnav,
     "report.md": _two_models,
     "results.md": _awaiting,
-    "robot.md": _awaiting,
     "robots.md": _robot_of_the_examples,
     "sites.md": _surveyed,
     "training.md": _trained,
     "vlv.md": _released_vlv,
 }
-"""Page -> what makes it; all other pages begin in an empty directory."""
+"""Page -> function that prepares its directory; other pages start in an empty one."""

@@ -12,10 +12,10 @@ import pytest
 from tests.cli.console import vsnbench
 from tests.models.looks import look
 from vsnbench.models.registry import create_policy
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.codec import decision_from_record
-from vsnbench.protocol.observation import shown_to_policy
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.values.action import Action
+from vsnbench.values.encoding.codec import decision_from_record
+from vsnbench.values.observation import shown_to_policy
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -90,7 +90,7 @@ def test_the_guide_shows_the_spinner_as_it_is() -> None:
 def test_the_policy_of_the_readme_acts() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     found = re.search(
-        r"\n((?:    from vsnbench\.[^\n]*\n)+\n(?:    [^\n]*\n|\n)+?)\n    vsnbench run --model mylab", text
+        r"\n((?:    from vsnbench import [^\n]*\n)\n(?:    [^\n]*\n|\n)+?)\n    vsnbench run --model mylab", text
     )
     assert found is not None
     names: dict[str, Any] = {}

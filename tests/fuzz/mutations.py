@@ -5,11 +5,13 @@ import random
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import yaml
+from ruamel.yaml.error import YAMLError
+
+from vsnbench.settings.yaml_text import dump_yaml, load_yaml
 
 NUMBERS: Sequence[Any] = (
-    *(0, -1, 1, 2, 3, 7, 255, 10**6, 2**31, 2**63, 2**64, -(2**63) - 1, 10**40, 0.5, -0.0, 1e-320, 1e16, 1e308, -1e308),
-    *(float("nan"), float("inf"), float("-inf")),
+    *(0, -1, 1, 2, 3, 7, 255, 10**6, 2**31, 2**63, 2**64, -(2**63) - 1, 10**40, 10**400, -(10**400)),
+    *(0.5, -0.0, 1e-320, 1e16, 1e308, -1e308, float("nan"), float("inf"), float("-inf")),
 )
 WORDS: Sequence[str] = (
     *(
@@ -179,8 +181,8 @@ def yaml_text(rng: random.Random, content: bytes) -> bytes:
     choice = rng.random()
     if choice < 0.45:
         try:
-            return yaml.safe_dump(tree(rng, yaml.safe_load(content)), allow_unicode=True).encode("utf-8", "replace")
-        except (yaml.YAMLError, RecursionError):
+            return dump_yaml(tree(rng, load_yaml(content.decode()))).encode("utf-8", "replace")
+        except (YAMLError, UnicodeDecodeError, RecursionError):
             return bytes_of(rng, content)
     if choice < 0.6:
         return bytes_of(rng, content)

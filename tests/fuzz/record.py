@@ -30,8 +30,26 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("export", "habitat", "{home}/habitat"),
     ("export", "bag", "1", "{home}/one.bag"),
     ("view", "1", "--path"),
+    ("judge", "1", "--confirm", "--yes"),
+    ("judge", "1", "--void", "why", "--yes"),
+    ("judge", "--pending"),
+    ("db", "merge", "{home}/results", "--results", "{home}/merged"),
+    ("db", "merge", "{home}/good"),
+    ("db", "restore", "{home}/good/vsnbench.db"),
     ("import", "habitat", "{home}/good.json", "--model", "m", "--max-steps", "150", "--success-distance", "1"),
 )
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id, i AS number FROM n"
+
+
+def flip_bits_of_text(rng: random.Random, file: Path) -> None:
+    """Flip the highest bits of letters, in rows and in the schema: what is left is not UTF-8."""
+    content = bytearray(file.read_bytes())
+    letters = [place for place, byte in enumerate(content[100:], 100) if chr(byte).isalpha() and byte < 0x80]
+    for place in rng.sample(letters, rng.choice((1, 3, 30))):
+        content[place] ^= 0x80
+    file.write_bytes(content)
 
 
 class RecordTarget:
@@ -41,7 +59,7 @@ class RecordTarget:
 
     def __init__(self, home: Path) -> None:
         from tests.viewer.synthetic_episode import record
-        from vsnbench.record.results import ResultsDirectory
+        from vsnbench.results.files.directory import ResultsDirectory
 
         self.home, self.good, self.path = home, home / "good", home / "results"
         record(ResultsDirectory.locate(self.good, environment={}), 2)
@@ -50,7 +68,7 @@ class RecordTarget:
         (home / "good.json").write_text('[{"goal": "bed", "success": 0, "steps": 15}]')
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        for left in ("results", "copy.db", "steps.csv", "tum", "habitat", "one.bag"):
+        for left in ("results", "copy.db", "steps.csv", "tum", "habitat", "one.bag", "merged"):
             path = self.home / left
             shutil.rmtree(path, ignore_errors=True)
             path.unlink(missing_ok=True)
@@ -60,7 +78,13 @@ class RecordTarget:
         else:
             self.spoil(rng)
             verbs = tuple(rng.sample(VERBS, 2))
-        codes = [call(*(word.format(home=self.home) for word in verb), "--results", str(self.path)) for verb in verbs]
+        codes = [
+            call(
+                *(word.format(home=self.home) for word in verb),
+                *([] if "--results" in verb else ["--results", str(self.path)]),
+            )
+            for verb in verbs
+        ]
         if any(codes) and index is not None:
             raise VsnbenchError
 
@@ -70,7 +94,9 @@ class RecordTarget:
         kind = rng.random()
         if kind < 0.15:
             file.write_bytes(mutations.bytes_of(rng, file.read_bytes()))
-        elif kind < 0.2:
+        elif kind < 0.3:
+            flip_bits_of_text(rng, file)
+        elif kind < 0.34:
             content = bytearray(file.read_bytes())
             for _ in range(rng.choice((1, 3))):
                 content[rng.randrange(100)] = rng.randrange(256)
@@ -113,12 +139,18 @@ class RecordTarget:
                     "INSERT INTO alembic_version VALUES ('0002x')",
                     "PRAGMA user_version = 77",
                     f"CREATE TABLE copy AS SELECT * FROM '{table}'",
+                    f"ALTER TABLE '{table}' RENAME TO old; CREATE VIEW '{table}' AS SELECT * FROM old",
+                    f"ALTER TABLE '{table}' RENAME TO old; CREATE VIEW '{table}' AS {ENDLESS}",
+                    f"CREATE VIEW v AS {ENDLESS}",
+                    f"CREATE TRIGGER t AFTER UPDATE ON '{table}' BEGIN UPDATE episode SET state = 'done'; END",
+                    f"CREATE INDEX e ON '{table}' (upper({columns[0]}))",
+                    f"ALTER TABLE '{table}' ADD COLUMN c AS (upper({columns[0]}))",
+                    "CREATE VIRTUAL TABLE words USING fts5(a)",
                 )
             )
             try:
-                with database:
-                    database.execute("PRAGMA foreign_keys = OFF")
-                    database.execute(statement)
+                database.execute("PRAGMA foreign_keys = OFF")
+                database.executescript(statement)
             except sqlite3.Error:
                 with database:
                     database.execute("DROP TABLE IF EXISTS event")

@@ -101,12 +101,12 @@ class ModelSettingsTarget(_SettingsFile):
     )
 
     def read(self) -> None:
+        from vsnbench.control.discrete_move_settings import motion_settings
         from vsnbench.errors import UsageError
         from vsnbench.models.pirlnav.settings import PIRLNavSettings
         from vsnbench.models.vlv.settings import VLVSettings
-        from vsnbench.motion.discrete_move_settings import motion_settings
-        from vsnbench.protocol.settings_file import read_settings
         from vsnbench.robots.profiles import load_profile
+        from vsnbench.settings.yaml_file import read_settings
 
         text = self.path.read_bytes()
         if b"decision" in text or b"compass" in text:
@@ -137,9 +137,9 @@ class PictureTarget:
         ]
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.protocol.pictures import decode_picture
-        from vsnbench.record.confined import read_confined
-        from vsnbench.report.strips import strip_of
+        from vsnbench.report.figures.frame_strips import frame_strip
+        from vsnbench.results.files.confined_paths import read_confined
+        from vsnbench.values.encoding.images import decode_picture
 
         content = self.good[0] if index is None else mutations.bytes_of(rng, rng.choice(self.good))
         if index is not None and rng.random() < 0.2 and len(content) > 24:  # a size that is not the picture's
@@ -147,7 +147,7 @@ class PictureTarget:
         (self.folder / "0001.jpg").write_bytes(content)
         kept = read_confined(self.home, "episodes/000001/rgb/0001.jpg") or b""
         shapes = [decode_picture(kept, flags) for flags in (cv2.IMREAD_COLOR, cv2.IMREAD_UNCHANGED)]
-        strip_of(self.home, "episodes/000001")
+        frame_strip(self.home, "episodes/000001")
         if shapes[0] is None:
             raise VsnbenchError
 
@@ -159,7 +159,7 @@ class ImageMessageTarget:
 
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
-        from vsnbench.sensing.camera_images import decode_color, decode_depth, decode_labels
+        from vsnbench.sensing.images.camera_images import decode_color, decode_depth, decode_labels
 
         self.functions = [
             *((decode_color, name, 3) for name in ("rgb8", "bgr8")),
@@ -197,13 +197,13 @@ class DatabaseURLTarget:
         ]
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.database.engine import open_engine
-        from vsnbench.database_url import libpq_connection, shown_url, without_passwords
+        from vsnbench.results.database_url import libpq_connection, redacted_url, without_passwords
+        from vsnbench.results.schema.engine import open_engine
 
         good = rng.choice(self.good)
         url = (good if index is None else mutations.bytes_of(rng, good)).decode("utf-8", "replace")
         without_passwords(url)
-        shown_url(url)
+        redacted_url(url)
         open_engine(url, read_only=False).dispose()
         if not url.startswith("sqlite"):
             libpq_connection(url)

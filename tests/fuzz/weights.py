@@ -139,7 +139,7 @@ class PIRLNavTarget(_Checkpoint):
 class ValueTarget(_Checkpoint):
     """VLV's value network."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 50
 
     def make(self) -> dict[str, Any]:
         import torch
@@ -151,7 +151,7 @@ class ValueTarget(_Checkpoint):
         return {"model_state_dict": dict(state), "epoch": 3}
 
     def read(self) -> None:
-        from vsnbench.models.vlv.value_weights import read_value_weights
+        from vsnbench.models.vlv.value.weights import read_value_weights
 
         read_value_weights(self.path)
 

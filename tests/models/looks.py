@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.6)
 

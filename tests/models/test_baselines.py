@@ -5,10 +5,10 @@ from collections import Counter
 import pytest
 
 from tests.models.looks import look
-from vsnbench.models.forward import ForwardUntilBlocked
-from vsnbench.models.random_walk import RandomWalk
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.models.baselines.forward import ForwardUntilBlocked
+from vsnbench.models.baselines.random_walk import RandomWalk
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 
 def random_actions(seed: int, count: int = 50) -> list[Action]:

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from vsnbench.models.contract import ModelCard
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.contract_check import check_policy
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Sensor
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.observation import Sensor
 
 TURNS = (Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
-class Sound:
+class Sound(Policy):
     card = ModelCard("sound", goals=frozenset({"chair"}), sensors=frozenset({Sensor.DEPTH}))
 
     def reset(self, goal, seed):
@@ -78,13 +78,13 @@ def test_a_sound_policy_passes_everything() -> None:
 @pytest.mark.parametrize(
     ("policy", "what", "seen"),
     [
-        (Unseeded, "one seed, one answer", "differs on the same seed and images"),
-        (Remembering, "an episode forgets the last", "differs after another episode"),
-        (TakesEveryGoal, "a goal that it does not know", "the card names the goals that it knows"),
+        (Unseeded, "same seed, same actions", "differs for the same seed and images"),
+        (Remembering, "episodes are independent", "differs after another episode"),
+        (TakesEveryGoal, "unknown goal", "although the card lists goals"),
         (OneSize, "other image sizes", "33 x 17: AssertionError: this network is built for 640 columns"),
-        (NeedsDepth, "black image, no depth anywhere", "All-NaN slice"),
-        (Wordy, "one seed, one answer", "Decision"),
-        (Untyped, "one seed, one answer", "its action is no Action but a str: give Action.MOVE_FORWARD"),
+        (NeedsDepth, "black image, no depth", "All-NaN slice"),
+        (Wordy, "same seed, same actions", "Decision"),
+        (Untyped, "same seed, same actions", "action must be an Action or a movement, got a str"),
     ],
 )
 def test_a_fault_is_found_and_said(policy, what, seen) -> None:
@@ -97,7 +97,7 @@ def test_an_error_that_is_its_own_cause_is_told_like_any_other() -> None:
             error = ValueError("round and round")
             raise error from error
 
-    assert "round and round" in failed(Ring())["sensors on the card are read"]
+    assert "round and round" in failed(Ring())["sensors on the card"]
 
 
 def test_what_a_model_raises_is_told_with_the_line_of_its_own_code() -> None:
@@ -106,7 +106,7 @@ def test_what_a_model_raises_is_told_with_the_line_of_its_own_code() -> None:
             return Decision(Action["FLY"])  # raised in the standard library, asked for here
 
     line = Misspelt.act.__code__.co_firstlineno + 1
-    assert failed(Misspelt())["one seed, one answer"] == f"KeyError: 'FLY' (test_contract_check.py, line {line})"
+    assert failed(Misspelt())["same seed, same actions"] == f"KeyError: 'FLY' (test_contract_check.py, line {line})"
 
 
 def test_a_sensor_that_is_never_read_is_pointed_out() -> None:
@@ -114,6 +114,6 @@ def test_a_sensor_that_is_never_read_is_pointed_out() -> None:
         def act(self, observation):
             return Decision(Action.STOP)
 
-    found = {finding.what: finding for finding in check_policy(Idle())}["sensors on the card are read"]
+    found = {finding.what: finding for finding in check_policy(Idle())}["sensors on the card"]
     assert found.passed
-    assert "depth on the card, and not read" in found.seen
+    assert "depth on the card but not read" in found.seen

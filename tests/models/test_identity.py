@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.models.contract import Policy
 from vsnbench.models.identity import code_of, files_handed_over
-from vsnbench.models.random_walk import RandomWalk
 from vsnbench.models.registry import create_policy
 
 LAB = "ourlab.policy:Lab"
 SOURCE = """
 from {net} import TURNS
-from vsnbench.models.contract import ModelCard
+from vsnbench.models.contract import ModelCard, Policy
 
-class Lab:
+class Lab(Policy):
     def __init__(self, weights=None, model_config=None):
         self.card = ModelCard("lab")
     def reset(self, goal, seed): ...

@@ -1,4 +1,4 @@
-"""Policies are found by name, by entry point and by path; what cannot be used is refused in one line."""
+"""Policies are created by name, by entry point and by path; others are refused in one line."""
 
 import sys
 import types
@@ -6,15 +6,18 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from tests.models.remote.servers import look
 from vsnbench import plugins
 from vsnbench.errors import ModelError, UsageError
-from vsnbench.models import registry
-from vsnbench.models.contract import ModelCard, Policy, SurveyedPolicy
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
+from vsnbench.models import names, registry
+from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.duck_typed import DuckTypedPolicy
+from vsnbench.models.identity import code_of
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
 
 
-class Statue:
+class Statue(Policy):
     """A whole policy, as a third party would write it."""
 
     def __init__(self, patience: int = 1) -> None:
@@ -30,22 +33,59 @@ class Statue:
 
 
 class Mute:
-    """No policy: it cannot act."""
+    """Cannot act."""
 
     card = ModelCard(name="mute")
+
+
+class Cardless(Statue):
+    def __init__(self) -> None:
+        pass
+
+
+class Surveyor(Statue):
+    """Implements `survey` without `needs_survey`."""
+
+    def survey(self, *given: object) -> None: ...
+
+
+class OddlyCarded(Statue):
+    def __init__(self) -> None:
+        self.card = ModelCard("odd", sensors={"rgb"})  # type: ignore[arg-type]
+
+
+class Duck:
+    """A model as version 0.1 allowed it."""
+
+    card = ModelCard("duck")
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+    def reset(self, goal: str, seed: int) -> None:
+        self.calls.append("reset")
+
+    def act(self, observation: object) -> Decision:
+        self.calls.append("act")
+        return Decision(Action.STOP)
+
+    def close(self) -> None:
+        self.calls.append("close")
 
 
 @pytest.fixture
 def plug_in_module(monkeypatch: pytest.MonkeyPatch) -> str:
     module = types.ModuleType("statues")
-    module.Statue, module.Mute, module.NUMBER = Statue, Mute, 3
+    for kind in (Statue, Mute, Cardless, Surveyor, OddlyCarded, Duck):
+        setattr(module, kind.__name__, kind)
+    module.NUMBER = 3
     monkeypatch.setitem(sys.modules, "statues", module)
     return "statues"
 
 
 @pytest.mark.parametrize("name", ["random", "forward", "oracle"])
 def test_the_built_in_baselines_are_policies(name: str) -> None:
-    assert name in registry.known_models()
+    assert name in names.known_models()
     policy = registry.create_policy(name)
     assert isinstance(policy, Policy)
     assert policy.card.name == name
@@ -53,17 +93,15 @@ def test_the_built_in_baselines_are_policies(name: str) -> None:
 
 
 def test_only_the_oracle_is_handed_the_site() -> None:
-    surveyed = [
-        name for name in ("random", "forward", "oracle") if isinstance(registry.create_policy(name), SurveyedPolicy)
-    ]
+    surveyed = [name for name in ("random", "forward", "oracle") if registry.create_policy(name).needs_survey]
     assert surveyed == ["oracle"]
 
 
-def test_an_unknown_model_names_the_known_ones() -> None:
-    with pytest.raises(UsageError, match=r"no model 'psychic'.*random.*oracle.*package\.module:Class"):
-        registry.create_policy("psychic")
-    with pytest.raises(UsageError, match=r"no model 'orakel': did you mean oracle\? The known ones are random, "):
+def test_an_unknown_model_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(UsageError) as raised:
         registry.create_policy("orakel")
+    assert raised.value.code == "unknown-model"
+    assert raised.value.advice.startswith("did you mean oracle?")
 
 
 def test_a_policy_can_be_named_by_its_path(plug_in_module: str) -> None:
@@ -72,63 +110,68 @@ def test_a_policy_can_be_named_by_its_path(plug_in_module: str) -> None:
 
 
 def test_a_plug_in_is_known_by_its_entry_point(plug_in_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint("statue", f"{plug_in_module}:Statue", registry.ENTRY_POINT_GROUP)
+    point = EntryPoint("statue", f"{plug_in_module}:Statue", names.ENTRY_POINT_GROUP)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
-    assert "statue" in registry.known_models()
+    assert "statue" in names.known_models()
     assert registry.create_policy("statue").card.name == "statue"
 
 
 def test_a_plug_in_cannot_take_a_built_in_name(plug_in_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint("random", f"{plug_in_module}:Statue", registry.ENTRY_POINT_GROUP)
+    point = EntryPoint("random", f"{plug_in_module}:Statue", names.ENTRY_POINT_GROUP)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     assert registry.create_policy("random").card.name == "random"
-    assert registry.known_models().count("random") == 1
+    assert names.known_models().count("random") == 1
 
 
 def test_an_option_the_model_lacks_is_a_usage_error_that_names_the_options(plug_in_module: str) -> None:
-    with pytest.raises(UsageError, match=r"temperature.*it takes no options, and in Python patience"):
+    with pytest.raises(UsageError) as raised:
         registry.create_policy(f"{plug_in_module}:Statue", temperature=1.0)
+    assert raised.value.code == "unknown-model-option"
+    assert "patience" in raised.value.advice
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "options", "code"),
     [
-        ("no_such_package.module:Class", "cannot import no_such_package.module:Class"),
-        ("statues:Missing", "cannot import statues:Missing"),
-        ("statues:NUMBER", "neither a class nor a function"),
-        ("statues:Mute", "is no policy"),
+        ("no_such_package.module:Class", {}, "import-failed"),
+        ("statues:Missing", {}, "import-failed"),
+        ("statues:NUMBER", {}, "not-callable"),
+        ("statues:Mute", {}, "not-a-policy"),
+        ("statues:Cardless", {}, "not-a-policy"),
+        ("statues:Surveyor", {}, "survey-not-declared"),
+        ("statues:OddlyCarded", {}, "invalid-card"),
+        ("statues:Statue", {"patience": -1}, "model-not-created"),
     ],
 )
-def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, words: str) -> None:
-    with pytest.raises(ModelError, match=words):
+def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, options: dict[str, int], code: str) -> None:
+    with pytest.raises(ModelError) as raised:
+        registry.create_policy(name, **options)
+    assert raised.value.code == code
+
+
+def test_a_model_without_the_base_class_works_with_a_warning(plug_in_module: str) -> None:
+    with pytest.warns(DeprecationWarning, match=r"class Duck\(vsnbench\.Policy\)"):
+        policy = registry.create_policy(f"{plug_in_module}:Duck")
+    policy.reset("chair", 3)
+    assert policy.act(look()).action is Action.STOP
+    policy.close()
+    assert isinstance(policy, DuckTypedPolicy)
+    assert policy.model.calls == ["reset", "act", "close"]
+    assert not policy.needs_survey
+    assert code_of(policy)["class"] == f"{__name__}:Duck"
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("walker.policy:Walker", "directory that has walker/policy.py"),
+        ("walker/policy.py:Walker", "name the module, not its file"),
+        ("policy.py:Walker", "name the module, not its file"),
+        ("statues:Missing", ""),
+    ],
+)
+def test_the_error_for_a_missing_module_has_advice(plug_in_module: str, name: str, advice: str) -> None:
+    with pytest.raises(ModelError) as raised:
         registry.create_policy(name)
-
-
-def test_a_model_that_is_nowhere_is_told_where_it_was_looked_for(plug_in_module: str) -> None:
-    with pytest.raises(
-        ModelError, match=r"is neither installed nor in .*: go to the directory that has walker/policy.py in it"
-    ):
-        registry.create_policy("walker.policy:Walker")
-    for file in ("walker/policy.py:Walker", "../walker/policy.py:Walker", "policy.py:Walker"):
-        with pytest.raises(ModelError, match=r"name the module, not its file: walker/policy.py is walker.policy"):
-            registry.create_policy(file)
-    with pytest.raises(ModelError, match=r"has no attribute 'Missing'$"):
-        registry.create_policy(f"{plug_in_module}:Missing")
-
-
-def test_a_plug_in_that_raises_when_made_is_a_model_error(plug_in_module: str) -> None:
-    with pytest.raises(ModelError, match="RuntimeError: a statue is patient"):
-        registry.create_policy("statues:Statue", patience=-1)
-
-
-class OddlyCarded:
-    card = ModelCard("odd", sensors={"rgb"})  # type: ignore[arg-type]
-
-    def reset(self, goal: str, seed: int) -> None: ...
-
-    def act(self, observation: object) -> None: ...
-
-
-def test_a_card_of_the_wrong_types_is_refused_in_a_line() -> None:
-    with pytest.raises(ModelError, match="sensors must be a frozenset of Sensor"):
-        registry.create_policy(f"{__name__}:OddlyCarded")
+    assert advice in raised.value.advice
+    assert bool(advice) == bool(raised.value.advice)

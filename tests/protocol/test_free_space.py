@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from vsnbench.protocol import free_space as free_space_module
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace, distance_field_m, free_space
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.sites.geometry.walls import wall_shapes
+from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
+from vsnbench.values.pose import Pose
 
 RADIUS_M = 0.177
 
@@ -56,12 +56,12 @@ def test_the_way_through_an_open_door_is_straight() -> None:
 
 
 @pytest.mark.parametrize("door", [None, DOOR.model_copy(update={"closed": True})])
-def test_there_is_no_way_through_a_wall_or_a_closed_door(door: Door | None) -> None:
+def test_no_path_leads_through_a_wall_or_a_closed_door(door: Door | None) -> None:
     space = free_space(two_rooms(door), RADIUS_M)
     assert space.geodesic_to_goal_m(Pose(1, 2), "sofa") == math.inf
 
 
-def test_a_door_narrower_than_the_robot_is_no_way() -> None:
+def test_no_path_leads_through_a_door_narrower_than_the_robot() -> None:
     site = two_rooms(DOOR)
     assert math.isfinite(free_space(site, 0.39).geodesic_to_goal_m(Pose(1, 2), "sofa"))
     assert free_space(site, 0.41).geodesic_to_goal_m(Pose(1, 2), "sofa") == math.inf
@@ -76,7 +76,7 @@ def test_the_way_around_a_corner_is_the_two_sides_of_it() -> None:
     assert least < space.geodesic_to_goal_m(start, "sofa") < least + 0.45
 
 
-def test_what_hangs_high_is_no_obstacle_and_a_rug_is_none() -> None:
+def test_high_objects_and_rugs_are_not_obstacles() -> None:
     cabinet = SiteObject(id="shelf", category="wall_cabinet", position=(2, 2), size_m=(1, 1, 0.5), elevation_m=1.5)
     rug = SiteObject(id="rug", category="rug", position=(2, 2), size_m=(1, 1, 0.01), solid=False)
     table = SiteObject(id="table", category="table", position=(2, 2), size_m=(1, 1, 0.7))
@@ -158,9 +158,7 @@ def test_a_region_that_fills_one_room_is_out_of_reach_from_another() -> None:
     assert np.isinf(field[1:5, 5:8]).all()
 
 
-def test_what_was_worked_out_once_is_found_again_on_this_machine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_are_cached_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     site = two_rooms(Door(name="door", start=(4, 1.5), end=(4, 2.5)))
     made = FreeSpace(site, RADIUS_M)
@@ -172,3 +170,11 @@ def test_what_was_worked_out_once_is_found_again_on_this_machine(
     np.testing.assert_array_equal(found.geodesic_field_m("sofa", ProtocolParameters()), ways)
     with pytest.raises(pytest.fail.Exception):
         FreeSpace(two_rooms(), RADIUS_M)
+
+
+@pytest.mark.parametrize(("heading_deg", "ahead_m"), [(0, 0.3), (180, math.inf), (60, 0.6)])
+def test_the_way_straight_ahead_ends_at_the_first_wall(heading_deg: float, ahead_m: float) -> None:
+    """The wall at x = 4 is 0.1 m thick."""
+    space = free_space(two_rooms(), RADIUS_M)
+    pose = Pose.from_degrees(3.65, 2.0, heading_deg)
+    assert space.free_ahead_m(pose) == pytest.approx(ahead_m, abs=2 * RESOLUTION_M)

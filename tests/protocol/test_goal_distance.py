@@ -9,14 +9,14 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import distance_to_goal, stop_succeeds, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.sight import Sight, sight
-from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
-from vsnbench.protocol.walls import wall_shapes
+from vsnbench.sites.geometry.line_of_sight import Sight, sight
+from vsnbench.sites.geometry.walls import wall_shapes
+from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall, load_site
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.pose import Pose
 
 PAPER = ProtocolParameters()
 THROUGH_WALLS = ProtocolParameters(version=1)

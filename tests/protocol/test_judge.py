@@ -2,11 +2,13 @@
 
 import pytest
 
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.fix import PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, end_after, judge
-from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.values.action import Action
+from vsnbench.values.fix import PoseSource
+from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.observation import Budget
 
 PAPER = ProtocolParameters()
 DONE = MotionResult(completed=True)
@@ -41,7 +43,7 @@ def metres(distance_m: float, source: PoseSource = PoseSource.SIMULATED) -> Goal
 def test_an_episode_ends_for_exactly_one_reason(
     actions: int, action: Action, result: MotionResult | None, expected: EndReason | None
 ) -> None:
-    assert end_after(actions, action, result, PAPER) is expected
+    assert end_after(Spent(actions), action, result, PAPER) is expected
 
 
 @pytest.mark.parametrize(
@@ -67,12 +69,52 @@ def test_success_is_stop_in_time_and_near_and_untouched(
     assert judge(reason, actions, metres(distance_m), PAPER).success is success
 
 
-def test_only_stop_step_limit_and_collision_are_results() -> None:
-    assert {reason for reason in EndReason if reason.is_result} == {
-        EndReason.STOP,
-        EndReason.STEP_LIMIT,
-        EndReason.COLLISION,
-    }
+def test_only_stop_collision_and_limits_are_results() -> None:
+    limits = {EndReason.STEP_LIMIT, EndReason.TIME_LIMIT, EndReason.PATH_LIMIT}
+    assert {reason for reason in EndReason if reason.is_result} == {EndReason.STOP, EndReason.COLLISION, *limits}
+
+
+LIMITED = ProtocolParameters(max_actions=20, max_time_s=60, max_path_m=5)
+
+
+@pytest.mark.parametrize(
+    ("spent", "action", "result", "expected"),
+    [
+        (Spent(3, driving_s=59.9), Action.STOP, DONE, EndReason.STOP),
+        (Spent(3, driving_s=59.9), Action.TURN_LEFT, DONE, None),
+        (Spent(3, driving_s=40, thinking_s=20), Action.TURN_LEFT, DONE, EndReason.TIME_LIMIT),
+        (Spent(3, driving_s=60), Action.STOP, DONE, EndReason.TIME_LIMIT),
+        (Spent(3, path_m=4.99), Action.MOVE_FORWARD, DONE, None),
+        (Spent(3, path_m=5.0), Action.MOVE_FORWARD, DONE, EndReason.PATH_LIMIT),
+        (Spent(3, driving_s=60, path_m=5.0), Action.MOVE_FORWARD, DONE, EndReason.TIME_LIMIT),
+        (Spent(20, driving_s=60, path_m=5.0), Action.MOVE_FORWARD, DONE, EndReason.STEP_LIMIT),
+        (Spent(3, driving_s=60), Action.MOVE_FORWARD, HIT, EndReason.COLLISION),
+        (Spent(3, driving_s=60), Action.MOVE_FORWARD, STUCK, EndReason.MOTION_FAILED),
+    ],
+)
+def test_the_first_limit_that_is_reached_ends_the_episode(
+    spent: Spent, action: Action, result: MotionResult, expected: EndReason | None
+) -> None:
+    assert end_after(spent, action, result, LIMITED) is expected
+
+
+@pytest.mark.parametrize(
+    ("reason", "text"),
+    [
+        (EndReason.TIME_LIMIT, "failed: time limit of 60 s reached at action 9"),
+        (EndReason.PATH_LIMIT, "failed: path limit of 5 m reached at action 9"),
+    ],
+)
+def test_a_limit_fails_however_near_the_goal_is(reason: EndReason, text: str) -> None:
+    verdict = judge(reason, 9, metres(0.1), LIMITED)
+    assert (verdict.end_reason, verdict.success, verdict.text) == (reason, False, text)
+
+
+def test_the_budget_is_what_the_limits_leave() -> None:
+    spent = Spent().after(driving_s=1.5, thinking_s=0.5, path_m=0.25)
+    assert budget_left(spent, LIMITED) == Budget(19, 58.0, 4.75)
+    assert budget_left(spent, PAPER) == Budget(149)
+    assert budget_left(Spent(3, driving_s=61, path_m=9), LIMITED) == Budget(17, 0.0, 0.0)
 
 
 def test_a_stop_as_the_last_action_of_the_cap_is_judged_a_step_limit() -> None:
@@ -86,7 +128,7 @@ def test_a_stop_without_a_distance_cannot_be_judged() -> None:
 
 def test_another_cap_and_another_radius_are_obeyed() -> None:
     parameters = ProtocolParameters(max_actions=10, success_distance_m=0.5)
-    assert end_after(10, Action.TURN_LEFT, DONE, parameters) is EndReason.STEP_LIMIT
+    assert end_after(Spent(10), Action.TURN_LEFT, DONE, parameters) is EndReason.STEP_LIMIT
     assert judge(EndReason.STOP, 9, metres(0.6), parameters).success is False
 
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.protocol.metrics import path_length_m, soft_spl, spl, success_rate
-from vsnbench.protocol.pose import Pose
+from vsnbench.protocol.metrics import ideal_time_s, path_length_m, sct, soft_spl, spl, success_rate
+from vsnbench.values.pose import Pose
 
 metres = st.floats(0, 100)
 
@@ -48,6 +48,21 @@ def test_soft_spl_is_a_share_and_a_longer_path_never_helps(
     share = soft_spl(shortest_m, remaining_m, path_m)
     assert 0 <= share <= 1
     assert soft_spl(shortest_m, remaining_m, path_m + 1) <= share
+
+
+@pytest.mark.parametrize(
+    ("success", "shortest_m", "taken_s", "expected"),
+    [(True, 6, 20, 0.5), (True, 6, 10, 1), (True, 6, 5, 1), (False, 6, 10, 0), (True, 0, 0, 1), (True, 0, 2, 0)],
+)
+def test_sct_by_hand_at_600_mm_a_second(success: bool, shortest_m: float, taken_s: float, expected: float) -> None:
+    assert sct(success, ideal_time_s(shortest_m, 0.6), taken_s) == pytest.approx(expected)
+
+
+@given(success=st.booleans(), ideal_s=metres, taken_s=metres)
+def test_sct_is_a_share_and_more_time_never_helps(success: bool, ideal_s: float, taken_s: float) -> None:
+    share = sct(success, ideal_s, taken_s)
+    assert 0 <= share <= success
+    assert sct(success, ideal_s, taken_s + 1) <= share
 
 
 def test_path_length_follows_the_corners() -> None:

@@ -1,28 +1,29 @@
 """Writes small records through the journal, as a run would, for the tests of what reads them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import Engine
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial, Trial
-from vsnbench.database.engine import open_engine
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
-from vsnbench.database.journal import Journal
-from vsnbench.database_url import sqlite_url
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
-from vsnbench.protocol.motion_result import MotionResult
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity
-from vsnbench.protocol.site import Site, load_site
-from vsnbench.protocol.step_record import StepRecord
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.schema.engine import open_engine
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
+from vsnbench.sites.site import Site, load_site
+from vsnbench.values.action import Action
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import RobotIdentity
+from vsnbench.values.step import StepRecord
 
 MORNING = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 
@@ -77,7 +78,7 @@ class Lab:
     def journal(self) -> Journal:
         return Journal.open(self.url)
 
-    def write(
+    def write(  # noqa: PLR0913 - every test varies another one
         self,
         attempts: Sequence[Attempt],
         *,
@@ -89,13 +90,14 @@ class Lab:
         protocol: ProtocolParameters | None = None,
         surveyed: bool = False,
         seed: int = 0,
+        settings: Mapping[str, Any] | None = None,
     ) -> list[int]:
         """Write a campaign of these attempts, in their order, and return the episodes' numbers."""
         planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
         plan = CampaignPlan(
             site=self.site,
             robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros1", simulated),
-            model=ModelIdentity(model, weights_label=weights_label, surveyed=surveyed),
+            model=ModelIdentity(model, weights_label=weights_label, surveyed=surveyed, settings=settings or {}),
             protocol=protocol or ProtocolParameters(),
             seed=seed,
             trials=planned,
@@ -114,7 +116,7 @@ def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetim
     handle = journal.claim_next(trial.campaign_id, [trial.id])
     assert handle is not None, "an episode of this trial counts already"
     if attempt.operator:
-        journal.attended(handle.id, attempt.operator)
+        journal.set_operator(handle.id, attempt.operator)
     journal.place(handle.id, Fix(attempt.begins, PoseSource.SIMULATED))
     journal.begin(handle.id, EpisodeBegin(attempt.shortest_m, started_at=at))
     for step in attempt.steps:

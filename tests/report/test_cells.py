@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.report.summary import CellCounts
+from vsnbench.report.analysis.cell_counts import CellCounts
 from vsnbench.statistics.clustered import Cell
 
 EPISODES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 4), st.booleans()), max_size=60)

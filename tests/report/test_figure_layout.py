@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tests.report.records import Attempt, Lab, step
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
-from vsnbench.report.drawings import MOST_TRAJECTORIES, drawings
-from vsnbench.report.figures.lettering import shown, width_in, wrapped
+from vsnbench.report.figures.choose import MAX_TRAJECTORIES, drawings
 from vsnbench.report.figures.style import COLUMN_IN, Drawing, new_figure, styled
-from vsnbench.report.record import Selection
+from vsnbench.report.figures.text_layout import shown, width_in, wrapped
+from vsnbench.values.action import Action
 
 GOALS = ("chair", "sofa", "bed", "toilet", "monitor", "plant", "table", "a goal with a name of some length")
 LONG = "mylab.policies.semantic:FrontierPolicyWithAName"
@@ -131,7 +131,7 @@ def test_the_check_sees_what_is_cut_and_what_lies_over_other_words() -> None:
 
 def test_every_condition_is_in_some_figure_and_what_is_left_out_is_said(tmp_path: Path) -> None:
     lab = Lab(tmp_path)
-    names = [f"model{number:02}" for number in range(MOST_TRAJECTORIES + 4)]
+    names = [f"model{number:02}" for number in range(MAX_TRAJECTORIES + 4)]
     for name in names:
         lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=name)
     figures = {each.name: each for each in drawn(lab)}
@@ -139,8 +139,8 @@ def test_every_condition_is_in_some_figure_and_what_is_left_out_is_said(tmp_path
     for kind in ("success-by-goal", "outcomes-over-actions", "success-map", "actions"):
         pages = " ".join(each.alt for name, each in figures.items() if name.startswith(kind))
         assert [name for name in names if name not in pages] == []
-    left_out = ", ".join(names[MOST_TRAJECTORIES:])
-    words = f"Drawn for {MOST_TRAJECTORIES} of {len(names)} conditions, not for {left_out}"
+    left_out = ", ".join(names[MAX_TRAJECTORIES:])
+    words = f"Drawn for {MAX_TRAJECTORIES} of {len(names)} conditions; not drawn: {left_out}"
     assert words in figures["trajectories-1"].caption
 
 

@@ -9,14 +9,17 @@ import pytest
 import shapely
 
 from tests.report.records import Attempt, Lab, step, void
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.analysis.activity import ActionCount
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.published import PAPER_INTERVALS
+from vsnbench.report.analysis.trajectories import read_tracks
 from vsnbench.report.build import Report, build
-from vsnbench.report.drawings import MOST_TRAJECTORIES, build_and_draw, drawings
+from vsnbench.report.figures.actions import _names
+from vsnbench.report.figures.choose import MAX_TRAJECTORIES, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
 from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
-from vsnbench.report.record import Selection
-from vsnbench.report.trajectories import read_tracks
+from vsnbench.values.action import Action
 
 COMMENT = re.compile(r"<!-- (.*?) -->")
 
@@ -74,7 +77,7 @@ def test_tracks_begin_at_the_start_and_follow_the_site_or_else_the_odometry(lab:
 def test_many_tracks_are_thinned_evenly(lab: Lab) -> None:
     lab.write([Attempt(start=s, repetition=r, steps=[step(1, Action.STOP)]) for r in (1, 2) for s in range(1, 16)])
     report, _ = drawn(lab)
-    tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0], most_a_goal=10)
+    tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0], max_per_goal=10)
     assert [track.start for track in tracks] == [1, 4, 7, 10, 13, 1, 4, 7, 10, 13]
 
 
@@ -95,7 +98,7 @@ def test_outcomes_are_told_apart(lab: Lab) -> None:
     tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0])
     assert [outcome(track) for track in tracks] == [name for _, _, name in ends]
     assert {"chair 1/4", "success", "collision"} <= set(texts(figures["trajectories-1"]))
-    assert "never a success from: 2, 3, 4" in texts(figures["success-map"])
+    assert "no success from: 2, 3, 4" in texts(figures["success-map"])
 
 
 def test_a_name_is_drawn_as_it_is_written(lab: Lab) -> None:
@@ -126,8 +129,8 @@ def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
     lab.write([void()])
     report, figures = drawn(lab)
     assert set(figures) == {"success-by-goal", "mileage"}
-    assert "no trial is done" in figures["success-by-goal"].alt
-    assert report.sheets(long=True)
+    assert "no completed trial" in figures["success-by-goal"].alt
+    assert report.tables(long=True)
 
 
 def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> None:
@@ -137,7 +140,7 @@ def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> N
     here = list(drawings(report, lab.url))
     assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
     assert [drawing.name for drawing in here][:3] == ["success-by-goal", "success-by-cell", "success-by-cell-2"]
-    assert sum(drawing.name.startswith("trajectories") for drawing in here) == 7 < MOST_TRAJECTORIES
+    assert sum(drawing.name.startswith("trajectories") for drawing in here) == 7 < MAX_TRAJECTORIES
     for one, other in zip(beside, here, strict=True):
         assert one.figure is None, "nothing is left to be drawn"
         assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())
@@ -165,4 +168,19 @@ def test_trajectories_and_cells_say_what_their_marks_are(lab: Lab) -> None:
     lab.write([Attempt(start=1, steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)])
     _, figures = drawn(lab)
     assert "STOP succeeds within" in texts(figures["trajectories-1"])
-    assert "half of them did" in texts(figures["success-by-cell"])
+    assert "half of them" in texts(figures["success-by-cell"])
+
+
+def test_a_figure_names_the_interval_that_it_draws(lab: Lab) -> None:
+    lab.write([Attempt(goal, 1, success=True) for goal in ("bed", "chair")])
+    _, figures = drawn(lab)
+    figure = figures["success-by-goal"]
+    assert "success rate (%), 95 % interval" in texts(figure)
+    assert "effective sample size" in figure.caption
+    assert PAPER_INTERVALS in figure.caption
+
+
+def test_actions_of_robots_come_before_the_model_s_own() -> None:
+    used = [("LOOK_UP", "MOVE_BACKWARD"), ("LOOK_DOWN", "MOVE_FORWARD"), ("ZOOM", "NOOP"), ("STOP", "STOP")]
+    counts = [ActionCount(1, raw, action, False, 1) for raw, action in used]
+    assert _names(counts) == ["STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "NOOP", "LOOK_DOWN", "LOOK_UP", "ZOOM"]

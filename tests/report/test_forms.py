@@ -12,18 +12,18 @@ import pytest
 from rich.console import Console
 
 from tests.report.records import Attempt, Lab, step, void
-from vsnbench.database.campaign_plan import PlannedTrial
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import Report, build
-from vsnbench.report.forms.latex import document, latex
-from vsnbench.report.forms.latex import escaped as latex_escaped
-from vsnbench.report.forms.markdown import markdown
-from vsnbench.report.forms.plain import to_csv
-from vsnbench.report.forms.whole_json import to_json
-from vsnbench.report.record import Selection
-from vsnbench.report.reference_tables import reference_sheets
-from vsnbench.report.sheets import fitted, print_sheets
+from vsnbench.report.formats.csv import to_csv
+from vsnbench.report.formats.json import to_json
+from vsnbench.report.formats.latex import document, latex
+from vsnbench.report.formats.latex import escaped as latex_escaped
+from vsnbench.report.formats.markdown import markdown
+from vsnbench.report.tables.reference import reference_tables
+from vsnbench.report.tables.report_table import fitted, print_tables
+from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.values.action import Action
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 
@@ -66,11 +66,11 @@ def test_json_holds_all_that_a_report_knows(tmp_path: Path) -> None:
     report = build(lab.url, Selection())
     content = json.loads(to_json(report.results, report.questions, report.activity, report.record))
     first = content["models"][0]
-    assert first["scrutiny"]["sensitivity"][0]["counted"] == "as judged"
-    assert first["scrutiny"]["cells"][0] == {"goal": "chair", "start": 1, "successes": 1, "episodes": 1}
+    assert first["sensitivity"]["recounts"][0]["counted"] == "as judged"
+    assert first["sensitivity"]["cells"][0] == {"goal": "chair", "start": 1, "successes": 1, "episodes": 1}
     assert sum(first["failures"]["kinds"].values()) == first["failures"]["failed"] == 3
     assert first["judgements"] is None
-    assert content["twins"] == []
+    assert content["sim_vs_real"] == []
     assert (first["name"], first["campaigns"], first["seeds"]) == ("vlv", [1], [3])
     assert first["protocol"]["max_actions"] == 150
     assert {each["action"]: each["steps"] for each in first["actions"]} == {"MOVE_FORWARD": 15, "STOP": 15}
@@ -118,21 +118,21 @@ def test_csv_starts_no_formula_and_sends_no_escape(hostile: Report) -> None:
 
 def test_a_terminal_gets_no_control_character_from_the_record(hostile: Report) -> None:
     out = io.StringIO()
-    print_sheets(hostile.sheets(long=True), Console(file=out, width=250, color_system=None))
+    print_tables(hostile.tables(long=True), Console(file=out, width=250, color_system=None))
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", out.getvalue())
     assert "[red]c[/red]" in out.getvalue()
 
 
 def test_markdown_shows_markup_as_text(hostile: Report) -> None:
-    text = markdown(hostile.sheets())
+    text = markdown(hostile.tables())
     assert "<script>" not in text
     assert r"\<script\>alert(1)\</script\>" in text
     row = next(line for line in text.splitlines() if line.startswith("| \\<script"))
-    assert len(re.findall(r"(?<!\\)\|", row)) == len(hostile.sheets()[0].columns) + 1
+    assert len(re.findall(r"(?<!\\)\|", row)) == len(hostile.tables()[0].columns) + 1
 
 
 def test_latex_runs_no_command_from_the_record(hostile: Report) -> None:
-    text = latex(hostile.sheets())
+    text = latex(hostile.tables())
     assert r"\input" not in text
     assert r"\textbackslash{}input\{/etc/passwd\}" in text
     assert "\x1b" not in text
@@ -165,16 +165,16 @@ def test_latex_escapes(text: str, expected: str) -> None:
 
 
 def test_a_latex_caption_says_what_n_and_the_interval_are(hostile: Report) -> None:
-    caption = re.search(r"\\caption\{(.*)\}\n", latex(hostile.sheets()))
+    caption = re.search(r"\\caption\{(.*)\}\n", latex(hostile.tables()))
     assert caption
     assert "n = 2 episodes of 2 planned trials" in caption[1]
     assert "Wilson's interval of the success rate at the effective sample size" in caption[1]
 
 
 def test_the_document_loads_what_its_tables_need() -> None:
-    text = document(reference_sheets())
+    text = document(reference_tables())
     assert text.index(r"\usepackage{booktabs}") < text.index(r"\begin{document}") < text.index(r"\toprule")
-    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == len(reference_sheets())
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == len(reference_tables())
 
 
 def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
     name = "mylab.policies.semantic:FrontierPolicyWithALongName"
     for model in (name, "vlv"):
         lab.write([Attempt(goal, start) for goal in ("chair", "bed") for start in (1, 2)], model=model)
-    tables = latex(build(lab.url, Selection()).sheets(long=True))
+    tables = latex(build(lab.url, Selection()).tables(long=True))
     assert "resizebox" not in tables
     overview = tables.split(r"\label{tab:overview}")[1].split(r"\end{tabular}")[0]
     assert r"\raggedright\arraybackslash}p{11em}" in overview
@@ -194,32 +194,35 @@ def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
 # still hold the document's structure, and only that a compiler takes it goes unseen.
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
 def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> None:
-    (tmp_path / "report.tex").write_text(document(reference_sheets()), encoding="utf-8")
+    (tmp_path / "report.tex").write_text(document(reference_tables()), encoding="utf-8")
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "report.tex"]
     outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert outcome.returncode == 0, outcome.stdout[-2000:]
     pages = re.search(r"Output written on report.pdf \((\d+) page", outcome.stdout)
     assert pages
-    assert int(pages[1]) < len(reference_sheets())
+    assert int(pages[1]) < len(reference_tables())
     assert "too wide" not in outcome.stdout
     assert "too large" not in outcome.stdout
 
 
-@pytest.mark.parametrize("width", [60, 80, 100, 140])
+@pytest.mark.parametrize("width", [60, 80, 100, 150])
 def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> None:
     lab = Lab(tmp_path)
     lab.write([Attempt(start=start, success=start < 9) for start in range(1, 16)])
     out = io.StringIO()
-    print_sheets(build(lab.url, Selection(), activity=False).sheets(), Console(file=out, width=width))
+    print_tables(build(lab.url, Selection(), activity=False).tables(), Console(file=out, width=width))
     for words in ("8/15", "53.33", "[30.12, 75.19]", "15/15"):
         assert words in out.getvalue()
     assert max(map(len, out.getvalue().splitlines())) <= width
-    assert ("No room here for" in out.getvalue()) == (width < 140)
+    table = build(lab.url, Selection(), activity=False).tables()[0]
+    for column in table.columns:
+        assert column.heading in out.getvalue(), "what has no room goes into a block below"
+    assert (out.getvalue().count(" chair ") > 1) == (width < 150)
 
 
 def test_columns_without_a_rank_stay(hostile: Report) -> None:
-    sheet = fitted(hostile.sheets()[0], lambda part: False)
-    assert [column.heading for column in sheet.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]
+    table = fitted(hostile.tables()[0], lambda part: False)
+    assert [column.heading for column in table.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]
 
 
 def test_json_holds_the_twin_and_three_models_at_once(tmp_path: Path) -> None:
@@ -229,9 +232,9 @@ def test_json_holds_the_twin_and_three_models_at_once(tmp_path: Path) -> None:
     lab.write([Attempt(start=start, success=start < 5) for start in range(1, 7)], model="vlv", simulated=False)
     report = build(lab.url, Selection())
     content = json.loads(to_json(report.results, report.questions, report.activity, report.record))
-    (twin,) = content["twins"]
+    (twin,) = content["sim_vs_real"]
     assert (twin["real"], twin["simulated"], twin["shared_cells"]) == ("vlv real", "vlv simulated", 6)
     assert twin["agreement"]["bias"] == pytest.approx(2 / 6)
     assert twin["prediction_powered"]["plain_success_rate"] == pytest.approx(4 / 6)
     (question,) = content["questions"]
-    assert question["contest"]["standings"][0]["name"] == "vlv simulated"
+    assert question["ranking"]["models"][0]["name"] == "vlv simulated"

@@ -12,13 +12,13 @@ from tests.cli.chromium import chromium_page
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
 from tests.ros1.network import wait_until
-from vsnbench.protocol.actions import Action
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
-from vsnbench.report.drawings import drawings
+from vsnbench.report.figures.choose import drawings
+from vsnbench.report.figures.frame_strips import frame_strip
 from vsnbench.report.output import write_report
-from vsnbench.report.record import Selection
-from vsnbench.report.strips import strip_of
+from vsnbench.values.action import Action
 
 LOUD = "<img src=x onerror='document.title=1'>"
 WATCH = "window.complaints=[]; addEventListener('error', e => complaints.push(String(e.message)), true); \
@@ -176,15 +176,15 @@ def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) ->
     for index in range(1, 12):
         assert cv2.imwrite(str(directory / f"{index:04d}.jpg"), np.full((480, 640, 3), index * 20, np.uint8))
     (directory / "0006.jpg").write_bytes(b"cut off")
-    strip = strip_of(tmp_path / "results", "episodes/000001")
+    strip = frame_strip(tmp_path / "results", "episodes/000001")
     assert strip is not None
     assert strip.frames == 4  # the middle one cannot be read
     picture = cv2.imdecode(np.frombuffer(strip.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape[:2] == (132, 4 * 176 + 3 * 4)
-    assert strip_of(tmp_path / "results" / "episodes", "../episodes/000001") is not None
-    assert strip_of(tmp_path / "results" / "other", "../episodes/000001") is None
-    assert strip_of(tmp_path / "results", "") is None
-    assert strip_of(tmp_path / "results", "episodes/000002") is None
+    assert frame_strip(tmp_path / "results" / "episodes", "../episodes/000001") is not None
+    assert frame_strip(tmp_path / "results" / "other", "../episodes/000001") is None
+    assert frame_strip(tmp_path / "results", "") is None
+    assert frame_strip(tmp_path / "results", "episodes/000002") is None
 
 
 @pytest.mark.browser

@@ -1,4 +1,4 @@
-"""A RosRobot in a process of its own, whichever ROS it speaks: asked by name, and what it raises is raised here."""
+"""A RosRobot in another process, over ROS 1 or ROS 2; its errors are raised here."""
 
 import json
 from collections.abc import Callable
@@ -12,7 +12,13 @@ NODE = Path(__file__).parents[1] / "ros1" / "nodes" / "client.py"
 
 
 class ClientError(Exception):
-    """What the robot raised in the client's process."""
+    """An error of the robot in the client's process."""
+
+    def __init__(self, message: str, code: str, end_reason: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.end_reason = end_reason
+        """Reason for which an episode ends with this error."""
 
 
 class Client(Conversation):
@@ -30,7 +36,7 @@ class Client(Conversation):
     def __call__(self, name: str, *arguments: Any) -> Any:
         answer = json.loads(self.tell(json.dumps([name, *arguments])))
         if "error" in answer:
-            raise ClientError(f"{answer['error']}: {answer['message']}")
+            raise ClientError(f"{answer['error']}: {answer['message']}", answer["code"], answer["end_reason"])
         return answer["answer"]
 
     def later(self, name: str, *arguments: Any) -> "Future[Any]":
@@ -45,14 +51,14 @@ class Client(Conversation):
 
 
 def can(action: Callable[[], object]) -> bool:
-    """Return whether a call goes without an error."""
-    return not complaint(action)
+    """Return whether a call succeeds."""
+    return not error_code(action)
 
 
-def complaint(action: Callable[[], object]) -> str:
-    """Return what a call raised; empty for nothing."""
+def error_code(action: Callable[[], object]) -> str:
+    """Return the code of the error of a call, or an empty string."""
     try:
         action()
     except ClientError as error:
-        return str(error)
+        return error.code
     return ""

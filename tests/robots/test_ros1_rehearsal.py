@@ -1,23 +1,23 @@
-"""`vsnbench ros1 simulate --pretend-real` and a run with the page: placed, looked at, driven and judged over ROS 1."""
+"""A rehearsal over ROS 1: `vsnbench robots simulate --rehearse`, and a run with the operator's page."""
 
 import sqlite3
 
 import pytest
 
-from tests.console.at_the_page import NAME, rehearse, written_profile
 from tests.ros1.network import live_network, wait_until
+from tests.web.ros_operator import NAME, rehearse, written_profile
 
 pytestmark = pytest.mark.ros
 
 
-def test_a_person_at_the_page_places_and_judges_a_robot_that_is_played_over_ros_1(tmp_path) -> None:
-    profile = written_profile("turtlebot2", tmp_path)
-    robot = ["--robot", str(profile)]
-    words = ["run", *robot, "--model", "oracle", "--goal", "sofa", "--starts", "7", "--console-port", "0"]
+def test_a_rehearsal_over_ros_1_is_placed_and_judged_on_the_page(tmp_path) -> None:
+    profile = str(written_profile("turtlebot2", tmp_path))
+    robot = ["--robot", profile]
+    words = ["run", *robot, "--model", "oracle", "--goal", "sofa", "--starts", "7", "--console=:0"]
     with live_network(tmp_path) as network:
-        played = network.start("-m", "vsnbench.cli.main", "ros1", "simulate", "--pretend-real", *robot)
-        network.start("-m", "vsnbench.cli.main", "ros1", "discrete-move", *robot)
-        wait_until(lambda: "playing" in played.output, "the robot plays", 150)  # after the first compilation
+        played = network.start("-m", "vsnbench.cli.main", "robots", "simulate", "--rehearse", profile)
+        network.start("-m", "vsnbench.cli.main", "robots", "serve", profile)
+        wait_until(lambda: "simulating" in played.output, "the robot is simulated", 150)  # after the first compilation
         network.wait_for_service("/discrete_move")
         words += ["--results", str(tmp_path / "r")]
         seen, run = rehearse(lambda: network.start("-m", "vsnbench.cli.main", *words, COLUMNS="200"))

@@ -1,4 +1,4 @@
-"""`vsnbench run` on a ROS robot, all in processes of their own: to the end, refused, and killed on the way."""
+"""`vsnbench run` with a ROS 1 robot, in separate processes: completed, refused, and killed."""
 
 import json
 import signal
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
-from vsnbench.protocol.site import embedded_sites
+from vsnbench.sites.site import embedded_sites
 
 pytestmark = pytest.mark.ros
 
@@ -47,7 +47,7 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RosNetwork]:
     with live_network(tmp_path_factory.mktemp("ros")) as ros:
         ros.start(HERE / "nodes" / "kinematic_base.py", "_command_timeout_s:=1000")
         ros.start(HERE / "nodes" / "camera.py")
-        ros.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE))
+        ros.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE))
         ros.wait_for_service("/discrete_move")
         yield ros
 
@@ -59,14 +59,14 @@ def stack(network, tmp_path) -> Iterator[Stack]:
     probe.close()
 
 
-def test_without_a_terminal_a_robot_that_a_person_must_place_is_refused(stack) -> None:
+def test_without_a_terminal_a_robot_that_needs_an_operator_is_refused(stack) -> None:
     run = stack.run("--starts", "1")
     assert run.wait(90) == 2
-    assert "must be put at each starting position by a person" in run.output
+    assert "an operator must put test-base at each starting position" in run.output
     assert "--unattended" in run.output
 
 
-def test_an_unattended_run_estimates_its_distances_and_says_so(stack) -> None:
+def test_an_unattended_run_records_estimated_distances(stack) -> None:
     run = stack.run("--starts", "1", "--max-steps", "2", "--unattended")
     assert run.wait(120) == 0, run.output
     ((reason, source),) = stack.rows("select end_reason, distance_source from verdict")
@@ -76,7 +76,7 @@ def test_an_unattended_run_estimates_its_distances_and_says_so(stack) -> None:
 
 
 @pytest.mark.parametrize(("number", "limit_s"), [(signal.SIGTERM, 1.0), (signal.SIGINT, 1.0), (signal.SIGKILL, 2.0)])
-def test_a_run_that_is_ended_leaves_a_robot_that_stands(stack, number, limit_s) -> None:
+def test_an_ended_run_leaves_a_robot_at_rest(stack, number, limit_s) -> None:
     run = stack.run("--starts", "1", "--max-steps", "100", "--unattended")
     wait_until(lambda: stack.probe.speed > 0.05, "the robot moves", 90)
     ended_s = time.monotonic()
@@ -89,14 +89,14 @@ def test_a_run_that_is_ended_leaves_a_robot_that_stands(stack, number, limit_s) 
         assert "every finished step is recorded" in run.output
 
 
-def test_a_camera_that_dies_ends_the_episode_as_void_and_the_session_says_what_to_do(stack) -> None:
+def test_a_silent_camera_makes_the_episode_void_and_the_run_gives_advice(stack) -> None:
     run = stack.run("--starts", "1", "--max-steps", "100", "--unattended")
     wait_until(lambda: stack.probe.speed > 0.05, "the robot moves", 90)
     stack.probe.tell("/camera/fault", "silent")
     try:
         assert run.wait(120) == 1
         assert "void: a sensor went silent or sent what cannot be used" in run.output
-        assert "is the camera driver running?" in run.output
+        assert "check the camera driver" in run.output
         assert stack.rows("select end_reason from episode") == [("sensor_lost",)]
     finally:
         stack.probe.tell("/camera/fault", "good")
@@ -109,8 +109,8 @@ ACTIONS = f"select action from step {JUDGED} order by episode_id, number"
 
 
 @pytest.mark.parametrize("robot", ["turtlebot2", "lola2"])
-def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_path, robot) -> None:
-    """`vsnbench ros1 simulate`, `vsnbench ros1 discrete-move` and `vsnbench run`, on a real master in real time."""
+def test_the_stack_in_three_processes_acts_as_the_simulation(tmp_path, robot) -> None:
+    """`vsnbench robots simulate`, `vsnbench robots serve` and `vsnbench run`, on a real master in real time."""
     with live_network(tmp_path) as network:
 
         def run(who: str) -> Process:
@@ -121,8 +121,8 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
             with sqlite3.connect(tmp_path / who / "vsnbench.db") as connection:
                 return connection.execute(query).fetchall()
 
-        network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--site", "apartment", "--robot", robot)
-        network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", robot)
+        network.start("-m", "vsnbench.cli.main", "robots", "simulate", "--site", "apartment", robot)
+        network.start("-m", "vsnbench.cli.main", "robots", "serve", robot)
         network.wait_for_service("/discrete_move")
         elsewhere = tmp_path / "elsewhere.yaml"
         elsewhere.write_text(embedded_sites()["apartment"].read_text().replace("name: apartment", "name: elsewhere"))
@@ -131,7 +131,7 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         assert refused.wait(120) == 1
         assert f"robot {robot} is simulated in another site than elsewhere" in refused.output.splitlines()[-1]
         assert not (tmp_path / "no").exists()
-        second = network.start("-m", "vsnbench.cli.main", "ros", "simulate", "--robot", robot, "__name:=second")
+        second = network.start("-m", "vsnbench.cli.main", "robots", "simulate", robot, "__name:=second")
         assert second.wait(60) == 1
         assert "/simulation/place_robot is already served by /simulated_robot" in second.output
         compare = network.start(HERE / "nodes" / "compare_with_simulation.py", robot, "7")
@@ -148,7 +148,7 @@ def test_the_whole_stack_in_three_processes_does_what_the_simulation_does(tmp_pa
         assert in_process.wait(120) == 0, in_process.output
         for _ in range(ATTEMPTS):
             over_ros = run(robot)
-            if over_ros.wait(240) == 0 or "the same command goes on" not in over_ros.output:
+            if over_ros.wait(240) == 0 or "the same command resumes" not in over_ros.output:
                 break
         assert over_ros.popen.returncode == 0, over_ros.output
         assert rows(robot, ACTIONS) == rows(f"simulated:{robot}", ACTIONS)

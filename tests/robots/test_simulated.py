@@ -12,20 +12,20 @@ import pytest
 from shapely.geometry import Point
 
 from tests.simulator.places import square_room, turtlebot2
+from vsnbench.control.law import direction, heading_after, ideal_duration_s
 from vsnbench.errors import RobotError
-from vsnbench.motion.law import direction, heading_after, ideal_duration_s
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.fix import PoseSource
-from vsnbench.protocol.motion_result import CollisionSource, MotionResult
-from vsnbench.protocol.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose, wrap_angle
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Site, SiteObject
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.simulator.noise import NoiseSettings
+from vsnbench.simulator.dynamics.noise import NoiseSettings
+from vsnbench.sites.site import Site, SiteObject
+from vsnbench.values.action import Action
+from vsnbench.values.fix import PoseSource
+from vsnbench.values.motion_result import CollisionSource, MotionResult
+from vsnbench.values.observation import Sensor
+from vsnbench.values.pose import Pose, wrap_angle
+from vsnbench.values.robot_profile import RobotProfile
 
 MOTIONS = [Action.MOVE_FORWARD, Action.MOVE_BACKWARD, Action.TURN_LEFT, Action.TURN_RIGHT]
 CHAIR = SiteObject(id="chair-1", category="chair", position=(3.0, 2.0), heading_deg=180, size_m=(0.5, 0.5, 0.9))
@@ -142,6 +142,18 @@ def test_of_500_actions_all_are_reported_as_completed_with_what_was_measured(hik
         assert result.turn_rad == pytest.approx(turned_rad, abs=math.radians(0.1))
 
 
+def test_depth_beyond_the_cameras_range_is_told_from_depth_that_is_missing() -> None:
+    whole = robot_in(FURNISHED)
+    short = whole.profile.model_copy(update={"camera": whole.profile.camera.model_copy(update={"depth_max_m": 1.5})})
+    far, seen = begun(whole).observe(), begun(SimulatedRobot(FURNISHED, short, ProtocolParameters())).observe()
+    assert far.depth_m is not None
+    assert seen.depth_m is not None
+    assert seen.beyond_range is not None
+    assert np.array_equal(seen.beyond_range, far.depth_m > 1.5)
+    assert seen.beyond_range.any()
+    assert np.isnan(seen.depth_m[seen.beyond_range]).all()
+
+
 def test_it_is_a_robot(furnished: SimulatedRobot) -> None:
     assert isinstance(furnished, Robot)
     assert furnished.identity.simulated
@@ -211,10 +223,12 @@ def test_nothing_can_be_done_before_an_episode_begins_or_after_closing() -> None
         robot.observe()
 
 
-def test_stop_moves_nothing_and_takes_no_time(furnished: SimulatedRobot) -> None:
+@pytest.mark.parametrize("action", [Action.STOP, Action.NOOP])
+def test_stop_moves_nothing_and_takes_no_time(furnished: SimulatedRobot, action: Action) -> None:
     robot = begun(furnished)
     before = robot.locate()
-    result = robot.execute(Action.STOP)
+    result = robot.execute(action)
+    assert direction(action) == 0
     assert result.completed
     assert (result.displacement_m, result.turn_rad, result.duration_s) == (0.0, 0.0, 0.0)
     assert robot.locate() == before

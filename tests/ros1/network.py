@@ -1,4 +1,4 @@
-"""A real ROS master and real ROS nodes for tests: every node a process of its own, ended and waited for."""
+"""A real ROS master and real ROS nodes for tests, as processes that are ended and waited for."""
 
 import json
 import os
@@ -110,9 +110,20 @@ class Probe:
         truth = self.ask("truth")
         return truth["x_m"], truth["y_m"]
 
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Where the base truly is: metres and degrees."""
+        truth = self.ask("truth")
+        return truth["x_m"], truth["y_m"], truth["heading_deg"]
+
     def stopped_at(self, since_s: float) -> float | None:
         """Return when the base came to rest for good after `since_s` (monotonic clock), None while it moves."""
-        when = self.ask("stopped_since", since_s)
+        when = self.ask("stopped_since", since_s, "speed")
+        return None if when is None else float(when)
+
+    def zeroed_at(self, since_s: float) -> float | None:
+        """Return when the base was commanded zero velocity for good after `since_s`, None while it is commanded."""
+        when = self.ask("stopped_since", since_s, "commanded")
         return None if when is None else float(when)
 
     def close(self) -> None:

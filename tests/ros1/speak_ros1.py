@@ -1,4 +1,4 @@
-"""Runs a Python file in a process that speaks ROS 1, where both are installed: `speak_ros1.py FILE ARGUMENTS`."""
+"""Runs a Python file in a process that uses ROS 1: `speak_ros1.py FILE ARGUMENTS`."""
 
 import runpy
 import sys

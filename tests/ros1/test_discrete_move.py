@@ -1,4 +1,4 @@
-"""The discrete_move node, over a real master, on a base that moves and misbehaves: precise, or an honest False."""
+"""The discrete_move node over a real master, on a base with faults: accurate, or False."""
 
 import math
 import shutil
@@ -24,7 +24,7 @@ PATIENCE_S = 40.0
 
 
 def start_server(network: RosNetwork, *parameters: str) -> Process:
-    server = network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE), *parameters)
+    server = network.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE), *parameters)
     network.wait_for_service("/discrete_move")
     return server
 
@@ -56,7 +56,7 @@ class Stand:
         return self.probe.tell("/base/fault", word)
 
     def why(self) -> str:
-        return self.server.output.rsplit("False: ", 1)[-1].splitlines()[0]
+        return self.server.output.rsplit("failed: ", 1)[-1].splitlines()[0]
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_stop_is_true_and_moves_nothing(stand) -> None:
 
 
 @pytest.mark.parametrize(("movement", "angle"), [("Jump", 0), ("forward", 0), ("", 0), ("Left", -30), ("Left", 400)])
-def test_what_cannot_be_asked_is_false_at_once_and_moves_nothing(stand, movement, angle) -> None:
+def test_an_invalid_request_is_false_at_once_and_moves_nothing(stand, movement, angle) -> None:
     before = stand.probe.position
     assert stand.ask(movement, angle) is False
     assert stand.probe.position == before
@@ -139,34 +139,34 @@ def test_what_cannot_be_asked_is_false_at_once_and_moves_nothing(stand, movement
         ("stuck", "does not follow"),
     ],
 )
-def test_a_fault_during_a_movement_is_an_honest_false_and_zero_velocity(stand, word, reason) -> None:
+def test_a_fault_during_a_movement_is_false_and_zero_velocity(stand, word, reason) -> None:
     answer = stand.ask_later("Left", 180)
     fault_s = stand.fault(word)
     assert answer.result(PATIENCE_S) is False
     assert reason in stand.why()
     wait_until(lambda: stand.probe.stopped_at(fault_s), "the base stands still")
-    # "stuck" is noticed after stall_s; the base does not move meanwhile.
+    # "stuck" is detected after stall_s; the base does not move meanwhile.
     assert stand.probe.stopped_at(fault_s) - fault_s < 1.0
 
 
 def test_a_pressed_bumper_allows_only_the_way_back(stand) -> None:
     stand.fault("bumper")
-    wait_until(lambda: stand.ask("Forward") is False, "the bumper is noticed")
-    assert "bumper sensor is still active" in stand.why()
+    wait_until(lambda: stand.ask("Forward") is False, "the bumper is detected")
+    assert "bumper sensor is active" in stand.why()
     assert stand.ask("Backward") is True
 
 
-def test_a_lifted_robot_moves_only_when_it_stands_again(stand) -> None:
+def test_a_lifted_robot_moves_only_after_it_is_put_down(stand) -> None:
     stand.fault("drop")
-    wait_until(lambda: stand.ask("Left", 30) is False, "the wheel drop is noticed")
+    wait_until(lambda: stand.ask("Left", 30) is False, "the wheel drop is detected")
     assert "put the robot down" in stand.why()
     stand.fault("raise")
-    wait_until(lambda: stand.ask("Left", 30) is True, "the wheels carry again")
+    wait_until(lambda: stand.ask("Left", 30) is True, "the wheels are raised")
 
 
 def test_odometry_that_is_silent_before_the_movement_is_false_with_no_motion(stand) -> None:
     stand.fault("silent")
-    wait_until(lambda: stand.ask("Forward") is False, "silence is noticed")
+    wait_until(lambda: stand.ask("Forward") is False, "the silence is detected")
     assert "no odometry for" in stand.why()
 
 
@@ -180,7 +180,7 @@ def test_a_new_request_pre_empts_the_one_that_runs(stand) -> None:
     assert stand.probe.stopped_at(stop_s) - stop_s < 1.0
 
 
-def test_a_caller_that_is_killed_takes_its_movement_with_it(stand) -> None:
+def test_the_movement_of_a_killed_caller_ends(stand) -> None:
     caller = subprocess.Popen(
         [*PYTHON_OF_ROS1, str(HERE / "nodes" / "caller.py"), "Left", "360"], env=stand.network.environment
     )
@@ -190,10 +190,10 @@ def test_a_caller_that_is_killed_takes_its_movement_with_it(stand) -> None:
     caller.wait()
     wait_until(lambda: stand.probe.stopped_at(kill_s), "the base stands still")
     assert stand.probe.stopped_at(kill_s) - kill_s < 2.0
-    wait_until(lambda: "the caller went away" in stand.server.output, "the reason is logged")
+    wait_until(lambda: "the caller has disconnected" in stand.server.output, "the reason is logged")
 
 
-def test_a_base_turned_by_hand_starts_afresh_from_where_it_is(stand) -> None:
+def test_a_base_turned_by_hand_turns_from_its_present_heading(stand) -> None:
     assert stand.ask("Left", 30) is True
     stand.network.start(HERE / "nodes" / "caller.py", "--push")
     before = stand.probe.heading_deg
@@ -230,13 +230,13 @@ def test_the_tools_of_ros_see_upstreams_service(stand) -> None:
 
 
 def test_a_second_server_for_the_same_robot_is_refused_and_names_the_first(stand) -> None:
-    second = stand.network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE))
+    second = stand.network.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE))
     assert second.wait() == 1
     assert f"/discrete_move is already running on this robot (process {stand.server.popen.pid}" in second.output
     assert stand.ask("Stop") is True
 
 
-def test_the_outcome_is_told_with_its_reason_on_a_topic(stand) -> None:
+def test_the_outcome_is_published_with_its_reason(stand) -> None:
     stand.probe.ask("listen", "/discrete_move/outcome")
     wait_until(
         lambda: (
@@ -267,23 +267,40 @@ def test_a_server_that_is_ended_stops_the_base_first(tmp_path, number) -> None:
             probe.close()
 
 
-def test_parameters_come_from_file_and_parameter_server_and_typing_errors_are_named(network, tmp_path) -> None:
-    wrong = network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE), "_timout_s:=5")
+def test_parameters_come_from_file_and_server_and_unknown_names_are_errors(network, tmp_path) -> None:
+    wrong = network.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE), "_timout_s:=5")
     assert wrong.wait() == 1
     assert "ROS parameter ~timout_s of discrete_move" in wrong.output
     file = tmp_path / "mine.yaml"
     file.write_text("turn_tolerance_deg: 0.1\nlinear_velocty_m_s: 0.2\n")
-    wrong = network.start(
-        "-m", "vsnbench.cli.main", "ros", "discrete-move", "--robot", str(PROFILE), "--config", str(file)
-    )
+    wrong = network.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE), "--config", str(file))
     assert wrong.wait() == 1
     assert "mine.yaml:2: linear_velocty_m_s" in wrong.output
 
 
 @pytest.mark.parametrize(("uri", "says"), [("", "ROS_MASTER_URI is not set"), ("http://127.0.0.1:1", "no ROS master")])
-def test_without_a_master_it_says_so_in_one_line_and_does_not_hang(tmp_path, uri, says) -> None:
+def test_without_a_master_the_node_ends_with_one_line(tmp_path, uri, says) -> None:
     network = RosNetwork(tmp_path)
-    server = network.start("-m", "vsnbench.cli.main", "ros", "discrete-move", ROS_MASTER_URI=uri)
+    server = network.start("-m", "vsnbench.cli.main", "robots", "serve", str(PROFILE), ROS_MASTER_URI=uri)
     assert server.wait() == 1
     assert says in server.output
     assert server.output.count("\n") == 1
+
+
+def test_a_base_with_noise_at_rest_moves_accurately(tmp_path) -> None:
+    with live_network(tmp_path) as network:
+        base = network.start(BASE, "_noise_deg:=0.05", "_noise_m:=0.002")
+        network.wait_for_publisher("/odom")
+        stand = Stand(network, Probe(network), start_server(network), base)
+        try:
+            held_deg = stand.probe.heading_deg
+            for number, word in enumerate(["Left", "Forward", "Right", "Backward", "Left"] * 2):
+                before = stand.probe.position
+                assert stand.ask(word, 30) is True, stand.why()
+                if number % 5 in (0, 2, 4):
+                    held_deg += 30 if word == "Left" else -30
+                    assert math.remainder(stand.probe.heading_deg - held_deg, 360) == pytest.approx(0, abs=0.1)
+                else:
+                    assert math.dist(before, stand.probe.position) == pytest.approx(0.25, abs=0.005)
+        finally:
+            stand.probe.close()

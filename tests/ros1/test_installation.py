@@ -1,4 +1,4 @@
-"""Nothing but the ROS robots and nodes needs ROS; where it is missing, one line says how to install it."""
+"""Only ROS robots and nodes need ROS; without it, one line tells how to install it."""
 
 import subprocess
 import sys
@@ -26,8 +26,10 @@ def without_ros(code: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_a_ros_robot_without_ros_says_in_one_line_how_to_install_it() -> None:
-    done = without_ros("from vsnbench.cli.main import main; sys.argv = ['vsnbench', 'ros', 'discrete-move']; main()")
+def test_without_ros_one_line_tells_how_to_install_it() -> None:
+    done = without_ros(
+        "from vsnbench.cli.main import main; sys.argv = ['vsnbench', 'robots', 'serve', 'turtlebot2']; main()"
+    )
     assert done.returncode == 1
     assert "ROS 1 is not installed for this Python (no module rospy): run scripts/install_ros.sh" in done.stderr
     assert done.stderr.count("\n") == 1
@@ -35,9 +37,11 @@ def test_a_ros_robot_without_ros_says_in_one_line_how_to_install_it() -> None:
 
 def test_the_rest_of_the_product_needs_no_ros() -> None:
     modules = (
-        "vsnbench.robots.registry, vsnbench.robots.ros_robot, vsnbench.robots.ros1_checkup, vsnbench.runner.launch, "
-        "vsnbench.cli.run, vsnbench.cli.robots, vsnbench.cli.doctor, vsnbench.cli.ros1, vsnbench.ros1.service_call, "
-        "vsnbench.sensing.discrete_mover, vsnbench.simulator.simulated_base"
+        "vsnbench.robots.registry, vsnbench.robots.ros.robot, vsnbench.robots.checkup.ros1, "
+        "vsnbench.runner.setup.launch, "
+        "vsnbench.cli.running.run, vsnbench.cli.robots.robots, vsnbench.cli.robots.doctor, "
+        "vsnbench.cli.robots.nodes, vsnbench.ros1.service_call, "
+        "vsnbench.sensing.discrete_mover, vsnbench.simulator.dynamics.simulated_base"
     )
     done = without_ros(f"import {modules}\nassert 'rospy' not in sys.modules")
     assert done.returncode == 0, done.stderr

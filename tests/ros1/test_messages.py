@@ -1,4 +1,4 @@
-"""Our hand-written messages are byte for byte those that ROS generates from their definitions."""
+"""The messages without a package are identical to those that ROS generates."""
 
 import struct
 from io import BytesIO
@@ -79,7 +79,7 @@ def test_a_request_survives_the_wire(movement: str, angle: int) -> None:
     assert (back.movement, back.angle) == (movement, angle)
 
 
-def test_fields_left_out_are_zero_and_empty() -> None:
+def test_omitted_fields_are_zero_or_empty() -> None:
     request = messages.PlaceRobotRequest(x=1.5)
     assert (request.x, request.y, request.heading, request.seed) == (1.5, 0.0, 0.0, 0)
     assert messages.DiscreteServerRequest().movement == ""
@@ -87,7 +87,7 @@ def test_fields_left_out_are_zero_and_empty() -> None:
 
 @settings(deadline=None)
 @given(st.binary(max_size=12))
-def test_cut_off_bytes_are_refused_and_never_read_past(data: bytes) -> None:
+def test_truncated_data_is_an_error_and_is_never_read_past_its_end(data: bytes) -> None:
     try:
         request = messages.DiscreteServerRequest().deserialize(data)
     except genpy.DeserializationError:
@@ -96,8 +96,33 @@ def test_cut_off_bytes_are_refused_and_never_read_past(data: bytes) -> None:
 
 
 @pytest.mark.parametrize(("field", "value"), [("angle", 2**63), ("angle", "thirty"), ("movement", 7)])
-def test_a_value_that_does_not_fit_is_refused_by_name(field, value) -> None:
+def test_a_value_out_of_range_is_an_error_that_names_the_field(field, value) -> None:
     request = messages.DiscreteServerRequest()
     setattr(request, field, value)
     with pytest.raises(genpy.SerializationError, match=field):
         written(request)
+
+
+def test_transforms_are_encoded_as_by_an_independent_encoder() -> None:
+    import numpy as np
+    from geometry_msgs.msg import TransformStamped
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from vsnbench.ros1.messages import TFMessage
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(TFMessage._full_text, "tf2_msgs/msg/TFMessage"))
+    assert store.generate_msgdef("tf2_msgs/msg/TFMessage", ros_version=1)[1] == TFMessage._md5sum
+    first, second = TransformStamped(), TransformStamped()
+    first.header.frame_id, first.child_frame_id, first.transform.rotation.w = "odom", "base_footprint", 1.0
+    second.header.stamp, second.header.frame_id, second.child_frame_id = genpy.Time(3, 7), "a", "b"
+    second.transform.translation.x = 1.5
+    data = written(TFMessage([first, second]))
+    theirs = store.deserialize_ros1(data, "tf2_msgs/msg/TFMessage")
+    assert [link.child_frame_id for link in theirs.transforms] == ["base_footprint", "b"]
+    assert theirs.transforms[1].transform.translation.x == 1.5
+    assert np.all(store.serialize_ros1(theirs, "tf2_msgs/msg/TFMessage") == np.frombuffer(data, np.uint8))
+    assert TFMessage().deserialize(data).transforms == [first, second]
+    for length in range(len(data)):
+        with pytest.raises(genpy.DeserializationError):
+            TFMessage().deserialize(data[:length])

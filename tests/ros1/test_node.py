@@ -1,4 +1,4 @@
-"""A node's life: whoever ends it, its last command is said while somebody can still hear it."""
+"""The last command of a node is sent before the node ends."""
 
 import signal
 
@@ -13,7 +13,7 @@ LISTENER = HERE / "nodes" / "listener.py"
 
 
 @pytest.mark.parametrize("ended_by", ["a signal", "another of its name"])
-def test_the_last_command_of_a_node_leaves_whoever_ends_it(network: RosNetwork, ended_by: str) -> None:
+def test_the_last_command_of_an_ended_node_is_sent(network: RosNetwork, ended_by: str) -> None:
     leaver = network.start(LEAVER)
     network.wait_for_publisher("/last_words")
     listener = network.start(LISTENER, "/last_words")
@@ -24,6 +24,6 @@ def test_the_last_command_of_a_node_leaves_whoever_ends_it(network: RosNetwork, 
     else:
         network.start(LISTENER, "/elsewhere", "__name:=leaver")
         assert leaver.wait() == 1
-        assert "another one called /leaver has taken its place" in leaver.output
+        assert "another node called /leaver was started" in leaver.output
     wait_until(lambda: "standing still" in listener.output, "the last command is heard")
     assert "closed topic" not in leaver.output

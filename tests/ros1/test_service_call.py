@@ -1,4 +1,4 @@
-"""A service call ends within its deadline, whatever the server, the master or the network does."""
+"""A service call ends within its deadline, whatever happens to server, master and network."""
 
 import signal
 import socket
@@ -9,6 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.processes import wait_until
 from vsnbench.ros1.master import Master, MasterError
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
 from vsnbench.ros1.service_call import (
@@ -39,19 +40,19 @@ def ask(client: ServiceClient, movement: str = "Forward", angle: int = 0, timeou
     return bool(client.call(DiscreteServerRequest(movement, angle), timeout_s, watch).response)
 
 
-def test_a_live_server_is_asked_and_answers(client) -> None:
+def test_a_live_server_answers(client) -> None:
     assert ask(client) is True
     assert ask(client, "No") is False
     assert client.probe() < 2.0
 
 
-def test_a_slow_answer_is_waited_for_while_the_caller_keeps_watch(client) -> None:
+def test_the_watch_is_called_while_waiting_for_a_slow_answer(client) -> None:
     looks: list[float] = []
     assert ask(client, "Sleep", 400, watch=lambda: looks.append(time.monotonic())) is True
     assert len(looks) >= 2
 
 
-def test_what_the_watch_raises_ends_the_call(client) -> None:
+def test_an_exception_of_the_watch_ends_the_call(client) -> None:
     def alarm() -> None:
         raise KeyboardInterrupt
 
@@ -63,16 +64,18 @@ def test_what_the_watch_raises_ends_the_call(client) -> None:
 
 def test_an_answer_after_the_deadline_is_a_timeout(client) -> None:
     began = time.monotonic()
-    with pytest.raises(ServiceTimeoutError, match=r"within 0\.5 s \(waiting for the answer\)"):
+    with pytest.raises(ServiceTimeoutError, match=r"within 0\.5 s \(answer\)"):
         ask(client, "Sleep", 20_000, timeout_s=0.5)
     assert time.monotonic() - began < 5
 
 
-def test_a_wedged_server_is_noticed_long_before_the_deadline(client, server) -> None:
+def test_a_hanging_server_is_detected_long_before_the_deadline(client, server) -> None:
     assert ask(client) is True
     server.signal(signal.SIGSTOP)
+    stopped = psutil.Process(server.popen.pid)
+    wait_until(lambda: stopped.status() == psutil.STATUS_STOPPED, "the server is stopped")
     began = time.monotonic()
-    with pytest.raises(ServiceTimeoutError, match="wedged"):
+    with pytest.raises(ServiceTimeoutError):
         ask(client, timeout_s=60)
     assert time.monotonic() - began < 10
     server.signal(signal.SIGCONT)
@@ -87,7 +90,7 @@ def test_a_server_killed_before_the_call_is_unavailable(client, server) -> None:
         ask(client)
 
 
-def test_a_server_that_dies_during_the_call_is_noticed_at_once(client) -> None:
+def test_a_server_that_dies_during_the_call_is_detected_at_once(client) -> None:
     began = time.monotonic()
     with pytest.raises(ServiceUnavailableError, match="closed the connection"):
         ask(client, "Die", timeout_s=60)
@@ -124,10 +127,10 @@ def test_a_dead_master_is_named_when_the_server_must_be_looked_up(client, networ
         ask(client)
 
 
-def test_a_wedged_master_is_noticed(network) -> None:
+def test_a_hanging_master_is_detected(network) -> None:
     network.roscore.signal(signal.SIGSTOP)
     began = time.monotonic()
-    with pytest.raises(MasterError, match="is roscore running"):
+    with pytest.raises(MasterError):
         Master(network.uri, timeout_s=0.5).pid()
     assert time.monotonic() - began < 5
 
@@ -145,8 +148,8 @@ def test_another_service_type_is_refused_with_its_reason(network, server) -> Non
         wrong.probe()
 
 
-def test_a_service_that_nobody_offers_is_unavailable(network) -> None:
-    with pytest.raises(ServiceUnavailableError, match="nobody serves /nowhere"):
+def test_a_service_without_a_server_is_unavailable(network) -> None:
+    with pytest.raises(ServiceUnavailableError, match="/nowhere"):
         ServiceClient("/nowhere", DiscreteServer, network.master, "/test").call(DiscreteServerRequest(), 5)
 
 
@@ -166,7 +169,7 @@ class FixedMaster(Master):
     ],
     ids=["silence", "absurd length", "half an answer"],
 )
-def test_a_server_that_talks_nonsense_ends_the_call_in_time(answer: bytes, error) -> None:
+def test_an_invalid_answer_ends_the_call_in_time(answer: bytes, error) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         held: list[socket.socket] = []
 

@@ -1,6 +1,8 @@
-"""A ROS 2 graph of a test's own on the loopback interface: its processes, and a robot that can fail part by part."""
+"""A ROS 2 graph on the loopback interface: processes, and a robot whose parts can fail."""
 
+import atexit
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -9,11 +11,14 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 from tests.processes import Process, ProcessGroup, wait_until
 from tests.robots.client import Client
+from tests.robots.fault_table import WITH_DOCTOR, Attempt, FaultTable, attempt, complaints, doctor_text
 
 HERE = Path(__file__).parent
 PROFILE = HERE / "profile_of_test_base.yaml"
@@ -51,6 +56,8 @@ class Graph2(ProcessGroup):
     """One graph: a domain, and the processes that were started in it."""
 
     domain: Domain = field(default_factory=Domain)
+    state: Path | None = None
+    """Where measurements of watchdogs are kept; of this graph alone where left out."""
 
     @property
     def environment(self) -> dict[str, str]:
@@ -59,8 +66,12 @@ class Graph2(ProcessGroup):
             "ROS_DOMAIN_ID": str(self.domain.number),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.directory),
+            "XDG_STATE_HOME": str(self.state or self.directory / "state"),
             "PYTHONPATH": os.pathsep.join(
-                [str(HERE.parent.parent), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")]
+                [
+                    *(str(HERE.parent.parent), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")),
+                    str(HERE / "tf_stand_in"),  # the last: a sourced distribution has the real package
+                ]
             ),
             "PYTHONUNBUFFERED": "1",
         }
@@ -96,9 +107,38 @@ def stands_since(robot: Process) -> float | None:
     return float(said[-1][1]) if said and said[-1][0] == "stands" else None
 
 
+def zeroed_since(robot: Process) -> float | None:
+    """Return since when the base is commanded zero velocity, None while it is commanded to move."""
+    written = [line.split() for line in robot.output.splitlines() if line.startswith(("commanded", "zeroed"))]
+    return float(written[-1][1]) if written and written[-1][0] == "zeroed" else None
+
+
+def true_pose(robot: Process) -> tuple[float, float, float]:
+    """Return where the base truly is: metres and degrees."""
+    before = robot.output.count("\nat ")
+    told(robot, "where")
+    wait_until(lambda: robot.output.count("\nat ") > before, "the robot writes where it is")
+    x_m, y_m, heading_deg = map(float, robot.output.rsplit("\nat ", 1)[1].split()[:3])
+    return x_m, y_m, heading_deg
+
+
 def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> Client:
-    """A RosRobot in a process of its own, as on another machine."""
-    return Client(graph, (sys.executable,), profile, patience_s)
+    """A RosRobot in a process of its own, as on another machine, whose base was seen to stop by itself."""
+    return Client(graph, (sys.executable,), profile, patience_s, XDG_STATE_HOME=str(measured_watchdog()))
+
+
+@cache
+def measured_watchdog() -> Path:
+    """Have `vsnbench doctor --move` measure the watchdog of the tests' base, once; returns where it is kept."""
+    directory = Path(mkdtemp(prefix="watchdog"))
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    with live_graph(directory) as graph:
+        robot = graph.start(HERE / "nodes" / "robot.py")
+        told(robot, "timeout 0.5")
+        doctor = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", directory)
+        doctor.wait(120)
+        assert "the base stopped" in doctor.output, doctor.output
+    return directory / "state"
 
 
 @dataclass
@@ -109,6 +149,9 @@ class Rig2:
     robot: Process
     client: Client
     node: Process | None = None
+    table: FaultTable = field(default_factory=lambda: FaultTable("ROS 2"))
+    healthy: frozenset[str] = frozenset()
+    """Checks of `doctor` that are not ok of the healthy robot."""
 
     def moving(self, action: str) -> "Future[Any]":
         """Ask for an action, and return once the base is moving."""
@@ -121,6 +164,29 @@ class Rig2:
         """Return how long after a fault the base came to rest."""
         wait_until(lambda: stands_since(self.robot) is not None, "the base stands")
         return float(stands_since(self.robot)) - fault_s
+
+    def zeroed_after(self, fault_s: float) -> float | None:
+        """Return how long after a fault the base was commanded zero velocity for good; None if it still is not."""
+        zeroed_s = zeroed_since(self.robot)
+        return None if zeroed_s is None else zeroed_s - fault_s
+
+    def second(self, name: str, *arguments: Any) -> Attempt:
+        """Ask for a further movement."""
+        return attempt(self.client, lambda: true_pose(self.robot), name, *arguments)
+
+    def doctor(self, *words: str) -> str:
+        """Return what `doctor` finds now, where the table is measured."""
+        return doctor_text(self._complaints(*words)) if WITH_DOCTOR else "–"
+
+    def _complaints(self, *words: str) -> dict[str, str]:
+        where = ["--robot", PROFILE, "--results", self.graph.directory / "results", "--json"]
+        state = {"XDG_STATE_HOME": str(measured_watchdog())}
+        return complaints(self.graph.vsnbench("doctor", *where, *words, **state), self.healthy)
+
+    def examine_healthy(self) -> None:
+        """Note what `doctor` reports of the healthy robot."""
+        if WITH_DOCTOR:
+            self.healthy = frozenset(self._complaints())
 
     def put_right(self) -> None:
         for words in ("good", "release"):
@@ -138,8 +204,8 @@ def live_graph(directory: Path) -> Iterator[Graph2]:
 
 
 def start_discrete_move(graph: Graph2) -> Process:
-    node = graph.vsnbench("ros2", "discrete-move", "--robot", PROFILE)
-    wait_until(lambda: "carrying out movements" in node.output, "discrete_move is up")
+    node = graph.vsnbench("robots", "serve", PROFILE)
+    wait_until(lambda: "executing movements" in node.output, "discrete_move is up")
     return node
 
 
@@ -149,8 +215,11 @@ def live_rig(directory: Path, *, beside_base: bool) -> Iterator[Rig2]:
     with live_graph(directory) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if beside_base else []))
         node = start_discrete_move(graph) if beside_base else None
-        client = client_of(graph)
+        rig = Rig2(graph, robot, client_of(graph), node)
+        rig.table.title = f"ROS 2, {'beside the base' if beside_base else 'workstation'}"
+        rig.examine_healthy()
         try:
-            yield Rig2(graph, robot, client, node)
+            yield rig
         finally:
-            client.close()
+            rig.table.write()
+            rig.client.close()

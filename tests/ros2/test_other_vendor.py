@@ -1,4 +1,4 @@
-"""A robot whose side of the wire is CycloneDDS and rosbags' serializer, with no rclpy, is driven as any other."""
+"""A robot with CycloneDDS and the serializer of rosbags, without rclpy, works like any other."""
 
 import pytest
 

@@ -1,21 +1,22 @@
-"""A base that this process steers and holds still: the hold is stronger than the movement, whatever thread that is."""
+"""Holding a base that this process steers overrides its movement."""
 
-import threading
 from types import SimpleNamespace
 
 import pytest
 
-from vsnbench.motion.controller import STANDSTILL, Command
+from tests.processes import wait_until
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.sensing.steering import ZeroHold
 
 pytestmark = pytest.mark.ros2
 
 
-def test_a_base_that_is_held_still_is_told_to_stand_by_our_own_movement_too() -> None:
+def test_a_hold_overrides_the_movement_of_this_process() -> None:
     from vsnbench.ros2.robot_link import RobotLink
 
     sent: list[Command] = []
     link = object.__new__(RobotLink)  # without a graph: only what it sends is looked at
-    link._holding = threading.Event()
+    link._hold = ZeroHold(link.stand_still)
     link._reports = SimpleNamespace(take_own_command=lambda: None)
     link.velocities = SimpleNamespace(send=sent.append)
     forward = Command(0.3, 0.0)
@@ -23,5 +24,8 @@ def test_a_base_that_is_held_still_is_told_to_stand_by_our_own_movement_too() ->
     link.hold_still()
     link._steer(forward)
     link.release()
+    wait_until(lambda: link._hold._thread is None, "the hold ends")
     link._steer(forward)
-    assert sent == [forward, STANDSTILL, STANDSTILL, forward]
+    assert [sent[0], sent[-1]] == [forward, forward]
+    assert len(sent) >= 4
+    assert set(sent[1:-1]) == {STANDSTILL}

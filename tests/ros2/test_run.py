@@ -1,4 +1,4 @@
-"""`vsnbench ros2 simulate` and `vsnbench run`, in real time: the same actions as in simulation, and a run killed."""
+"""`vsnbench robots simulate` and `vsnbench run`, in real time: the same actions as in simulation, and a run killed."""
 
 import sqlite3
 import sys
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.scans import SHORT_DRIVE, scanned_alike
 from tests.processes import Process, wait_until
 from tests.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
 
@@ -33,8 +32,8 @@ def rows(results: Path, query: str) -> list[tuple]:
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph2]:
     """A graph in which the embedded apartment plays a TurtleBot 4 in the namespace robot1."""
     with live_graph(tmp_path_factory.mktemp("ros2")) as one:
-        robot = one.vsnbench("ros2", "simulate", "--robot", "turtlebot4@robot1")
-        wait_until(lambda: "playing" in robot.output, "the robot plays", 150)  # after the first compilation
+        robot = one.vsnbench("robots", "simulate", "turtlebot4@robot1")
+        wait_until(lambda: "simulating" in robot.output, "the robot is simulated", 150)  # after the first compilation
         yield one
 
 
@@ -46,7 +45,7 @@ def begin(graph: Graph2, robot: str, results: Path) -> Process:
 def run(graph: Graph2, robot: str, results: Path) -> None:
     for _ in range(ATTEMPTS):
         done = begin(graph, robot, results)
-        if done.wait(200) == 0 or "the same command goes on" not in done.output:
+        if done.wait(200) == 0 or "the same command resumes" not in done.output:
             break
     assert done.popen.returncode == 0, done.output
 
@@ -60,7 +59,7 @@ def test_the_rehearsal_takes_the_same_actions_as_the_simulation(graph, tmp_path)
     assert actions(over_ros) == actions(simulated)
 
 
-def test_a_run_that_is_killed_leaves_a_robot_that_stands(graph, tmp_path) -> None:
+def test_a_killed_run_leaves_a_robot_at_rest(graph, tmp_path) -> None:
     watch = graph.start(HERE / "nodes" / "odometry_watch.py", "/robot1/odom")
     killed = begin(graph, "turtlebot4@robot1", tmp_path)
     wait_until(lambda: moves(watch) or killed.popen.poll() is not None, "the robot moves", 140)
@@ -72,11 +71,6 @@ def test_a_run_that_is_killed_leaves_a_robot_that_stands(graph, tmp_path) -> Non
     sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
     assert stood_s < AT_REST_S
     assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
-
-
-def test_a_scan_draws_the_map_of_the_simulation(graph, tmp_path) -> None:
-    (tmp_path / "drive.txt").write_text(SHORT_DRIVE)
-    scanned_alike(graph.vsnbench, "turtlebot4@robot1", tmp_path)
 
 
 def actions(results: Path) -> list[tuple]:

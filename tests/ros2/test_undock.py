@@ -1,4 +1,4 @@
-"""`vsnbench ros2 undock` asks a real action server, whose action has the maker's names and another type on the wire."""
+"""`vsnbench robots undock` with a real action server, whose action has the maker's names and another type."""
 
 import signal
 
@@ -21,23 +21,23 @@ def serve(graph: Graph2, base: str) -> Process:
     ("base", "code", "says"),
     [
         ("leaves", 0, "the robot has left its dock"),
-        ("stays", 1, "/undock failed, the base still stands on its dock"),
-        ("refuses", 1, "/undock was refused"),
+        ("stays", 1, "/undock failed"),
+        ("refuses", 1, "the base refused /undock"),
     ],
 )
-def test_what_the_base_does_is_said(tmp_path, base: str, code: int, says: str) -> None:
+def test_the_result_of_the_action_is_reported(tmp_path, base: str, code: int, says: str) -> None:
     with live_graph(tmp_path) as graph:
         serve(graph, base)
-        undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
+        undock = graph.vsnbench("robots", "undock", "create3")
         assert undock.wait(100) == code, undock.output
         assert says in undock.output
         assert undock.output.count("\n") == 1
 
 
-def test_a_base_that_hangs_is_asked_no_longer_after_an_interrupt(tmp_path) -> None:
+def test_an_interrupt_cancels_the_action_of_a_hanging_base(tmp_path) -> None:
     with live_graph(tmp_path) as graph:
         base = serve(graph, "hangs")
-        undock = graph.vsnbench("ros2", "undock", "--robot", "create3")
+        undock = graph.vsnbench("robots", "undock", "create3")
         wait_until(lambda: "asked" in base.output or undock.popen.poll() is not None, "the base is asked", 100)
         undock.signal(signal.SIGINT)
         undock.wait(60)

@@ -1,13 +1,14 @@
-"""A base is commanded in the type it listens to, once somebody hears it, and what others command is told apart."""
+"""A base is commanded in the type to which it subscribes, and commands of others are distinguished."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from tests.ros2.wire import STAMPED, TWIST, base, qos
-from vsnbench.motion.controller import STANDSTILL, Command
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.robots.profiles import load_profile
-from vsnbench.ros2.graph_check import Endpoint
+from vsnbench.ros2.graph import Endpoint
 from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros2.velocities import Velocities
 
@@ -18,7 +19,7 @@ NAMES = ros2_interface(load_profile("turtlebot4"))
 class Publisher:
     kind: str
     sent: list[Command] = field(default_factory=list)
-    is_heard: bool = True
+    is_connected: bool = True
     closed: bool = False
 
     def publish(self, command: Command) -> None:
@@ -31,13 +32,13 @@ class Publisher:
 
 @dataclass
 class Wire:
-    """What a node and its graph are to Velocities, and whatever the test puts on the graph."""
+    """A node and its graph for Velocities."""
 
     bases: list[Endpoint]
     full_name: str = "/vsnbench_17"
     velocity_quality: Any = field(default_factory=lambda: qos(reliability="RELIABLE"))
     publishers: list[Publisher] = field(default_factory=list)
-    heard: bool = True
+    connected: bool = True
     takers: list[Callable[[Callable[[], Any], Any], None]] = field(default_factory=list)
 
     def subscribers(self, topic: str) -> list[Endpoint]:
@@ -48,10 +49,10 @@ class Wire:
         return info
 
     def velocity_publisher(self, topic: str, kind: str) -> Publisher:
-        self.publishers.append(Publisher(kind, is_heard=self.heard))
+        self.publishers.append(Publisher(kind, is_connected=self.connected))
         return self.publishers[-1]
 
-    def listen_to_velocities(self, topic: str, kind: str, take: Callable[[Callable[[], Any], Any], None]) -> None:
+    def subscribe_velocities(self, topic: str, kind: str, take: Callable[[Callable[[], Any], Any], None]) -> None:
         self.takers.append(take)
 
 
@@ -59,49 +60,59 @@ def velocities(wire: Wire, names: Ros2Interface = NAMES, take: Any = None) -> Ve
     return Velocities(wire, wire, names, take)  # type: ignore[arg-type]
 
 
-def test_nothing_is_sent_before_a_base_listens_and_then_in_its_type() -> None:
+def test_commands_are_sent_after_a_base_subscribes_and_in_its_type() -> None:
     wire = Wire([])
     mine = velocities(wire)
     mine.send(STANDSTILL)
-    assert "nobody listens to velocities on /cmd_vel" in str(mine.connect())
+    assert mine.connect().code == "no-base"
     assert wire.publishers == []
     wire.bases = [base(kind=STAMPED)]
     assert mine.connect() is None
     mine.send(Command(0.1, 0.2))
-    assert [(one.kind, one.sent) for one in wire.publishers] == [(STAMPED, [Command(0.1, 0.2)])]
+    assert [(publisher.kind, publisher.sent) for publisher in wire.publishers] == [(STAMPED, [Command(0.1, 0.2)])]
 
 
-def test_a_base_that_comes_back_with_the_other_type_is_commanded_in_that() -> None:
+def test_a_base_that_returns_with_the_other_type_is_commanded_in_it() -> None:
     wire = Wire([base(kind=STAMPED)])
     mine = velocities(wire)
     assert mine.connect() is None
     assert mine.connect() is None
     wire.bases = [base(kind=TWIST)]
     assert mine.connect() is None
-    assert [(one.kind, one.closed) for one in wire.publishers] == [(STAMPED, True), (TWIST, False)]
+    assert [(publisher.kind, publisher.closed) for publisher in wire.publishers] == [(STAMPED, True), (TWIST, False)]
 
 
-def test_the_profile_decides_where_a_base_listens_to_both() -> None:
+def test_the_profile_decides_for_a_base_that_subscribes_to_both_types() -> None:
     wire = Wire([base(kind=TWIST), base(kind=STAMPED)])
     assert velocities(wire, NAMES.model_copy(update={"command_type": STAMPED})).connect() is None
     assert wire.publishers[0].kind == STAMPED
 
 
-def test_a_base_that_would_never_hear_or_does_not_hear_yet_is_named() -> None:
+def test_an_incompatible_or_unconnected_base_is_named() -> None:
     lasting = Wire([base(durability="TRANSIENT_LOCAL")])
-    assert str(velocities(lasting).connect()).startswith("/cmd_vel: /base asks for transient local and would never")
+    assert velocities(lasting).connect().code == "incompatible-qos"
     assert lasting.publishers == []
-    assert "/base listens on /cmd_vel and is not connected yet" in str(
-        velocities(Wire([base()], heard=False)).connect()
-    )
+    assert velocities(Wire([base()], connected=False)).connect().code == "base-not-connected"
 
 
-def test_only_what_others_command_is_told() -> None:
-    wire, told = Wire([base()]), []
-    mine = velocities(wire, take=lambda twist, sender: told.append((twist, sender)))
+def twist(linear_m_s: float) -> Any:
+    return SimpleNamespace(linear=SimpleNamespace(x=linear_m_s), angular=SimpleNamespace(z=0.0))
+
+
+def test_only_commands_of_others_are_reported() -> None:
+    wire, taken = Wire([base()]), []
+    mine = velocities(wire, take=lambda twist, sender: taken.append((twist, sender)))
     assert mine.connect() is None
     assert mine.connect() is None
     (take,) = wire.takers
-    for sender in ("/vsnbench_17", "/joystick", ""):
-        take(lambda: "twist", sender)
-    assert told == [("twist", "/joystick"), ("twist", "another node")]
+    mine.send(Command(0.1, 0.0))
+    own, other = twist(0.1), twist(0.2)
+    for read, sender in [
+        (other, "/vsnbench_17"),
+        (own, "/joystick"),
+        (own, ""),
+        (other, ""),
+        (own, "/vsnbench_17 (no. 2)"),
+    ]:
+        take(lambda read=read: read, sender)
+    assert taken == [(own, "/joystick"), (other, "")]

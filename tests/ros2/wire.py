@@ -1,10 +1,10 @@
-"""What a ROS 2 graph and a node on it are to those who ask them, without ROS: endpoints, and topics of texts."""
+"""Endpoints and text topics of a ROS 2 graph, without ROS."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
-from vsnbench.ros2.graph_check import Endpoint
+from vsnbench.ros2.graph import Endpoint
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 
@@ -24,7 +24,7 @@ def base(node="/base", kind=TWIST, type_hash="", **quality) -> Endpoint:
 
 @dataclass
 class Wire:
-    """What a node is to an Asker and an Answerer: topics of texts; `lost` counts the texts that go nowhere at first."""
+    """Text topics for a TopicServiceClient and its server; the first `lost` texts are dropped."""
 
     takers: dict[str, list[Callable[[str], None]]] = field(default_factory=dict)
     sent: list[tuple[str, str]] = field(default_factory=list)
@@ -39,5 +39,5 @@ class Wire:
 
         return publish
 
-    def listen_to_texts(self, topic: str, take: Callable[[str], None]) -> None:
+    def subscribe_text(self, topic: str, take: Callable[[str], None]) -> None:
         self.takers.setdefault(topic, []).append(take)

@@ -1,25 +1,25 @@
-"""A robot and a policy whose behaviour, faults included, a test scripts."""
+"""A robot and a policy whose behaviour and faults a test scripts."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from vsnbench.models.contract import ModelCard
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.fix import Fix, PoseSource
-from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import StartingPosition, load_site
-from vsnbench.runner.attendant import EndedEpisode, Nobody
-from vsnbench.runner.episode import EpisodePlan, Step
+from vsnbench.robots.contract import Robot
+from vsnbench.runner.episode.step import EpisodePlan
+from vsnbench.runner.operator.contract import AbsentOperator
+from vsnbench.sites.site import StartingPosition, load_site
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
+from vsnbench.values.robot_profile import RobotProfile
 
 APARTMENT = load_site("apartment")
 PROFILE = RobotProfile.model_validate(
@@ -43,7 +43,7 @@ PLAN = EpisodePlan(APARTMENT, "chair", APARTMENT.starts[0], 7, ProtocolParameter
 
 
 @dataclass
-class StandInRobot:
+class StandInRobot(Robot):
     """Moves by adding numbers; what it does wrong is scripted by the test."""
 
     on_observe: Callable[[int], None] = lambda _count: None
@@ -83,20 +83,9 @@ class StandInRobot:
     def halt(self) -> None:
         self.halts += 1
 
-    def close(self) -> None:
-        self.halt()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 @dataclass
-class ScriptedPolicy:
+class ScriptedPolicy(Policy):
     """Answers with the actions it was given, the last one for ever; an exception in the script is raised."""
 
     script: list[Action | Exception]
@@ -114,16 +103,4 @@ class ScriptedPolicy:
         return Decision(answer)
 
 
-class QuietDisplay:
-    """Shows nothing."""
-
-    def trial_begins(self, goal: str, start: int) -> None: ...
-
-    def step(self, goal: str, start: int, step: Step) -> None: ...
-
-    def episode_ended(self, ended: EndedEpisode) -> None: ...
-
-    def judged(self, success: bool | None) -> None: ...
-
-
-NOBODY = Nobody(QuietDisplay())
+NOBODY = AbsentOperator()

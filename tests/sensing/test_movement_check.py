@@ -1,13 +1,13 @@
-"""A movement that leaves what was asked is noticed under way, and one that was answered True is checked afterwards."""
+"""A movement that leaves its request is detected while it runs, and an answer of True is checked afterwards."""
 
 import math
 
 import pytest
 
-from vsnbench.motion.settings import MotionSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
-from vsnbench.sensing.movement_check import AskedMovement
+from vsnbench.control.settings import MotionSettings
+from vsnbench.sensing.movement_check import RequestedMovement
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 SETTINGS = MotionSettings()
 BEFORE = Pose.from_degrees(1.0, 2.0, 90.0)
@@ -21,26 +21,26 @@ def after(forward_m: float, turned_deg: float) -> Pose:
     ("action", "forward_m", "turned_deg", "says"),
     [
         (Action.MOVE_FORWARD, 0.34, 0, ""),
-        (Action.MOVE_FORWARD, 0.36, 0, "has moved 36.0 cm where 25 cm were asked"),
+        (Action.MOVE_FORWARD, 0.36, 0, "has moved 36.0 cm where 25 cm were requested"),
         (Action.MOVE_FORWARD, -0.11, 0, "has moved -11.0 cm"),
-        (Action.MOVE_FORWARD, 0.1, 11, "has turned 11.0° where 0° were asked"),
+        (Action.MOVE_FORWARD, 0.1, 11, "has turned 11.0° where 0° were requested"),
         (Action.MOVE_BACKWARD, -0.34, 0, ""),
-        (Action.MOVE_BACKWARD, -0.36, 0, "has moved -36.0 cm where -25 cm were asked"),
+        (Action.MOVE_BACKWARD, -0.36, 0, "has moved -36.0 cm where -25 cm were requested"),
         (Action.TURN_LEFT, 0, 39, ""),
-        (Action.TURN_LEFT, 0, 41, "has turned 41.0° where 30° were asked"),
+        (Action.TURN_LEFT, 0, 41, "has turned 41.0° where 30° were requested"),
         (Action.TURN_LEFT, 0, -11, "has turned -11.0°"),
-        (Action.TURN_RIGHT, 0, -41, "has turned -41.0° where -30° were asked"),
-        (Action.TURN_RIGHT, 0.11, -10, "has moved 11.0 cm where 0 cm were asked"),
+        (Action.TURN_RIGHT, 0, -41, "has turned -41.0° where -30° were requested"),
+        (Action.TURN_RIGHT, 0.11, -10, "has moved 11.0 cm where 0 cm were requested"),
         (Action.STOP, 0.0, 0.0, ""),
     ],
 )
-def test_a_movement_is_stopped_10_cm_or_10_degrees_past_what_was_asked(action, forward_m, turned_deg, says) -> None:
-    seen = AskedMovement.of(action, SETTINGS).overshoot(BEFORE, after(forward_m, turned_deg))
+def test_a_movement_is_stopped_10_cm_or_10_degrees_past_its_request(action, forward_m, turned_deg, says) -> None:
+    seen = RequestedMovement.of(action, SETTINGS).overshoot(BEFORE, after(forward_m, turned_deg))
     assert says in seen
     assert bool(says) == bool(seen)
 
 
 def test_an_answer_of_true_to_a_movement_that_fell_short_is_contradicted() -> None:
-    asked = AskedMovement.of(Action.TURN_LEFT, SETTINGS)
-    assert asked.contradiction(BEFORE, after(0, 24)) == ""
-    assert "turned 12.0° instead of 0 cm and 30°" in asked.contradiction(BEFORE, after(0, 12))
+    requested = RequestedMovement.of(Action.TURN_LEFT, SETTINGS)
+    assert requested.contradiction(BEFORE, after(0, 24)) == ""
+    assert "turned 12.0° instead of 0 cm and 30°" in requested.contradiction(BEFORE, after(0, 12))

@@ -7,9 +7,9 @@ import numpy.typing as npt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.pose import Pose
 from vsnbench.sensing.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from vsnbench.values.camera import Camera
+from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.6, depth_min_m=0.4, depth_max_m=8)
 
@@ -44,7 +44,7 @@ def said_at(grid: OccupancyMap, x_m: float, y_m: float) -> int:
     return int(grid.cells()[cell.row, cell.column]) if grid.holds(cell) else UNKNOWN
 
 
-def test_a_wall_is_occupied_what_lies_before_it_is_free_and_what_lies_behind_it_unknown() -> None:
+def test_a_wall_is_occupied_with_free_cells_before_and_unknown_behind() -> None:
     grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     assert said_at(grid, 2.01, 0.0) == OCCUPIED
@@ -53,14 +53,14 @@ def test_a_wall_is_occupied_what_lies_before_it_is_free_and_what_lies_behind_it_
     assert said_at(grid, 0.0, 2.0) == UNKNOWN
 
 
-def test_the_heading_turns_what_is_seen() -> None:
+def test_the_heading_rotates_the_image_into_the_map() -> None:
     grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(1.0, 0.5, math.pi / 2))
     assert said_at(grid, 1.0, 2.51) == OCCUPIED
     assert said_at(grid, 1.0, 1.5) == FREE
 
 
-def test_one_point_is_no_obstacle_and_two_are() -> None:
+def test_two_points_make_an_obstacle_and_one_does_not() -> None:
     for points, said in ((1, False), (2, True)):
         depth = np.full((48, 64), np.nan, np.float32)
         depth[24, 32 : 32 + points] = 1.5
@@ -69,7 +69,7 @@ def test_one_point_is_no_obstacle_and_two_are() -> None:
         assert grid.occupied.any() == said
 
 
-def test_what_is_seen_through_later_is_cleared() -> None:
+def test_cells_seen_through_later_are_cleared() -> None:
     grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     for _ in range(3):
@@ -77,7 +77,7 @@ def test_what_is_seen_through_later_is_cleared() -> None:
     assert said_at(grid, 2.01, 0.0) == FREE
 
 
-def test_the_grid_grows_where_the_robot_leaves_it_and_keeps_what_it_knew() -> None:
+def test_the_grid_grows_where_the_robot_leaves_it_and_keeps_its_cells() -> None:
     grid = OccupancyMap()
     grid.observe(wall_ahead(2.0), CAMERA, Pose(0, 0))
     before = grid.shape
@@ -88,7 +88,7 @@ def test_the_grid_grows_where_the_robot_leaves_it_and_keeps_what_it_knew() -> No
     assert said_at(grid, -11.99, 9.0) == OCCUPIED
 
 
-def test_a_bump_stays_marked_however_often_the_place_looks_free() -> None:
+def test_a_contact_stays_marked_even_if_the_cell_looks_free() -> None:
     grid = OccupancyMap()
     grid.mark_obstacle(1.0, 0.0, Pose(0.5, 0.0))
     for _ in range(10):
@@ -107,7 +107,7 @@ def test_the_robot_s_own_cell_is_never_an_obstacle(looks: list[tuple[npt.NDArray
 
 @settings(deadline=None, max_examples=40)
 @given(depth_images, poses, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
-def test_a_bump_never_marks_the_robot_s_own_cell(
+def test_a_contact_never_marks_the_robot_s_own_cell(
     depth: npt.NDArray[np.float32], pose: Pose, ahead_m: float, aside_m: float
 ) -> None:
     grid = OccupancyMap()

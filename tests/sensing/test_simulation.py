@@ -1,11 +1,11 @@
-"""What a simulator says of itself: read whole, and refused in one line where it cannot be understood."""
+"""The description of a simulator survives encoding, and an invalid one is an error."""
 
 import pytest
 
 from vsnbench.errors import RobotError
-from vsnbench.protocol.robot_identity import SimulationAccount
 from vsnbench.sensing.simulation import read_account
-from vsnbench.simulator.noise import NoiseSettings
+from vsnbench.simulator.dynamics.noise import NoiseSettings
+from vsnbench.values.robot_identity import SimulationAccount
 
 ACCOUNT = SimulationAccount(
     simulator="1 (mujoco 4)",
@@ -19,17 +19,18 @@ ACCOUNT = SimulationAccount(
 )
 
 
-def test_an_account_survives_its_way() -> None:
+def test_an_account_survives_encoding() -> None:
     assert read_account(ACCOUNT.model_dump_json()) == ACCOUNT
 
 
-def test_what_results_depend_on_is_in_the_conditions_and_the_site_is_not() -> None:
+def test_the_conditions_contain_the_simulator_and_not_the_site() -> None:
     assert set(ACCOUNT.conditions) == {"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise"}
     assert "noise" not in ACCOUNT.model_copy(update={"noise": None}).conditions
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", "\x00", ACCOUNT.model_dump_json().replace("0.1", "NaN")])
-def test_what_is_no_account_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(RobotError, match=r"what the simulator says of itself .*; run the same version") as refused:
+def test_an_invalid_account_is_an_error_of_one_line(text: str) -> None:
+    with pytest.raises(RobotError) as refused:
         read_account(text)
+    assert refused.value.code == "invalid-simulation-account"
     assert "\n" not in str(refused.value)

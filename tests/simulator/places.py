@@ -1,9 +1,9 @@
 """Small worlds for tests of the physics and of the simulated robot."""
 
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Room, Site, SiteObject, StartingPosition, Wall
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.primitives import Material, Primitive, Scene, Shape
+from vsnbench.sites.site import Room, Site, SiteObject, StartingPosition, Wall
+from vsnbench.values.robot_profile import RobotProfile
 
 GREY = Material((0.5, 0.5, 0.5))
 

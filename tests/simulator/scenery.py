@@ -1,7 +1,7 @@
 """A plain room to put things into, and every look that a thing can have."""
 
-from vsnbench.protocol.site import Door, Room, Site, SiteObject, StartingPosition, Wall
 from vsnbench.simulator.furniture import MODELS
+from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall
 
 LOOKS = [(category, model) for category, looks in MODELS.items() for model in looks]
 

@@ -7,12 +7,12 @@ from shapely.geometry import LineString, Point, Polygon
 
 from tests.simulator.scenery import LOOKS, a_site
 from vsnbench.errors import SiteError
-from vsnbench.protocol.categories import CATEGORIES
-from vsnbench.protocol.site import Door, Site, SiteObject
 from vsnbench.simulator.furniture import MODELS
 from vsnbench.simulator.furniture.canvas import extents, rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Shape
 from vsnbench.simulator.scene import build_scene
+from vsnbench.sites.categories import CATEGORIES
+from vsnbench.sites.site import Door, Site, SiteObject
 
 
 def corners(primitive: Primitive) -> list[tuple[float, float]]:
@@ -118,7 +118,7 @@ def test_a_round_outline_collides_inside_itself() -> None:
     assert sum(4 * part.half_size[0] * part.half_size[1] for part in solids) > 0.9 * shape.area
 
 
-def test_what_is_not_solid_is_not_felt() -> None:
+def test_objects_that_are_not_solid_have_no_contact() -> None:
     rug = SiteObject(id="rug", category="rug", position=(3, 2), size_m=(2, 1, 0.01), solid=False)
     assert not any(part.solid for part in parts_of(a_site(rug)))
 

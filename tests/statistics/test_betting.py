@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from vsnbench.statistics.betting import FRACTIONS, as_share, capital, p_values, sequence
+from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share, capital, p_values, sequence
 
 PLANS = [
     pytest.param(values, id="".join(str(round(2 * value)) for value in values))
@@ -104,3 +104,24 @@ def test_the_sequence_is_that_of_an_implementation_in_fractions() -> None:
             assert float(min(kept)) == pytest.approx(low[look])
             kept = [mean for mean, out in zip(means, too_high, strict=True) if not out[look]]
             assert float(max(kept)) == pytest.approx(high[look])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("fractions", [FRACTIONS, MEAN_FRACTIONS])
+@pytest.mark.parametrize("size", [None, 400])
+def test_hundreds_of_wins_overflow_nothing(size: int | None, fractions: np.ndarray) -> None:
+    wins = np.ones(400)
+    low, high = sequence(wins, size, 0.05, fractions=fractions)
+    assert low[-1] > 0.95
+    assert high[-1] == 1
+    above, below = p_values(wins, 0.001, None, fractions)
+    assert 0 < above[-1] < 1e-100
+    assert below[-1] == 1
+
+
+def test_larger_bets_on_means_keep_the_level_too() -> None:
+    rng = np.random.default_rng(8)
+    rare = (rng.random((4000, 60)) < 0.05).astype(float)
+    for values, mean in ((rng.beta(0.3, 0.7, (4000, 60)), 0.3), (rare, 0.05)):
+        assert np.mean(capital(values, mean, None, MEAN_FRACTIONS)[:, -1] >= 20) <= 0.05
+        assert np.mean(capital(1 - values, 1 - mean, None, MEAN_FRACTIONS)[:, -1] >= 20) <= 0.05

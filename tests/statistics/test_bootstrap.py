@@ -40,5 +40,14 @@ def test_the_bootstrap_repeats_itself_and_knows_when_it_knows_nothing() -> None:
     first = clustered_bootstrap(some, some, shared_clusters=False, seed=3)
     assert first == clustered_bootstrap(some, some, shared_clusters=False, seed=3)
     assert 0.0 in first
-    with pytest.raises(ValueError, match="listed alike"):
+    with pytest.raises(ValueError, match="same length"):
         clustered_bootstrap(few, some, shared_clusters=True)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 150.0])
+def test_values_that_do_not_vary_give_no_interval(value: float) -> None:
+    constant = ClusterSums(np.full(15, 5 * value), np.full(15, 5))
+    varied = ClusterSums(np.arange(15.0), np.full(15, 5))
+    assert clustered_bootstrap(constant, constant, shared_clusters=True) is UNKNOWN
+    assert clustered_bootstrap(constant, constant, shared_clusters=False) is UNKNOWN
+    assert clustered_bootstrap(constant, varied, shared_clusters=True).known

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
+from scipy.special import expit, ndtri
 
+from vsnbench.statistics.balanced import rate_intervals
 from vsnbench.statistics.clustered import (
     Cell,
     Outcomes,
@@ -73,7 +76,7 @@ def test_the_variance_is_that_of_a_regression_with_clustered_errors() -> None:
     success = np.concatenate([[1] * k + [0] * (n - k) for _, k, n in cells])
     start = np.concatenate([[cluster] * n for cluster, _, n in cells])
     fit = sm.OLS(success, np.ones(len(success))).fit(
-        cov_type="cluster", cov_kwds={"groups": start, "use_correction": False}
+        cov_type="cluster", cov_kwds={"groups": start, "use_correction": True}
     )
     assert effective_sample(outcomes(cells)).variance == pytest.approx(float(fit.cov_params()[0, 0]))
 
@@ -134,8 +137,24 @@ def test_fifteen_positions_under_five_seeds_are_covered_as_often_as_promised(con
 
 
 def test_counts_that_cannot_be_are_refused() -> None:
-    with pytest.raises(ValueError, match="cannot be a cell's"):
+    with pytest.raises(ValueError, match="a cell cannot have"):
         Cell(1, 3, 2)
-    with pytest.raises(ValueError, match="cannot be a cell's"):
+    with pytest.raises(ValueError, match="a cell cannot have"):
         Cell(1, 0, 0)
     assert math.isnan(Outcomes(()).proportion.rate)
+
+
+@pytest.mark.parametrize(("spread", "seeds_alike"), [(2.5, False), (4.0, False), (4.0, True)])
+@pytest.mark.parametrize("rate", [0.1, 0.2])
+def test_rates_of_goals_and_seeds_are_covered_despite_position_effects(
+    rate: float, spread: float, seeds_alike: bool
+) -> None:
+    random = np.random.default_rng(4)
+    shape = (3000, 15, 6)
+    at = brentq(lambda mean: np.mean(expit(mean + spread * ndtri((np.arange(2000) + 0.5) / 2000))) - rate, -60, 60)
+    start = math.sqrt(0.7) * random.standard_normal((3000, 15, 1))
+    chances = expit(at + spread * (start + math.sqrt(0.3) * random.standard_normal(shape)))
+    seeds = 1 if seeds_alike else 5
+    means = random.binomial(seeds, chances) / seeds  # seeds that all agree are copies of one
+    found = rate_intervals(means, 5, 0.95)
+    assert np.mean((found.low <= rate) & (rate <= found.high)) >= 0.93

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import permutation_test
 from statsmodels.stats.contingency_tables import cochrans_q
 
+from tests.statistics.test_paired import mcnemar_exact
 from tests.statistics.test_rates import proportions
 from vsnbench.statistics.clustered import Cell, Outcomes, independent_outcomes
 from vsnbench.statistics.permutation import (
@@ -19,7 +20,7 @@ from vsnbench.statistics.permutation import (
     sign_flip,
     stratified_permutation,
 )
-from vsnbench.statistics.rates import Proportion, fisher, mcnemar_exact
+from vsnbench.statistics.rates import Proportion, fisher
 
 DIFFERENCES = st.lists(st.sampled_from([-1, -0.8, -0.5, -0.2, 0, 0.2, 0.4, 0.5, 1]), max_size=9)
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binom
 from statsmodels.stats.power import TTestPower
 
+from tests.statistics.test_paired import mcnemar_exact
 from vsnbench.statistics.clustered import Cell
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes
 from vsnbench.statistics.permutation import sign_flip
@@ -15,14 +16,13 @@ from vsnbench.statistics.power import (
     Resemblance,
     design_of,
     detectable,
-    fewest_starts,
     least_p,
+    min_starts,
     power,
     resemblance,
     starts_needed,
     trials_needed,
 )
-from vsnbench.statistics.rates import mcnemar_exact
 
 PLAIN = Design(starts=40, cells=1, trials=1, rate=0.4, resemblance=Resemblance(0.0, 0.0, 0.0))
 
@@ -95,7 +95,7 @@ def test_the_resemblance_of_simulated_outcomes_is_found_again() -> None:
 def test_the_least_p_value_is_that_of_the_most_one_sided_outcome() -> None:
     for starts in (1, 4, 5, 6, 11):
         assert least_p(starts) == pytest.approx(sign_flip([1.0] * starts))
-    assert fewest_starts(0.05) == 6
-    assert least_p(fewest_starts(0.01)) < 0.01 <= least_p(fewest_starts(0.01) - 1)
+    assert min_starts(0.05) == 6
+    assert least_p(min_starts(0.01)) < 0.01 <= least_p(min_starts(0.01) - 1)
     five = Design(starts=5, cells=3, trials=1, rate=0.5, resemblance=Resemblance(0.1, 0.5, 0.0))
     assert detectable(five) is None

@@ -13,19 +13,24 @@ from vsnbench.statistics.permutation import exchange_clusters
 from vsnbench.statistics.power import Resemblance
 from vsnbench.statistics.power_independent import (
     ExchangeDesign,
+    _fisher_power,
+    _fisher_rejects,
     exchange_design_of,
     exchange_detectable,
     exchange_power,
     exchange_starts_needed,
-    fewest_exchanged,
     independent_detectable,
-    independent_power,
     independent_trials_needed,
     least_exchange_p,
+    min_exchanged_starts,
 )
 from vsnbench.statistics.rates import Proportion, fisher
 
 APART = ExchangeDesign(starts=(8, 10), cells=3, trials=1, rate=0.4, resemblance=Resemblance(0.2, 0.5, 0.0))
+
+
+def independent_power(n: int, m: int, first: float, second: float) -> float:
+    return _fisher_power(_fisher_rejects(n, m, 0.05), first, second)
 
 
 @settings(deadline=None, max_examples=25)
@@ -37,19 +42,19 @@ def test_power_of_independent_samples_counts_every_table(n: int, m: int, first: 
         for b in range(m + 1)
         if fisher(Proportion(a, n), Proportion(b, m)) <= 0.05
     )
-    assert independent_power(n, m, first, second, 0.05) == pytest.approx(expected, abs=1e-9)
+    assert independent_power(n, m, first, second) == pytest.approx(expected, abs=1e-9)
 
 
 def test_independent_trials_needed_give_the_exact_power_asked_for() -> None:
     for first, second in [(0.3, 0.2), (0.29, 0.21), (0.6, 0.2)]:
         needed = independent_trials_needed(first, second, 0.05)
         assert needed is not None
-        assert independent_power(needed, needed, first, second, 0.05) == pytest.approx(0.80, abs=0.04)
+        assert independent_power(needed, needed, first, second) == pytest.approx(0.80, abs=0.04)
     assert independent_trials_needed(0.3, 0.3, 0.05) is None
     assert independent_trials_needed(float("nan"), 0.3, 0.05) is None
     shown = independent_detectable(75, 90, 0.25, 0.05)
     assert shown is not None
-    assert independent_power(75, 90, 0.25 + shown / 2, 0.25 - shown / 2, 0.05) >= 0.8
+    assert independent_power(75, 90, 0.25 + shown / 2, 0.25 - shown / 2) >= 0.8
 
 
 def test_the_power_of_exchanging_positions_is_how_often_the_test_finds_the_difference() -> None:
@@ -71,7 +76,7 @@ def test_two_against_three_positions_can_show_nothing_and_the_least_p_says_so() 
     assert least_exchange_p(2, 3) == pytest.approx(0.1)
     for n, m in [(2, 3), (3, 3), (4, 4), (3, 7)]:
         assert fisher(Proportion(n, n), Proportion(0, m)) == pytest.approx(least_exchange_p(n, m))
-    assert fewest_exchanged(0.05) == 4
+    assert min_exchanged_starts(0.05) == 4
     design = exchange_design_of(two, three, 0.05)
     assert (design.starts, design.trials) == ((2, 3), 5)
     assert exchange_detectable(design) is None

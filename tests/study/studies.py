@@ -2,8 +2,7 @@
 
 from typing import Any
 
-import yaml
-
+from vsnbench.settings.yaml_text import dump_yaml
 from vsnbench.study.file import StudyFile, parse_study
 
 
@@ -17,9 +16,7 @@ def study_text(**changes: Any) -> str:
         "starting_positions": "1-4",
         "seed": 7,
     }
-    return yaml.safe_dump(
-        {name: value for name, value in (content | changes).items() if value is not None}, sort_keys=False
-    )
+    return dump_yaml({name: value for name, value in (content | changes).items() if value is not None})
 
 
 def small_study(**changes: Any) -> StudyFile:

@@ -1,15 +1,23 @@
-from itertools import product
-
 import numpy as np
 import pytest
 from scipy.stats import binom
 from statsmodels.stats.power import TTestPower
 
 from tests.study.studies import small_study
+from vsnbench.statistics.balanced import flip_p_values, paired_intervals
+from vsnbench.statistics.betting import as_share, capital
+from vsnbench.statistics.conclusion import winner_signs
 from vsnbench.statistics.power import Design, Resemblance
-from vsnbench.study.power import PlannedPower, design_of_study, planned_power, simulated_blocks
-from vsnbench.study.schedule import draw_schedule
+from vsnbench.study.power import (
+    PlannedPower,
+    decided_studies,
+    design_of_study,
+    planned_power,
+    simulated_arms,
+    unit_differences,
+)
 from vsnbench.study.stopping import decide
+from vsnbench.study.units import Block
 
 UNRELATED = Resemblance(0.0, 0.0, 0.0)
 
@@ -38,24 +46,27 @@ def test_with_many_positions_power_is_that_of_statsmodels_paired_t_test() -> Non
     assert of(planned_power(small_study(), design, (0.1,))) == pytest.approx(expected, abs=0.06)
 
 
-def test_the_power_of_a_decided_study_is_that_of_its_own_schedule_and_stopping_rule() -> None:
-    study = small_study(stopping="decided", about="these-cells", starting_positions="1-12", goals=["bed", "chair"])
-    design = Design(12, 2, 1, 0.6, UNRELATED)
-    told = of(planned_power(study, design, (0.5,)))
+@pytest.mark.parametrize(("about", "difference"), [("these-cells", 0.2), ("cells-like-these", 0.5)])
+@pytest.mark.parametrize("repetitions", [1, 2])
+def test_simulated_studies_end_as_the_study_itself_would(about: str, difference: float, repetitions: int) -> None:
+    study = small_study(stopping="decided", about=about, starting_positions="1-12", repetitions=repetitions)
     random = np.random.default_rng(2)
-    schedule = draw_schedule(study, tuple(range(1, 13)))
-    won = 0
-    for _ in range(150):
-        succeeds = {
-            (arm, goal, start): random.random() < rate
-            for (arm, rate), goal, start in product((("one", 0.85), ("two", 0.35)), study.goals, range(1, 13))
-        }
-        blocks: dict[int, dict[str, bool]] = {}
-        for one in schedule.trials:
-            blocks.setdefault(one.block, {})[one.arm] = succeeds[one.arm, one.goal, one.start]
-        question = decide(study, list(blocks.values())).questions[0]
-        won += question.winner == "one" and not question.counted
-    assert won / 150 == pytest.approx(told, abs=0.12)
+    design = Design(12, 2, repetitions, 0.5, Resemblance(0.2, 0.4, 0.3))
+    arms = simulated_arms(random, design, difference, samples=40)
+    by_start = about == "cells-like-these"
+    found = decided_studies(unit_differences(arms, by_start=by_start), 0.05, 0.0, by_start=by_start)
+    assert 5 < np.count_nonzero(found.signs) < 40
+    for place in range(40):
+        wins, losses = arms[:, place].astype(bool)
+        blocks = [
+            Block(study.goals[at[1]], at[0] + 1, {"one": bool(wins[at]), "two": bool(losses[at])})
+            for at in np.ndindex(wins.shape)
+        ]
+        question = decide(study, blocks).questions[0]
+        winner = question.winner if not question.counted else None
+        assert {"one": 1, "two": -1, None: 0}[winner] == found.signs[place]
+        units = question.decided_at if question.decided else question.units
+        assert units == found.units[place]
 
 
 def test_more_arms_ask_more_questions_and_have_less_power_each() -> None:
@@ -67,10 +78,12 @@ def test_more_arms_ask_more_questions_and_have_less_power_each() -> None:
     )
 
 
-def test_simulated_blocks_have_the_difference_that_was_asked_for() -> None:
-    blocks = simulated_blocks(np.random.default_rng(0), Design(20, 4, 1, 0.5, Resemblance(0.1, 0.3, 0.5)), 0.2)
-    assert blocks.shape == (600, 80)
-    assert blocks.mean() == pytest.approx(0.2, abs=0.02)
+def test_simulated_arms_have_the_difference_that_was_asked_for() -> None:
+    design = Design(20, 4, 1, 0.5, Resemblance(0.1, 0.3, 0.5))
+    arms = simulated_arms(np.random.default_rng(0), design, 0.2, samples=600)
+    assert unit_differences(arms, by_start=False).shape == (600, 80)
+    assert unit_differences(arms, by_start=True).shape == (600, 20)
+    assert (arms[0] - arms[1]).mean() == pytest.approx(0.2, abs=0.02)
 
 
 def test_a_margin_that_must_be_beaten_costs_power_and_none_is_left_at_the_margin_itself() -> None:
@@ -79,3 +92,29 @@ def test_a_margin_that_must_be_beaten_costs_power_and_none_is_left_at_the_margin
     assert beyond[0].power <= 0.05
     assert beyond[0].power < without[0].power
     assert 0.5 < beyond[1].power <= without[1].power
+
+
+def equal_on_average(random: np.random.Generator, studies: int, rate: float, repetitions: int) -> np.ndarray:
+    """Return two arms of equal rates: the first always succeeds or always fails at a position, the second is even."""
+    first = np.repeat((random.random((studies, 15, 1, 1)) < rate), 5, axis=2)
+    shape = (studies, 15, 5, repetitions)
+    return np.asarray([np.broadcast_to(first, shape), random.random(shape) < rate], np.float64)
+
+
+@pytest.mark.parametrize("repetitions", [1, 2, 5])
+@pytest.mark.parametrize("rate", [0.3, 0.95])
+def test_arms_that_differ_by_position_and_not_on_average_are_rarely_told_apart(rate: float, repetitions: int) -> None:
+    arms = equal_on_average(np.random.default_rng(repetitions), 1500, rate, repetitions)
+    means = arms.mean(-1)
+    p = flip_p_values((means[0] - means[1]).sum(2))
+    found = paired_intervals(means[0], means[1], repetitions, 0.95)
+    plan = winner_signs(found.estimate, found.low, found.high, p, 0.05, 0.0)
+    like = decided_studies(unit_differences(arms, by_start=True), 0.05, 0.0, by_start=True)
+    assert np.mean(plan != 0) <= 0.05
+    assert np.mean(like.signs != 0) <= 0.05
+    if rate == 0.95 and repetitions == 5:
+        assert np.mean(p <= 0.05) > 0.15, "the test alone is not enough"
+    if repetitions == 5:
+        each_block = unit_differences(arms, by_start=False)
+        wealth = [capital(as_share(sign * each_block), 0.5, None)[:, -1] for sign in (1, -1)]
+        assert np.mean(np.maximum(*wealth) >= 40) > 0.2, "repetitions are no independent draws"

@@ -10,8 +10,8 @@ from pathlib import Path
 import torch
 
 from tests.training.recipes import TINY
+from training.atomic_files import TrainingError
 from training.run import train
-from training.whole_files import TrainingError
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()

@@ -6,9 +6,9 @@ import pytest
 from tests.training.recipes import TINY
 from training.expert import guide_to_instance, guide_to_place
 from training.twin_world import TwinWorld
-from vsnbench.models.goal_views import ViewCriteria, view_points, wanted_poses
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.models.baselines.goal_views import ViewCriteria, target_poses, view_points
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 SEED = 10_001
 
@@ -23,7 +23,7 @@ def test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner(wo
     lattice, height_m = world.lattice, world.camera.mount_height_m
     guides = [guide_to_instance(lattice, thing, height_m) for thing in world.site.instances(goal)]
     points = view_points(lattice.space, goal, ViewCriteria(0.8, height_m))
-    wanted = wanted_poses(lattice.space, lattice.planner, points, np.radians(25))
+    wanted = target_poses(lattice.space, lattice.planner, points, np.radians(25))
     rng = np.random.default_rng(5)
     for _ in range(2):
         start = pose = world.draw_start(goal, rng)

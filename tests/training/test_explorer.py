@@ -6,8 +6,8 @@ import pytest
 from tests.training.recipes import TINY
 from training.explorer import Search
 from training.twin_world import TwinWorld
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 
 @pytest.fixture(scope="module")

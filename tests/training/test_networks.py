@@ -14,7 +14,7 @@ from training.recipe import Recipe, load_recipe
 from training.shards import LABELS, Shard, inflection_weight, write_shard
 from vsnbench.errors import UsageError
 from vsnbench.models.pirlnav.policy import PIRLNav
-from vsnbench.simulator.twins.generate import SEEDS, Split
+from vsnbench.simulator.generated_sites.generate import SEEDS, Split
 
 SIZES = TINY.network.architecture
 

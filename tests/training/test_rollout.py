@@ -13,8 +13,8 @@ from training.rollout import INDEX, Lane, _students_turn, demonstrate, evaluate
 from training.shards import STRIPS, UNLABELLED, mirrored
 from training.twin_world import TwinWorld, View
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 
 @pytest.fixture(scope="module")

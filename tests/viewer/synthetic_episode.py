@@ -8,24 +8,24 @@ import cv2
 import numpy as np
 from sqlalchemy import update
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
-from vsnbench.database.episode_entries import EpisodeBegin, EpisodeEnd
-from vsnbench.database.journal import Journal
-from vsnbench.database.tables import Episode
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.codec import diagnostics_to_details
-from vsnbench.protocol.decision import Box, Decision, Diagnostics, GridMap
-from vsnbench.protocol.fix import Fix, PoseSource
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
-from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity
-from vsnbench.protocol.site import load_site
-from vsnbench.protocol.step_record import StepRecord, StepTimings
-from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
-from vsnbench.record.images import depth_path, rgb_path
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.schema.tables import Episode
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
+from vsnbench.sites.site import load_site
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
+from vsnbench.values.encoding.codec import diagnostics_to_details
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import RobotIdentity
+from vsnbench.values.step import StepRecord, StepTimings
 from vsnbench.viewer.recording import EpisodeRecording, RecordingSummary
 
 UUID = "6f0e9a52-0000-4000-8000-000000000017"

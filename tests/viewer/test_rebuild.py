@@ -1,24 +1,31 @@
-"""The Rerun file is derived data: whatever happened to it, the record brings it back."""
+"""Rebuilding of Rerun files from the results."""
 
+import sqlite3
 import subprocess
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
+from sqlalchemy import update
 
 from tests.viewer.synthetic_episode import UUID, entries, header, record
-from vsnbench.database.journal import Journal
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.protocol.fix import PoseSource
+from vsnbench.interop.habitat import HabitatEpisode
+from vsnbench.interop.importing import import_habitat, unsurveyed_site
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
-from vsnbench.record.entries import EndEntry, StepEntry
-from vsnbench.record.images import rgb_path
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.episode_entries import EndEntry, StepEntry
+from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.schema.tables import Step
+from vsnbench.results.writing.journal import Journal
+from vsnbench.values.fix import PoseSource
 from vsnbench.viewer.rebuild import current_recording, recording_fault
 from vsnbench.viewer.recording import EpisodeRecording
 from vsnbench.viewer.replay import read_episode
@@ -44,7 +51,7 @@ def rows(path: Path) -> Counter[str]:
 
 
 def content(path: Path) -> dict[tuple[str, str], list[object]]:
-    """Return by entity and component every value with its step and its robot time, in any order."""
+    """Return all values with their steps and robot times, by entity and component."""
     found: dict[tuple[str, str], list[object]] = defaultdict(list)
     for chunk in RrdReader(path).stream().to_chunks():
         columns = chunk.to_record_batch().to_pydict()
@@ -52,23 +59,25 @@ def content(path: Path) -> dict[tuple[str, str], list[object]]:
         for name, values in columns.items():
             if name not in ("step", "robot_time", "log_time", "log_tick") and not name.endswith("RowId"):
                 found[chunk.entity_path, name] += zip(*times, values, strict=True)
-    return {key: sorted(rows, key=str) for key, rows in found.items()}  # how rows are packed into chunks is a clock's
+    return {key: sorted(rows, key=str) for key, rows in found.items()}  # the order of chunks depends on timing
 
 
-def test_a_copy_made_afterwards_is_the_one_that_is_made_while_the_robot_drives(
-    results: ResultsDirectory, tmp_path: Path
-) -> None:
+def test_a_rebuilt_file_equals_the_live_recording(results: ResultsDirectory, tmp_path: Path) -> None:
     number = record(results, 5)
     with EpisodeRecording(read_episode(results, number).header, tmp_path / "live.rrd") as live:
         for entry in entries(5):
             live.add(entry)
-    was, now = content(tmp_path / "live.rrd"), content(current_recording(results, number))
-    assert {"/camera/rgb", "/camera/depth", "/plan/policy/map", "/decision/text", "/verdict"} <= {key[0] for key in was}
-    assert now.keys() == was.keys()
-    assert [key for key in was if now[key] != was[key]] == [("/__properties", "RecordingInfo:start_time")]
+    live_content, rebuilt = content(tmp_path / "live.rrd"), content(current_recording(results, number))
+    assert {"/camera/rgb", "/camera/depth", "/plan/policy/map", "/decision/text", "/verdict"} <= {
+        key[0] for key in live_content
+    }
+    assert rebuilt.keys() == live_content.keys()
+    assert [key for key in live_content if rebuilt[key] != live_content[key]] == [
+        ("/__properties", "RecordingInfo:start_time")
+    ]
 
 
-def test_a_good_file_is_left_alone(results: ResultsDirectory) -> None:
+def test_a_current_file_is_not_rewritten(results: ResultsDirectory) -> None:
     number = record(results, 3)
     path = current_recording(results, number)
     was = path.stat()
@@ -80,15 +89,15 @@ def test_a_good_file_is_left_alone(results: ResultsDirectory) -> None:
 @pytest.mark.parametrize(
     ("damage", "fault"),
     [
-        (lambda content: content[: len(content) // 2], "broken"),
-        (lambda content: content[:-40], "broken"),
+        (lambda content: content[: len(content) // 2], "damaged"),
+        (lambda content: content[:-40], "damaged"),
         (lambda content: b"", "not a Rerun recording"),
         (lambda content: b"not a recording at all", "not a Rerun recording"),
         (lambda content: content[:5] + bytes([content[5] + 1]) + content[6:], "written by Rerun 0.42"),
     ],
-    ids=["half of it", "no footer, as after kill -9", "empty", "foreign", "a newer SDK"],
+    ids=["truncated", "no-footer", "empty", "other-format", "newer-rerun"],
 )
-def test_a_file_that_cannot_be_shown_is_built_anew(results: ResultsDirectory, damage, fault: str) -> None:  # type: ignore[no-untyped-def]
+def test_an_unusable_file_is_rebuilt(results: ResultsDirectory, damage, fault: str) -> None:  # type: ignore[no-untyped-def]
     number = record(results, 3)
     path = current_recording(results, number)
     whole = rows(path)
@@ -97,7 +106,7 @@ def test_a_file_that_cannot_be_shown_is_built_anew(results: ResultsDirectory, da
     assert rows(current_recording(results, number)) == whole
 
 
-def test_what_a_killed_run_left_of_its_file_is_cleared_away(results: ResultsDirectory) -> None:
+def test_partial_files_of_a_killed_run_are_removed(results: ResultsDirectory) -> None:
     number = record(results, 3)
     killed = subprocess.Popen([sys.executable, "-c", ""])
     killed.wait()
@@ -123,30 +132,54 @@ def test_a_later_verdict_is_shown(results: ResultsDirectory) -> None:
     assert "taped: 1.04 m" in texts[0]
 
 
-def test_an_episode_that_still_runs_is_shown_as_far_as_it_is(results: ResultsDirectory) -> None:
+def test_a_running_episode_is_shown_until_its_last_step(results: ResultsDirectory) -> None:
     number = record(results, 4, ended=False)
     assert rows(current_recording(results, number))["/status"] == 4
 
 
-def test_a_lost_image_costs_only_itself(results: ResultsDirectory) -> None:
+def test_a_missing_image_leaves_other_entities_complete(results: ResultsDirectory) -> None:
     number = record(results, 4)
     rgb_path(results.episode_directory(f"episodes/{number:06d}"), 2).unlink()
     found = rows(current_recording(results, number))
     assert (found["/camera/rgb"], found["/status"]) == (3, 4)
 
 
-def test_an_unknown_episode_is_a_mistake_of_the_command(results: ResultsDirectory) -> None:
+def test_an_unknown_episode_is_a_usage_error(results: ResultsDirectory) -> None:
     record(results, 2)
-    with pytest.raises(UsageError, match="no episode 99"):
+    with pytest.raises(UsageError, match="episode 99"):
         current_recording(results, 99)
 
 
-def test_a_directory_without_a_record_says_so(results: ResultsDirectory) -> None:
-    with pytest.raises(RecordError, match="no record"):
+def test_an_imported_episode_is_refused(results: ResultsDirectory) -> None:
+    results.prepare()
+    source = results.path / "results.json"
+    source.write_text("[]")
+    place = {"site": unsurveyed_site("hm3d"), "source": source, "protocol": ProtocolParameters()}
+    with Journal.open(results.database_url) as journal:
+        import_habitat(journal, [HabitatEpisode("chair", True, 20, 0.4)], model="m", **place)
+    with pytest.raises(RecordError) as error:
+        current_recording(results, 1)
+    assert error.value.code == "imported-episode"
+
+
+@pytest.mark.parametrize("content", ["[]", '{"max_actions": -1, "rooms": 3}', '"text"'])
+@pytest.mark.parametrize("column", ["site.content", "robot.profile", "campaign.protocol"])
+def test_an_unreadable_description_is_an_error(results: ResultsDirectory, column: str, content: str) -> None:
+    record(results, 1)
+    table, _, name = column.partition(".")
+    with closing(sqlite3.connect(results.path / "vsnbench.db")) as database, database:
+        database.execute(f"UPDATE {table} SET {name} = ?", [content])
+    with pytest.raises(RecordError) as error:
+        current_recording(results, 1)
+    assert error.value.code == "damaged-record"
+
+
+def test_a_directory_without_results_is_an_error(results: ResultsDirectory) -> None:
+    with pytest.raises(RecordError):
         current_recording(results, 1)
 
 
-def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory) -> None:
+def test_a_replay_has_the_recorded_entries(results: ResultsDirectory) -> None:
     replay = read_episode(results, record(results, 4))
     given = list(entries(4))
     assert replay.header == replace(header(), episode_id=replay.header.episode_id, robot=replay.header.robot)
@@ -156,3 +189,19 @@ def test_the_record_gives_back_the_frames_that_went_in(results: ResultsDirectory
         if isinstance(was, StepEntry) and isinstance(now, StepEntry):
             assert (now.rgb_jpeg, now.depth_png) == (was.rgb_jpeg, was.depth_png)
             assert replace(now.step, recorded_at=None) == was.step
+
+
+def test_missing_and_damaged_images_are_named_in_a_warning(
+    results: ResultsDirectory, caplog: pytest.LogCaptureFixture
+) -> None:
+    number = record(results, 3)
+    with Journal.open(results.database_url) as journal, journal.engine.begin() as connection:
+        connection.execute(update(Step).values(rgb_digest="blake3:0", depth_digest="blake3:1"))
+    directory = read_episode(results, number).directory
+    rgb_path(directory, 2).unlink()
+    damaged = depth_path(directory, 3)
+    damaged.write_bytes(damaged.read_bytes()[:-9])
+    current_recording(results, number)
+    (warning,) = [entry.getMessage() for entry in caplog.records if "damaged" in entry.getMessage()]
+    assert "images missing or damaged: 2" in warning
+    assert "rgb/0002.jpg is missing, depth/0003.png is incomplete" in warning

@@ -1,4 +1,4 @@
-"""The Rerun copy of an episode: whole, in the site's frame, and never in the robot's way."""
+"""Rerun recordings of episodes: content, and no delay of the robot."""
 
 import logging
 import threading
@@ -14,11 +14,11 @@ import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
 from tests.viewer.synthetic_episode import UUID, entries, header, write
-from vsnbench.protocol.decision import Diagnostics
-from vsnbench.record.entries import StepEntry
+from vsnbench.results.files.episode_entries import StepEntry
+from vsnbench.values.decision import Diagnostics
 from vsnbench.viewer import recording as recording_module
 from vsnbench.viewer.recording import EpisodeRecording
-from vsnbench.viewer.viewers import WebViewer
+from vsnbench.viewer.web_viewer import WebViewer
 
 PER_STEP = (
     "/camera/rgb",
@@ -79,7 +79,7 @@ def test_every_entity_has_every_step(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_the_recording_carries_its_own_layout_and_the_episodes_name(tmp_path: Path) -> None:
+def test_the_recording_contains_its_layout_and_name(tmp_path: Path) -> None:
     write(tmp_path / "episode.rrd", count=2)
     reader = RrdReader(tmp_path / "episode.rrd")
     (recording,) = reader.recordings()
@@ -87,7 +87,7 @@ def test_the_recording_carries_its_own_layout_and_the_episodes_name(tmp_path: Pa
     assert reader.blueprints()
 
 
-def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> None:
+def test_the_trajectory_is_in_the_frame_of_the_site(tmp_path: Path) -> None:
     write(tmp_path / "episode.rrd", count=4)
     first = column(tmp_path / "episode.rrd", "/plan/trajectory", "LineStrips2D:strips")[0]
     begin = header().begin.pose
@@ -96,20 +96,20 @@ def test_the_way_that_was_driven_is_in_the_frame_of_the_site(tmp_path: Path) -> 
     np.testing.assert_allclose(first, [[begin.position, after.pose.position]], atol=1e-5)
 
 
-def test_an_image_is_stored_as_the_bytes_that_lie_in_the_record(tmp_path: Path) -> None:
+def test_an_image_has_the_recorded_bytes(tmp_path: Path) -> None:
     write(tmp_path / "episode.rrd", count=3)
     stored = column(tmp_path / "episode.rrd", "/camera/rgb", "EncodedImage:blob")
     given = [entry.rgb_jpeg for entry in entries(3) if isinstance(entry, StepEntry)]
     assert [np.asarray(blob, np.uint8).tobytes() for [blob] in stored] == given  # type: ignore[misc]
 
 
-def test_a_policy_without_diagnostics_is_shown_too(tmp_path: Path) -> None:
+def test_a_policy_without_diagnostics_is_recorded(tmp_path: Path) -> None:
     summary = write(tmp_path / "episode.rrd", count=3, diagnostics=False)
     assert summary.error == ""
     assert not any(chunk.entity_path.startswith("/decision/scores") for chunk in chunks(tmp_path / "episode.rrd"))
 
 
-def test_a_full_queue_costs_the_copy_and_not_the_robots_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_queue_drops_steps_and_does_not_delay_the_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on = threading.Event()
     really_open = recording_module.open_recording
 
@@ -134,7 +134,7 @@ def test_a_full_queue_costs_the_copy_and_not_the_robots_time(tmp_path: Path, mon
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_worker_that_is_stuck_is_left_behind_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thread_that_hangs_is_abandoned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on = threading.Event()
 
     def stuck(*_: object) -> rr.RecordingStream:
@@ -151,7 +151,7 @@ def test_a_worker_that_is_stuck_is_left_behind_in_time(tmp_path: Path, monkeypat
     closing.start()
     closing.join(30)
     try:
-        assert not closing.is_alive(), "the queue is full and nobody empties it"
+        assert not closing.is_alive(), "the queue is full and no thread empties it"
         assert "not finished after 0.2 s" in recording.close().error
     finally:
         go_on.set()
@@ -160,7 +160,7 @@ def test_a_worker_that_is_stuck_is_left_behind_in_time(tmp_path: Path, monkeypat
         assert time.monotonic() < deadline, "what was left behind ends as soon as it can"
 
 
-def test_one_episode_after_another_takes_no_more_threads_and_files(tmp_path: Path) -> None:
+def test_consecutive_episodes_leave_no_threads_or_files_open(tmp_path: Path) -> None:
     process = psutil.Process()
     assert write(tmp_path / "episode.rrd", count=3).error == ""
     threads, files = process.num_threads(), process.num_fds()
@@ -171,7 +171,7 @@ def test_one_episode_after_another_takes_no_more_threads_and_files(tmp_path: Pat
         assert time.monotonic() < deadline, (process.num_threads(), process.num_fds(), threads, files)
 
 
-def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
+def test_an_error_of_rerun_is_logged_once_and_ends_the_recording(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "file" / "episode.rrd"
@@ -184,7 +184,7 @@ def test_an_error_in_rerun_is_said_once_and_ends_only_the_copy(
     assert len([record for record in caplog.records if "Rerun recording stopped" in record.message]) == 1
 
 
-def test_an_episode_that_has_not_ended_gets_no_final_name(tmp_path: Path) -> None:
+def test_an_unfinished_episode_gets_no_final_file(tmp_path: Path) -> None:
     with EpisodeRecording(header(), tmp_path / "episode.rrd") as recording:
         recording.add(next(entries(3)))
     assert recording.close().path is None
@@ -200,7 +200,7 @@ def test_adding_after_the_end_is_ignored(tmp_path: Path) -> None:
     assert steps_of(tmp_path / "episode.rrd", "/status") == [1, 2]
 
 
-def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None:
+def test_old_detections_are_removed_from_the_image(tmp_path: Path) -> None:
     first, second = [entry for entry in entries(4) if isinstance(entry, StepEntry)][:2]
     bare = replace(second, decision=replace(second.decision, diagnostics=Diagnostics()))
     with EpisodeRecording(header(), tmp_path / "episode.rrd", rebuilding=True) as recording:
@@ -213,7 +213,7 @@ def test_a_detection_that_is_gone_is_taken_off_the_image(tmp_path: Path) -> None
     assert [len(row) for row in goals] == [1, 0]  # type: ignore[arg-type]
 
 
-def test_a_viewer_that_is_closed_under_way_costs_only_the_live_view(tmp_path: Path) -> None:
+def test_closing_the_viewer_does_not_stop_the_recording(tmp_path: Path) -> None:
     viewer = WebViewer(port=0)
     with EpisodeRecording(header(), tmp_path / "episode.rrd", viewer.grpc_url) as recording:
         for number, entry in enumerate(entries(20)):

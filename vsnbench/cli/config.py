@@ -1,4 +1,4 @@
-"""`vsnbench config`: a lab's defaults, and where each comes from."""
+"""`vsnbench config`: the configuration and where each value comes from."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from vsnbench.cli.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_json
 
 if TYPE_CHECKING:
-    from vsnbench.lab_file import LabDefault
+    from vsnbench.config import ConfigDefault
 
 _BUILT_IN = "built in"
 
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
-    help="""Show a lab's defaults: a flag comes first, then the environment, then vsnbench.toml.
+    help="""Show the configuration. Options override the environment, which overrides vsnbench.toml.
 
     vsnbench config show
     """,
@@ -25,47 +25,61 @@ app = typer.Typer(
 
 @app.callback()
 def config() -> None:
-    """Keep `show` a verb of its own."""
+    """Keep `show` a subcommand, although it is the only one."""
 
 
 @app.command()
 def show(as_json: Json = False) -> None:
-    """Show every default that holds here, and the file or variable that says it, or that it is built in.
+    """Show every configured value and its source: a file, a variable, or built in.
 
     [bold]Examples[/bold]
 
         vsnbench config show
         VSNBENCH_ROBOT=turtlebot2 vsnbench config show --json
     """
-    from vsnbench.cli.episode_page import safe
-    from vsnbench.cli.listing import ListColumn, print_list, prose_column
-    from vsnbench.lab_file import FILE_NAME, VARIABLE_OF, lab_defaults
+    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.config import FILE_NAME, VARIABLE_OF, config_defaults
 
-    defaults = [each if each.source else _built_in(each) for each in lab_defaults()]
+    defaults = [default if default.source else _built_in(default) for default in config_defaults()]
+    defaults += _section_values()
     if as_json:
-        print_json([asdict(each) for each in defaults])
+        print_json([asdict(default) for default in defaults])
         return
     rows = []
-    for each in defaults:
-        source = FILE_NAME if each.source == str(Path.cwd() / FILE_NAME) else each.source
-        value = each.value.replace(str(Path.home()), "~", 1) if source == _BUILT_IN else each.value
-        rows.append((each.name, safe(value), safe(source), VARIABLE_OF[each.name]))
-    print_list(
-        (ListColumn("default"), prose_column("value"), prose_column("from"), ListColumn("variable", rank=1)), rows
-    )
+    for default in defaults:
+        source = FILE_NAME if default.source == str(Path.cwd() / FILE_NAME) else default.source
+        value = default.value.replace(str(Path.home()), "~", 1) if source == _BUILT_IN else default.value
+        rows.append((default.name, safe(value or "not set"), safe(source), VARIABLE_OF.get(default.name, "")))
+    print_list((ListColumn("key"), prose_column("value"), prose_column("from"), ListColumn("variable", rank=1)), rows)
 
 
-def _built_in(default: "LabDefault") -> "LabDefault":
-    """Return what holds where nobody says it."""
-    from vsnbench.database.provenance import login_name
-    from vsnbench.lab_file import BUILT_IN_RESULTS, BUILT_IN_ROBOT, BUILT_IN_SITE
-    from vsnbench.models.weights import weights_directory
+def _built_in(default: "ConfigDefault") -> "ConfigDefault":
+    """Return a default with its built-in value."""
+    from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_RESULTS, BUILT_IN_ROBOT, BUILT_IN_SITE
+    from vsnbench.models.checkpoints.weights import weights_directory
+    from vsnbench.results.writing.provenance import login_name
 
     built_in = {
         "site": BUILT_IN_SITE,
         "robot": BUILT_IN_ROBOT,
+        "protocol": BUILT_IN_PROTOCOL,
         "results": BUILT_IN_RESULTS,
         "operator": login_name(),
         "weights": str(weights_directory()),
     }
     return replace(default, value=built_in[default.name], source=_BUILT_IN)
+
+
+def _section_values() -> "list[ConfigDefault]":
+    """Return the values of all sections."""
+    from vsnbench.config import SECTIONS, Config, ConfigDefault, load_config
+
+    config, built_in = load_config(), Config()
+    values = []
+    for section in SECTIONS:
+        for key, value in asdict(getattr(config, section)).items():
+            is_set = value != getattr(getattr(built_in, section), key)
+            text = "" if value is None else str(value)
+            values.append(ConfigDefault(f"{section}.{key}", text, str(config.file) if is_set else _BUILT_IN))
+    return values

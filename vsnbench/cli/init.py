@@ -1,4 +1,4 @@
-"""`vsnbench init`: a directory for a lab's work."""
+"""`vsnbench init`: create a working directory."""
 
 import shlex
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_json
 from vsnbench.errors import UsageError
 
 _STARTER = Path(__file__).with_name("starter")
@@ -15,13 +15,13 @@ _FILES = {"vsnbench.toml": "vsnbench.toml", "lab.yaml": "lab.yaml", "gitignore":
 
 def command(
     directory: Annotated[
-        Path, typer.Argument(help="Where; made when it is not there.", metavar="[DIR]", show_default=False)
+        Path, typer.Argument(help="Directory, created if necessary.", metavar="DIR", show_default=False)
     ] = Path(),
     as_json: Json = False,
 ) -> None:
-    """Make a directory for a lab's work: its defaults (vsnbench.toml), a site to fill, a .gitignore.
+    """Create a directory with a configuration (vsnbench.toml), a site to edit and a .gitignore.
 
-    What lies there already stays as it is.
+    Existing files are not changed.
 
     [bold]Examples[/bold]
 
@@ -49,8 +49,8 @@ def command(
     for file in made:
         typer.echo(file)
     for file in kept:
-        typer.echo(f"{file} (was already there, and stays)")
-    go_there = "" if target.resolve() == Path.cwd() else f"cd {shlex.quote(str(target))} && "
-    typer.echo(f"next: {go_there}vsnbench sites check lab.yaml", err=True)
+        typer.echo(f"{file} (exists, not changed)")
+    change_directory = "" if target.resolve() == Path.cwd() else f"cd {shlex.quote(str(target))} && "
+    typer.echo(f"next: {change_directory}vsnbench sites check lab.yaml", err=True)
     typer.echo("      vsnbench run --model oracle --goal all", err=True)
     typer.echo("      vsnbench report", err=True)

@@ -1,14 +1,11 @@
-"""The console script: which verbs there are, and the one place where errors become a line and an exit code.
-
-A verb's module is imported only when that verb is called, so that `vsnbench --help` answers at once.
-"""
+"""Console script: loads the module of a command when it is called, and turns errors into one line and an exit code."""
 
 import atexit
 import gc
 import importlib
-import logging
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
@@ -16,54 +13,56 @@ import typer
 from typer.main import get_command
 
 from vsnbench import __version__
-from vsnbench.cli.options import refuse_repeated
-from vsnbench.cli.output import WITHOUT_RESULT, flowing, hushable
-from vsnbench.cli.refusals import RefusingGroup
+from vsnbench.cli.support.completion import add_completion
+from vsnbench.cli.support.help_text import HELP_OPTIONS, hide_flag_types
+from vsnbench.cli.support.log_level import set_up_logging
+from vsnbench.cli.support.output import WITHOUT_RESULT, join_long_lines, with_output_options
+from vsnbench.cli.support.parser_errors import RootGroup
+from vsnbench.cli.support.renamed import refuse_renamed
+from vsnbench.cli.support.words import mark_missing_values, refuse_repeated
+from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
-from vsnbench.lab_file import LabDefault, take_lab_defaults
+from vsnbench.text.sanitize import sanitize
+from vsnbench.text.streams import sanitized_output
 
 VERBS: dict[str, tuple[str, str]] = {
-    "run": ("vsnbench.cli.run", "Run a campaign: one model, its goals, every starting position; resumes by itself."),
-    "study": ("vsnbench.cli.study", "An experiment: several models, a locked plan, run blind, judged as said before."),
-    "report": ("vsnbench.cli.report", "Success rates with intervals, from the database."),
-    "compare": ("vsnbench.cli.compare", "Compare two models with honest statistics."),
-    "view": ("vsnbench.cli.view", "Open an episode in Rerun."),
-    "judge": ("vsnbench.cli.judge", "Say what became of an episode: confirm, measure, amend, void."),
-    "episodes": ("vsnbench.cli.episodes", "List and show recorded episodes."),
-    "sites": ("vsnbench.cli.sites", "List, show, check and draw sites."),
-    "robots": ("vsnbench.cli.robots", "List, show and check robot profiles."),
-    "models": ("vsnbench.cli.models", "Begin, list, show, check, serve and fetch models."),
-    "ros1": ("vsnbench.cli.ros1", "The ROS 1 nodes: discrete_move, and a simulated robot to rehearse with."),
-    "ros2": ("vsnbench.cli.ros2", "The ROS 2 nodes: discrete_move, and a simulated robot to rehearse with."),
-    "doctor": ("vsnbench.cli.doctor", "Check a robot, its topics and this machine before a session."),
-    "place": ("vsnbench.cli.place", "Measure how far off its mark a robot stands, before it drives."),
-    "export": ("vsnbench.cli.export", "Write episodes in the formats of other tools."),
-    "import": ("vsnbench.cli.import_", "Take in results of other tools."),
-    "init": ("vsnbench.cli.init", "Make a directory for a lab's work: its defaults, a site to fill."),
-    "config": ("vsnbench.cli.config", "Show a lab's defaults, and where each comes from."),
-    "db": ("vsnbench.cli.db", "The results database: its state, upgrade, backup and merge."),
+    "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
+    "study": ("vsnbench.cli.study.verbs", "Run a blinded comparison of several models from a locked plan."),
+    "report": ("vsnbench.cli.results.report", "Report success rates with confidence intervals."),
+    "compare": ("vsnbench.cli.results.compare", "Compare the success rates of models."),
+    "browse": ("vsnbench.cli.results.browse", "Look at the results in a browser: filter, compare, tag."),
+    "view": ("vsnbench.cli.results.view", "Open an episode in Rerun."),
+    "judge": ("vsnbench.cli.results.judge", "Judge an episode: confirm, measure, amend or void."),
+    "note": ("vsnbench.cli.results.note", "Add notes and tags to episodes; no verdict changes."),
+    "episodes": ("vsnbench.cli.results.episodes", "List and show recorded episodes."),
+    "sites": ("vsnbench.cli.sites", "List, show, check, draw and edit sites."),
+    "protocol": ("vsnbench.cli.protocol", "List, show and check protocols: the rules of the trials."),
+    "robots": ("vsnbench.cli.robots.robots", "List and check robot profiles; run the ROS nodes of a robot."),
+    "models": ("vsnbench.cli.models.models", "Create, list, check, serve and fetch models."),
+    "doctor": ("vsnbench.cli.robots.doctor", "Check a robot and this machine before a session."),
+    "place": ("vsnbench.cli.running.place", "Measure how far a robot is from its starting position."),
+    "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
+    "import": ("vsnbench.cli.results.import_", "Import results of other tools."),
+    "init": ("vsnbench.cli.init", "Create a directory with a configuration and a site to edit."),
+    "config": ("vsnbench.cli.config", "Show the configuration and where each value comes from."),
+    "db": ("vsnbench.cli.results.db", "Inspect, upgrade, back up and merge the results database."),
 }
-"""Verb -> (module, line for --help), in the order of --help.
+"""Command -> (module, line for --help), in the order of --help.
 
-A module offers `app` (a Typer with sub-commands) or `command` (a function that is the verb itself).
+A module has either `app` (a Typer with subcommands) or `command` (the function of the command).
 """
 
-_SAID_ALOUD = {
-    ("run",): ("site", "robot"),
+_PRINTED_DEFAULTS = {
+    ("run",): ("site", "robot", "protocol"),
     ("doctor",): ("robot",),
     ("place",): ("site", "robot"),
-    ("sites", "scan"): ("robot",),
     ("study", "new"): ("site", "robot"),
-    ("ros1", "simulate"): ("site",),
-    ("ros2", "simulate"): ("site",),
+    ("robots", "simulate"): ("site",),
 }
-"""Verbs that may move a robot, or plan it -> which defaults of a file they name, so that nobody is surprised."""
+"""Commands that may move a robot, or plan it -> configured defaults that they print."""
 
 _COMPLETING = "_VSNBENCH_COMPLETE"
-"""Set by a shell that asks what could come next."""
-
-ALIASES = {"ros": "ros1"}
-"""Older name of a verb -> the verb; understood, and not shown."""
+"""Environment variable that a shell sets to request completions."""
 
 EXAMPLES = """
 [bold]Does the model find chairs?[/bold]
@@ -72,17 +71,17 @@ EXAMPLES = """
     vsnbench report
     vsnbench view 1
 
-With no robot named, a simulated Turtlebot 2 drives in an embedded apartment.
-Results go to ./results, or where --results or $VSNBENCH_RESULTS says.
-Interrupted? The same command goes on with the trials that are left.
+The default robot is a simulated TurtleBot 2 in an embedded apartment.
+Results go to ./results; --results or $VSNBENCH_RESULTS changes that.
+After an interruption, the same command resumes.
 """
 
 EXIT_CODES = """
-[bold]Exit codes[/bold]: 0 done; 1 it could not, a check failed, or trials are left;
-2 what was typed does not fit; ended from outside: 129 a closed terminal,
-130 Ctrl-C or the emergency stop, 143 SIGTERM.
+[bold]Exit codes[/bold]: 0 success; 1 failure, failed check or unfinished trials;
+2 usage error. Ended by a signal: 129 closed terminal, 130 Ctrl-C or
+emergency stop, 143 SIGTERM.
 
-Every verb that prints a result knows --json and --quiet.
+Commands that print a result have --json, --quiet and --verbose.
 """
 
 
@@ -92,17 +91,17 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def build_app(verb: str | None) -> typer.Typer:
-    """Return the command line with `verb` loaded in full and every other verb as its one line of help."""
+def build_app(name: str | None) -> typer.Typer:
+    """Return the command line with one command loaded, and only the line of help of the others."""
     root = typer.Typer(
         name="vsnbench",
-        cls=RefusingGroup,
-        help=f"Benchmark visual-semantic-navigation models on robots, real and simulated.\n\n{EXAMPLES}",
+        cls=RootGroup,
+        help=f"Benchmark visual-semantic-navigation models on real and simulated robots.\n\n{EXAMPLES}",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         epilog=EXIT_CODES,
         rich_markup_mode="rich",
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings={"help_option_names": HELP_OPTIONS},
     )
 
     @root.callback()
@@ -113,82 +112,93 @@ def build_app(verb: str | None) -> typer.Typer:
     ) -> None:
         del version
 
-    shown = ALIASES.get(verb, verb) if verb else None
-    for name, (module_name, summary) in VERBS.items():
-        if name != shown:
-            root.command(name, help=summary)(lambda: None)
+    for other, (module_name, summary) in VERBS.items():
+        if other != name:
+            root.command(other, help=summary)(lambda: None)
             continue
         module = importlib.import_module(module_name)
         if hasattr(module, "app"):
             for command in module.app.registered_commands:
+                add_completion(name, command.callback)
                 own_name = command.name or command.callback.__name__
                 if (name, own_name) not in WITHOUT_RESULT:
-                    command.callback = hushable(command.callback)
-                command.help = flowing(command.help or command.callback.__doc__)
-            root.add_typer(module.app, name=verb, help=flowing(module.app.info.help) or summary)
+                    command.callback = with_output_options(command.callback)
+                command.help = join_long_lines(command.help or command.callback.__doc__)
+            root.add_typer(module.app, name=name, help=join_long_lines(module.app.info.help) or summary)
         else:
-            root.command(verb, help=flowing(module.command.__doc__))(hushable(module.command))
+            add_completion(name, module.command)
+            command = module.command if (name,) in WITHOUT_RESULT else with_output_options(module.command)
+            root.command(name, help=join_long_lines(module.command.__doc__))(command)
     return root
 
 
 def main(loaded: Callable[[], object] = lambda: None) -> None:
-    """Run the command line; known errors become one line on stderr and their exit code.
+    """Run the command line; known errors become one line on stderr and an exit code.
 
     Args:
-        loaded: called when the verb that was typed is loaded, and has not begun.
+        loaded: called when the command is loaded and before it runs.
     """
-    # Python walks through everything that lives before it ends: a second of work where models are loaded, and many on a
-    # loaded machine. What has to be closed is closed by then.
+    # At exit, Python visits every live object: a second if models are loaded. All resources are closed by then.
     atexit.register(gc.freeze)
-    logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
+    with sanitized_output():
+        _run(loaded)
+
+
+def _run(loaded: Callable[[], object]) -> None:
     completing = _COMPLETING in os.environ
-    verb = next((word for word in _typed() if word in VERBS or word in ALIASES), None)
+    name = next((word for word in _words() if word in VERBS), None)
     try:
-        taken = [] if verb == "config" or completing else take_lab_defaults()
-        app = build_app(verb)
-        refuse_repeated(get_command(app), sys.argv[1:])
-        _say_defaults(verb, taken)
+        set_up_logging()
+        warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
+        if not completing:
+            refuse_renamed(sys.argv[1:])
+        applied = [] if name == "config" or completing else apply_config_defaults()
+        command = get_command(build_app(name))
+        hide_flag_types(command)
+        words = mark_missing_values(sys.argv[1:])
+        refuse_repeated(command, words)
+        _print_defaults(name, applied)
         loaded()
-        app(prog_name="vsnbench")
+        command(words, prog_name="vsnbench")
     except VsnbenchError as error:
-        sys.stderr.write(f"vsnbench: error: {error}\n")
+        sys.stderr.write(f"vsnbench: error: {sanitize(str(error))}\n")
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
     except Exception:
-        if not (fault := _record_fault()):
+        if not (problem := _record_problem()):
             raise
-        sys.stderr.write(f"vsnbench: error: {fault}\n")
+        sys.stderr.write(f"vsnbench: error: {sanitize(problem)}\n")
         sys.exit(VsnbenchError.exit_code)
 
 
-def _typed() -> Sequence[str]:
-    """Return the words of the command line; while a shell asks what could come next, those that stand there so far."""
+def _words() -> Sequence[str]:
+    """Return the words of the command line; those typed so far if a shell requests completions."""
     if _COMPLETING not in os.environ:
         return sys.argv[1:]
     return (os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "").split()[1:]
 
 
-def _say_defaults(verb: str | None, taken: Sequence[LabDefault]) -> None:
-    """Name the defaults of a lab's file that decide what a robot does."""
+def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:
+    """Print the configured values that decide what a robot does."""
     typed = {word.split("=", 1)[0] for word in sys.argv[1:]}
-    after = sys.argv[sys.argv.index(verb) + 1 :][:1] if verb in sys.argv else []
-    named = _SAID_ALOUD.get((verb or "",)) or _SAID_ALOUD.get((verb or "", *after), ())
-    said = [
-        f"{each.name} {each.value}"
-        for each in taken
-        if each.name in named and not typed & {f"--{each.name}", f"--{each.name}s", "--help", "-h"}
+    following = sys.argv[sys.argv.index(name) + 1 :][:1] if name in sys.argv else []
+    printed = _PRINTED_DEFAULTS.get((name or "",)) or _PRINTED_DEFAULTS.get((name or "", *following), ())
+    values = [
+        f"{default.name} {default.value}"
+        for default in applied
+        if default.name in printed and not typed & {f"--{default.name}", "--help", "-h"}
     ]
-    if said:
-        sys.stderr.write(f"{', '.join(said)} (from {taken[0].source})\n")
+    if values:
+        sys.stderr.write(f"{', '.join(values)} (from {applied[0].source})\n")
 
 
-def _record_fault() -> str:
-    """Return what is wrong with the record, where an unexpected failure is not ours; empty for a bug of ours."""
-    if "vsnbench.database.engine" not in sys.modules:
+def _record_problem() -> str:
+    """Return what is wrong with the record if that explains an unexpected exception, else an empty string."""
+    if "vsnbench.results.schema.engine" not in sys.modules:
         return ""
-    from vsnbench.database.soundness import fault_of_opened_records
+    from vsnbench.results.reading.integrity import fault_of_opened_records
 
     return fault_of_opened_records()
 

@@ -1,39 +1,56 @@
-"""`vsnbench sites`: list, show, check, draw and picture surveyed places, and generate made-up ones."""
+"""`vsnbench sites`: list, show, check, draw, render, generate, edit and export sites."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli import site_exchange, site_scan
-from vsnbench.cli.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.text.sanitize import counted
+
+if TYPE_CHECKING:
+    from vsnbench.sites.site import Site
 
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="""List, show, check, draw, picture and generate sites: surveyed places, one YAML file each.
+    help="""List, show, check, draw and edit sites: surveyed places, one YAML file each.
 
     vsnbench sites list
     vsnbench sites check my-flat.yaml --robot lola2
     vsnbench sites draw apartment --output plan.svg
-    vsnbench sites look apartment --output look.png
+    vsnbench sites render apartment --output apartment.png
     vsnbench sites generate --seed 7 --output flat.yaml
-    vsnbench sites export my-flat.yaml --geojson flat.geojson
-    vsnbench sites import flat.geojson --output copy.yaml
-    vsnbench sites scan --robot turtlebot2 --output map.yaml
+    vsnbench sites export my-flat.yaml --map map.yaml
     vsnbench sites edit my-flat.yaml --underlay map.yaml
     """,
 )
 
-SiteArgument = Annotated[str, typer.Argument(help="An embedded site's name, or the path of a site file.")]
+SiteArgument = Annotated[
+    str, typer.Argument(help="Name of an embedded site, path of a site file, or flat:SEED for a generated one.")
+]
+
+_FLAT = "flat:"
+
+
+def _site(name: str) -> "Site":
+    """Return the site with that name, as `run --site` does; imports what a generated one needs only for it."""
+    if name.startswith(_FLAT):
+        from vsnbench.runner.setup.selection import named_site
+
+        return named_site(name)
+    from vsnbench.sites.site import load_site
+
+    return load_site(name)
 
 
 @app.command("list")
 def list_sites(as_json: Json = False) -> None:
-    """List the sites that ship with vsnbench."""
-    from vsnbench.cli.episode_page import safe
-    from vsnbench.cli.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.protocol.site import embedded_sites, load_site
+    """List the embedded sites."""
+    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.sites.site import embedded_sites, load_site
 
     sites = [(load_site(name), path) for name, path in embedded_sites().items()]
     if as_json:
@@ -61,20 +78,20 @@ def list_sites(as_json: Json = False) -> None:
 
 @app.command()
 def show(site_name: SiteArgument, as_json: Json = False) -> None:
-    """Show a site: its rooms, what stands where, and where episodes start.
+    """Show a site: its rooms, doors, goal instances and starting positions.
 
     vsnbench sites show apartment
     """
-    from rich.console import Console
+    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.sites.categories import GOAL_CATEGORIES
+    from vsnbench.sites.targets import targets_of
+    from vsnbench.text.terminal import Console
 
-    from vsnbench.cli.episode_page import safe
-    from vsnbench.cli.listing import ListColumn, print_list, prose_column
-    from vsnbench.protocol.categories import GOAL_CATEGORIES
-    from vsnbench.protocol.site import load_site
-
-    site = load_site(site_name)
+    site = _site(site_name)
     if as_json:
-        content = site.content() | {"area_m2": round(site.area_m2, 2), "sha256": site.sha256}
+        defined = [goal.content() | {"sha256": goal.sha256} for goal in site.goals]
+        content = site.content() | {"goals": defined, "area_m2": round(site.area_m2, 2), "sha256": site.sha256}
         print_json(content)
         return
     console = Console()
@@ -90,6 +107,18 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
     goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]
     print_list((ListColumn("goal"), prose_column("instances")), goals)
     typer.echo()
+    if site.goals:
+        rows = [
+            (
+                goal.id,
+                goal.kind.value,
+                safe(goal.text or goal.category),
+                ", ".join(t.id for t in targets_of(site, goal.id)),
+            )
+            for goal in site.goals
+        ]
+        print_list((ListColumn("goal"), ListColumn("kind"), prose_column("words"), prose_column("targets")), rows)
+        typer.echo()
     starts = []
     for start in site.starts:
         x_m, y_m = start.position
@@ -102,26 +131,30 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
 @app.command()
 def check(
     site_name: SiteArgument,
-    robot: Annotated[str, typer.Option(help="Whose radius: a robot profile's name.")] = "turtlebot2",
+    robot: Annotated[str, typer.Option(help="Robot profile whose radius is used.")] = "turtlebot2",
     as_json: Json = False,
 ) -> None:
-    """Say everything that is wrong with a site, and how to mend it; exit code 1 when trials there are worth nothing.
+    """Check a site; exit code 1 if there are errors.
 
     vsnbench sites check my-flat.yaml
     """
     from vsnbench.errors import SiteError
-    from vsnbench.protocol.survey.check import check_site_file
-    from vsnbench.protocol.survey.finding import Severity, SiteFinding
     from vsnbench.robots.profiles import load_profile
+    from vsnbench.site_checks.check import check_site, check_site_file
+    from vsnbench.site_checks.finding import Severity, SiteFinding
 
     profile = load_profile(robot)
-    site, findings = check_site_file(site_name, profile.base.radius_m)
+    site, findings = (
+        check_site_file(site_name, profile.base.radius_m)
+        if not site_name.startswith(_FLAT)
+        else (flat := _site(site_name), check_site(flat, profile.base.radius_m))
+    )
     name = site_name if site is None else site.name
     if site is not None and not any(finding.severity is Severity.ERROR for finding in findings):
         from vsnbench.simulator.scene import build_scene
 
         try:
-            build_scene(site)  # only the simulator knows the looks
+            build_scene(site)  # only the simulator knows the appearances
         except SiteError as problem:
             findings.append(SiteFinding(Severity.ERROR, "unknown-look", f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
@@ -132,10 +165,7 @@ def check(
         for finding in findings:
             typer.echo(f"{finding.severity.value}: {finding.message}")
         warnings = len(findings) - errors
-        counted = (
-            f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "nothing to complain about"
-        )
-        typer.echo(f"{name} for {profile.name}: {counted}")
+        typer.echo(f"{name} for {profile.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}")
     if errors:
         raise typer.Exit(1)
 
@@ -145,30 +175,31 @@ def draw(
     site_name: SiteArgument,
     output: Annotated[
         list[str] | None,
-        typer.Option("--output", "-o", help="Where to: .svg, .png or .pdf; NAME-plan.svg and .png when absent."),
+        typer.Option(
+            "--output", "-o", show_default="NAME-plan.svg and .png", help="Path of the plan: .svg, .png or .pdf."
+        ),
     ] = None,
     goal: Annotated[
-        str | None, typer.Option(help="Show this goal in colour, the others in grey, and from where STOP succeeds.")
+        str | None,
+        typer.Option("--goal", help="Category or goal of the site in colour, with the region in which STOP succeeds."),
     ] = None,
-    starts: Annotated[bool, typer.Option(help="Show the starting positions.")] = True,
-    grid: Annotated[bool, typer.Option("--grid", help="Show axes in metres and a grid.")] = False,
+    starts: Annotated[bool, typer.Option(help="Draw the starting positions.")] = True,
+    grid: Annotated[bool, typer.Option("--grid", help="Draw axes in metres and a grid.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Draw the floor plan as for a paper; with a goal, also from where STOP succeeds at it.
+    """Draw the floor plan; with --goal, also the region in which STOP succeeds.
 
     vsnbench sites draw apartment --output plan.pdf --goal chair
     """
-    from pathlib import Path
-
     from vsnbench.errors import UsageError
     from vsnbench.protocol.judge import success_region
     from vsnbench.protocol.parameters import ProtocolParameters
-    from vsnbench.protocol.site import load_site
     from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan
+    from vsnbench.runner.setup.selection import resolve_goals
 
-    site = load_site(site_name)
-    if goal is not None and not site.instances(goal):
-        raise UsageError(f"site {site.name} has no {goal}; it has {', '.join(sorted(site.categories))}")
+    site = _site(site_name)
+    if goal is not None:
+        (goal,) = resolve_goals([goal], site)
     reached = success_region(site, goal, ProtocolParameters()) if goal is not None else None
     paths = [Path(file) for file in output or [f"{site.name}-plan.svg", f"{site.name}-plan.png"]]
     for path in paths:
@@ -182,29 +213,27 @@ def draw(
 
 
 @app.command()
-def look(
+def render(
     site_name: SiteArgument,
     output: Annotated[
-        str, typer.Option("--output", "-o", help="Where to: .png or .jpg; NAME-look.png when absent.")
+        str,
+        typer.Option("--output", "-o", show_default="NAME-render.png", help="Path of the image: .png or .jpg."),
     ] = "",
     as_json: Json = False,
 ) -> None:
-    """Picture every room and everything that stands in it, as a simulated camera sees it.
+    """Render every room and object as the simulated camera sees them.
 
-    vsnbench sites look apartment --output look.png
+    vsnbench sites render apartment --output apartment.png
     """
-    from pathlib import Path
-
     from vsnbench.errors import UsageError
-    from vsnbench.protocol.site import load_site
-    from vsnbench.simulator.contact_sheet import contact_sheet, save_image
+    from vsnbench.simulator.rendering.contact_sheet import contact_sheet, save_image
 
-    site = load_site(site_name)
-    path = Path(output or f"{site.name}-look.png")
+    site = _site(site_name)
+    path = Path(output or f"{site.name}-render.png")
     if path.suffix not in (".png", ".jpg"):
-        raise UsageError(f"cannot picture {path}", advice="name a file that ends in .png or .jpg")
+        raise UsageError(f"cannot render to {path}", advice="name a file that ends in .png or .jpg")
     if not path.parent.is_dir():
-        raise UsageError(f"cannot write {path}: there is no directory {path.parent}")
+        raise UsageError(f"cannot write {path}: directory {path.parent} does not exist")
     image = contact_sheet(site)
     try:
         save_image(image, path)
@@ -215,22 +244,23 @@ def look(
 
 @app.command()
 def generate(
-    seed: Annotated[int, typer.Option(min=0, help="The same seed always gives the same flat.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the flat.")],
     output: Annotated[
-        str, typer.Option("--output", "-o", help="Where to: a .yaml file; twin-SEED.yaml when absent, - for stdout.")
+        str,
+        typer.Option(
+            "--output", "-o", show_default="twin-SEED.yaml", help="Path of the site file (.yaml); - for stdout."
+        ),
     ] = "",
     as_json: Json = False,
 ) -> None:
-    """Make up a furnished flat of 50 to 100 m2 that passes every check, with all goal categories in it.
+    """Generate a furnished flat of 50 to 100 m² with all goal categories; `--site flat:SEED` is the same.
 
     vsnbench sites generate --seed 7
     vsnbench run --model oracle --goal chair --site twin-7.yaml
     """
-    from pathlib import Path
-
     from vsnbench.errors import UsageError
-    from vsnbench.exchange.site_file import site_yaml, write_site
-    from vsnbench.simulator.twins.generate import generate_site
+    from vsnbench.interop.site_file import site_yaml, write_site
+    from vsnbench.simulator.generated_sites.generate import generate_site
 
     path = Path(output or f"twin-{seed}.yaml")
     if output != "-" and path.suffix not in (".yaml", ".yml"):
@@ -247,28 +277,27 @@ def generate(
 
 @app.command()
 def edit(
-    site_file: Annotated[str, typer.Argument(help="The site's file; a new one where there is none.")],
+    site_file: Annotated[str, typer.Argument(help="Path of the site file; a new one is created.")],
     underlay: Annotated[
-        str, typer.Option(help="Lay this under the plan: a ROS map's map.yaml, or a picture of a plan.")
+        str, typer.Option("--underlay", help="Background of the plan: map.yaml of a ROS map, or an image.")
     ] = "",
-    robot: Annotated[str, typer.Option(help="Check for this robot: a profile's name.")] = "turtlebot2",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page on 127.0.0.1; 0 for any.")] = 0,
+    robot: Annotated[str, typer.Option("--robot", help="Robot profile for the checks.")] = "turtlebot2",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any free port.")] = 0,
 ) -> None:
-    """Draw and correct a site in the browser, its checks beside it; the file's comments are kept. Ctrl-C ends.
+    """Edit a site in the browser, with its checks. Comments in the file are kept. Ctrl-C stops the editor.
 
     vsnbench sites edit lab.yaml --underlay map.yaml
     """
     import signal
     import threading
-    from pathlib import Path
 
-    from vsnbench.console.plan_underlay import Underlay
-    from vsnbench.console.session_key import SessionKey
-    from vsnbench.console.site_editor import MOST_BODY_BYTES, SiteEditor
-    from vsnbench.console.web_server import WebServer
     from vsnbench.errors import UsageError
-    from vsnbench.protocol.site import embedded_sites
     from vsnbench.robots.profiles import load_profile
+    from vsnbench.sites.site import embedded_sites
+    from vsnbench.web.site_editor.editor import MAX_BODY_BYTES, SiteEditor
+    from vsnbench.web.site_editor.underlay import Underlay
+    from vsnbench.web_server.server import WebServer
+    from vsnbench.web_server.session_key import SessionKey
 
     path = Path(site_file)
     if site_file in embedded_sites():
@@ -276,24 +305,39 @@ def edit(
             f"{site_file} is an embedded site", advice=f"copy it first: cp {embedded_sites()[site_file]} my-flat.yaml"
         )
     if path.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"a site file ends in .yaml, and {site_file} does not")
-    below = Underlay.of_file(Path(underlay)) if underlay else None
-    editor = SiteEditor(path, load_profile(robot), below)
+        raise UsageError(f"cannot edit {site_file}", advice="name a file that ends in .yaml")
+    background = Underlay.of_file(Path(underlay)) if underlay else None
+    editor = SiteEditor(path, load_profile(robot), background)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    key, most = SessionKey.new(), MOST_BODY_BYTES
-    with WebServer(editor.app(), key, port=port, most_body_bytes=most, port_option="--port") as server:
-        typer.echo(f"{path} is edited at {server.addresses[0]}")
+    key, limit = SessionKey.new(), MAX_BODY_BYTES
+    with WebServer(editor.app(), key, port=port, max_body_bytes=limit) as server:
+        typer.echo(f"editing {path} at {server.addresses[0]}")
         try:
             ended.wait()
         except KeyboardInterrupt:
             typer.echo("")
 
 
-app.command("export")(site_exchange.export_site)
-app.command("import")(site_exchange.import_site)
-app.command("scan")(site_scan.command)
+@app.command("export")
+def export_site(
+    site_name: SiteArgument,
+    ros_map: Annotated[Path, typer.Option("--map", help="Path of the map.yaml; the PGM file is written next to it.")],
+    resolution: Annotated[
+        float, typer.Option("--resolution", min=0.005, max=1.0, help="Side of a map cell in metres.")
+    ] = 0.05,
+    furniture: Annotated[bool, typer.Option(help="Draw the objects.")] = True,
+    as_json: Json = False,
+) -> None:
+    """Write a site as a map for map_server of ROS.
 
+    vsnbench sites export apartment --map apartment-map.yaml
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.interop.ros_map import write_ros_map
+    from vsnbench.interop.site_map import map_of_site
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    if ros_map.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"cannot write a map to {ros_map}", advice="name a file that ends in .yaml")
+    site = _site(site_name)
+    print_files(write_ros_map(map_of_site(site, resolution, furniture=furniture), ros_map), as_json=as_json)

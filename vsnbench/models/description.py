@@ -1,84 +1,85 @@
-"""What can be said about a model without its weights, and what a check of its weights found."""
+"""Description of a model's class: what is known without creating the model."""
 
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from pydantic import BaseModel
 
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.registry import keywords_of, locate
-from vsnbench.protocol.observation import Sensor
+from vsnbench.values.observation import Sensor
 
 
 @dataclass(frozen=True, slots=True)
 class ModelDescription:
-    """A model as its class presents itself.
-
-    A policy's class may say more about itself through the attributes `known_goals`, `needed_sensors`, `weights_file`
-    and `settings_class`; none of them is required.
-    """
+    """A model as its class describes it."""
 
     name: str
     where: str
     """`module:Class`."""
     summary: str
     keywords: Mapping[str, str]
-    """What it is made with: keyword -> default as text; those in `registry.FLAGS` are options of the command line."""
+    """Constructor parameters with their defaults as text; those in `registry.FLAGS` are command line options."""
     goals: tuple[str, ...] | None
-    """None: any goal, or the class does not say."""
+    """None: any goal, or unknown."""
     sensors: tuple[Sensor, ...]
+    card: ModelCard | None
+    """Card of the class, for the kinds of goals and answers and the step sizes; None if only an instance has one."""
     weights_file: str
-    """What its weights are called in the directory of weights; empty when it has none."""
+    """Name of the weights in the directory of weights; empty if the model has none."""
     settings_class: type[BaseModel] | None
     can_check: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """How long one step takes in one engine."""
-
-    engine: str
-    median_ms: float
-    steps: int
-
-
-@dataclass(frozen=True, slots=True)
-class ModelCheck:
-    """What `vsnbench models check` found; a model offers it as the class method `check(weights, settings, device)`."""
-
-    model: str
-    weights: Path
-    sha256: str
-    size_bytes: int
-    facts: Mapping[str, str | int | float | bool | None]
-    """What is in the weights, in the order to be shown."""
-    chosen_engine: str
-    parity: Mapping[str, float | int | bool] | None
-    """How the chosen engine compares with the reference; None where the reference itself was chosen."""
-    timings: tuple[Timing, ...]
-    warning: str = ""
-    """Why the fastest engine was not chosen."""
+    """Whether `check` inspects the model's weights."""
 
 
 def describe_model(name: str) -> ModelDescription:
-    """Describe a model by its class.
+    """Describe a model by its class, or a served one by its card.
 
     Raises:
-        UsageError: there is no such model.
-        ModelError: its module cannot be imported.
+        UsageError: the model does not exist.
+        ModelError: its module cannot be imported, or its server refuses.
+        ModelLostError: no server answers.
     """
+    if name.startswith(("ws://", "wss://")):
+        return _describe_server(name)
     where, factory = locate(name)
     text = inspect.getdoc(inspect.getmodule(factory)) or inspect.getdoc(factory) or ""
-    goals = getattr(factory, "known_goals", None)
+    policy = factory if isinstance(factory, type) and issubclass(factory, Policy) else Policy
     return ModelDescription(
         name=name,
         where=where,
         summary=text.partition("\n")[0].removeprefix(f"The model `{name}`: ").removesuffix("."),
         keywords=keywords_of(factory),
-        goals=None if goals is None else tuple(goals),
-        sensors=tuple(getattr(factory, "needed_sensors", ())),
-        weights_file=str(getattr(factory, "weights_file", "")),
-        settings_class=getattr(factory, "settings_class", None),
-        can_check=callable(getattr(factory, "check", None)),
+        goals=None if policy.known_goals is None else tuple(policy.known_goals),
+        sensors=tuple(policy.needed_sensors),
+        card=_card_of(policy),
+        weights_file=policy.weights_file,
+        settings_class=policy.settings_class,
+        can_check=inspect.getattr_static(policy, "check") is not inspect.getattr_static(Policy, "check"),
     )
+
+
+def _describe_server(url: str) -> ModelDescription:
+    from vsnbench.models.remote.policy import RemotePolicy, RemoteSettings
+
+    policy = RemotePolicy(url)
+    policy.close()
+    card = policy.card
+    return ModelDescription(
+        name=card.name,
+        where=url,
+        summary=f"a served model{f', {card.weights_label}' if card.weights_label else ''}",
+        keywords={"model_config": "None"},
+        goals=None if card.goals is None else tuple(sorted(card.goals)),
+        sensors=tuple(sorted(card.sensors)),
+        card=card,
+        weights_file="",
+        settings_class=RemoteSettings,
+        can_check=False,
+    )
+
+
+def _card_of(policy: type[Policy]) -> ModelCard | None:
+    card = getattr(policy, "card", None)
+    return card if isinstance(card, ModelCard) else policy.default_card

@@ -1,4 +1,4 @@
-"""Finds policies by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`."""
+"""Creates policies by name: built-in models, installed plug-ins and any `package.module:Class`."""
 
 import inspect
 from collections.abc import Mapping
@@ -6,135 +6,155 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
-from vsnbench.harmless_text import error_line
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.plugins import import_factory, none_so_called, plug_ins
-from vsnbench.protocol.observation import Sensor
+from vsnbench.models.duck_typed import DuckTypedPolicy
+from vsnbench.models.names import class_of, known_models
+from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
+from vsnbench.plugins import import_factory, unknown_name
+from vsnbench.text.sanitize import error_line
+from vsnbench.values.action import can_replace
+from vsnbench.values.goal import GoalKind
+from vsnbench.values.movement import ActionKind
+from vsnbench.values.observation import Sensor
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
 
-ENTRY_POINT_GROUP = "vsnbench.models"
 FLAGS = frozenset({"weights", "model_config", "device", "act_timeout"})
-"""The keywords of a policy's constructor that a command line has flags for."""
-
-_BUILT_IN: dict[str, str] = {
-    "random": "vsnbench.models.random_walk:RandomWalk",
-    "forward": "vsnbench.models.forward:ForwardUntilBlocked",
-    "oracle": "vsnbench.models.oracle:Oracle",
-    "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
-    "vlv": "vsnbench.models.vlv.policy:VLV",
-}
-
-
-def known_models() -> list[str]:
-    """Return the names that `create_policy` knows: built-in ones first, then those of plug-ins, sorted."""
-    return [*_BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(_BUILT_IN))]
+"""Constructor parameters of a policy that are options of the command line."""
 
 
 def create_policy(name: str, isolation: "Isolation | None" = None, **options: Any) -> Policy:
-    """Return a new policy; one that has a `close` is to be closed.
+    """Create a policy. The caller closes it.
 
     Args:
         name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, `package.module:Class`, or the
             address of a served one, `ws://host:port`.
-        isolation: start it in a process of its own.
-        options: handed to the policy's constructor.
+        isolation: settings of the separate process in which to start the model; None for this process.
+        options: arguments of the policy's constructor.
 
     Raises:
-        UsageError: there is no such model, or it has no such option.
-        ModelError: the plug-in cannot be imported or made, or is no policy.
+        UsageError: the model or an option does not exist.
+        ModelError: the class cannot be imported or instantiated, or is not a policy.
     """
     if isolation is not None:
         from vsnbench.models.remote.isolation import IsolatedPolicy
 
         return IsolatedPolicy(name, options, isolation)
+    with process_exit_refused():
+        return _created(name, options)
+
+
+def _created(name: str, options: Mapping[str, Any]) -> Policy:
     where, factory = locate(name)
     try:
         inspect.signature(factory).bind(**options)
     except (TypeError, ValueError) as error:
-        takes = list(keywords_of(factory))
-        surplus = [f"--{option.replace('_', '-')}" for option in options if option not in takes]
-        says = f"takes no {' and no '.join(surplus)}" if surplus else f"cannot be made: {error}"
-        flags = [f"--{option.replace('_', '-')}" for option in takes if option in FLAGS]
-        others = [option for option in takes if option not in FLAGS]
-        also = f", and in Python {', '.join(others)}" if others else ""
-        raise UsageError(f"model {name} {says}; it takes {', '.join(flags) or 'no options'}{also}") from error
+        accepted = list(keywords_of(factory))
+        surplus = [f"--{option.replace('_', '-')}" for option in options if option not in accepted]
+        flags = [f"--{option.replace('_', '-')}" for option in accepted if option in FLAGS]
+        others = [option for option in accepted if option not in FLAGS]
+        raise UsageError(
+            f"model {name} does not accept {', '.join(surplus)}" if surplus else f"cannot create model {name}: {error}",
+            advice=f"its options: {', '.join(flags) or 'none'}"
+            + (f"; its parameters in Python: {', '.join(others)}" if others else ""),
+            code="unknown-model-option",
+        ) from error
     try:
         policy = factory(**options)
-    except VsnbenchError:
+        if not isinstance(policy, Policy) and DuckTypedPolicy.fits(policy):
+            policy = DuckTypedPolicy(policy)
+    except (VsnbenchError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
-        raise ModelError(f"model {name}: {where} could not be made: {error_line(error)}") from error
-    if not isinstance(policy, Policy) or not isinstance(policy.card, ModelCard):
+    except BaseException as error:
+        raise _not_created(name, where, take_refused_exit() or error_line(error)) from None
+    if refused_exit := take_refused_exit():
+        raise _not_created(name, where, refused_exit)
+    if not isinstance(policy, Policy) or not isinstance(getattr(policy, "card", None), ModelCard):
         raise ModelError(
-            f"model {name}: {where} is no policy: it needs `card` (a ModelCard), `reset(goal, seed)` and "
-            "`act(observation)`"
+            f"model {name}: {where} is not a policy",
+            advice="write `class MyModel(vsnbench.Policy)` with `card` (a vsnbench.ModelCard), `reset` and `act`",
+            code="not-a-policy",
         )
-    if problem := _problem_with(policy.card):
-        raise ModelError(f"model {name}: {where}: its card's {problem}")
+    if type(policy).survey is not Policy.survey and not policy.needs_survey and not isinstance(policy, DuckTypedPolicy):
+        raise ModelError(
+            f"model {name}: {where} implements `survey` but does not ask for it",
+            advice="set `needs_survey = True`",
+            code="survey-not-declared",
+        )
+    if problem := _card_problem(policy.card):
+        raise ModelError(f"model {name}: {where}: its card's {problem}", code="invalid-card")
     return policy
 
 
-def _problem_with(card: ModelCard) -> str:
-    """Return in words which field of a third party's card is not what it should be; empty when all are."""
-    words: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
-    if not all(isinstance(each, str) for each in words) or not card.name.strip():
-        return "name, weights_sha256 and weights_label must be text, and the name not empty"
+def _not_created(name: str, where: str, reason: str) -> ModelError:
+    return ModelError(f"model {name}: cannot create {where}: {reason}", code="model-not-created")
+
+
+def _card_problem(card: ModelCard) -> str:
+    """Return what is wrong with a third party's card, or an empty string."""
+    texts: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
+    if not all(isinstance(text, str) for text in texts) or not card.name.strip():
+        return "name, weights_sha256 and weights_label must be strings, and the name must not be empty"
     sensors: object = card.sensors
-    if not isinstance(sensors, frozenset) or not all(isinstance(each, Sensor) for each in sensors):
+    if not isinstance(sensors, frozenset) or not all(isinstance(sensor, Sensor) for sensor in sensors):
         return "sensors must be a frozenset of Sensor: frozenset({Sensor.RGB})"
+    kinds: object = card.action_kinds
+    if not (isinstance(kinds, frozenset) and kinds and all(isinstance(kind, ActionKind) for kind in kinds)):
+        return "action_kinds must be a frozenset of ActionKind: frozenset({ActionKind.WAYPOINT})"
     goals: object = card.goals
-    if goals is not None and not (isinstance(goals, frozenset) and all(isinstance(each, str) for each in goals)):
+    if goals is not None and not (isinstance(goals, frozenset) and all(isinstance(goal, str) for goal in goals)):
         return "goals must be None or a frozenset of categories: frozenset({'chair'})"
+    goal_kinds: object = card.goal_kinds
+    fits = isinstance(goal_kinds, frozenset) and all(isinstance(kind, GoalKind) for kind in goal_kinds)
+    if not fits or not goal_kinds:
+        return "goal_kinds must be a frozenset of GoalKind: frozenset({GoalKind.TEXT})"
+    mapped: object = card.action_map
+    if not isinstance(mapped, Mapping) or not all(can_replace(*pair) for pair in mapped.items()):
+        return "action_map must map LOOK_UP and LOOK_DOWN to other actions: {Action.LOOK_UP: Action.NOOP}"
+    steps: tuple[object, ...] = (card.forward_m, card.turn_deg)
+    if not all(size is None or (isinstance(size, int | float) and size > 0) for size in steps):
+        return "forward_m and turn_deg must be None or numbers above 0"
     settings: object = card.settings
-    return _unkept(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
+    return _not_serializable(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
 
 
-def _unkept(value: object, where: str) -> str:
-    """Return in words what of a card's settings the record could not keep; empty when it can keep all."""
+def _not_serializable(value: object, where: str) -> str:
+    """Return which part of a card's settings cannot be stored as JSON, or an empty string."""
     if value is None or isinstance(value, str | bool | int | float):
         return ""
     if isinstance(value, Mapping):
-        return next((words for name, each in value.items() if (words := _unkept(each, f"{where}[{name!r}]"))), "")
+        problems = (_not_serializable(item, f"{where}[{name!r}]") for name, item in value.items())
+        return next(filter(None, problems), "")
     if isinstance(value, list | tuple | set | frozenset):
-        return next((words for each in value if (words := _unkept(each, f"one of {where}"))), "")
+        return next(filter(None, (_not_serializable(item, f"an item of {where}") for item in value)), "")
     if type(value).__module__ == "numpy":
         return ""
-    return f"{where} must be what JSON has (text, numbers, lists, mappings), not {type(value).__name__}"
+    return f"{where} must be JSON (strings, numbers, lists, mappings), not {type(value).__name__}"
 
 
 def locate(name: str) -> tuple[str, Any]:
-    """Return what the name stands for as `module:Class`, and the class or function that makes the policy.
+    """Return `module:Class` for a model's name, and the class or function that creates the policy.
 
     Raises:
-        UsageError: there is no such model.
-        ModelError: it cannot be imported, or is nothing that could make a policy.
+        UsageError: the model does not exist.
+        ModelError: the class cannot be imported.
     """
     if name.startswith(("ws://", "wss://")):
         from vsnbench.models.remote.policy import RemotePolicy
 
         return name, partial(RemotePolicy, name)
-    installed = plug_ins(ENTRY_POINT_GROUP)
-    where = _BUILT_IN.get(name) or installed.get(name) or (name if ":" in name else "")
-    if not where:
-        raise none_so_called("model", name, known_models())
-    return where, import_factory(where, "model", name, "a policy", ModelError)
+    where = class_of(name)
+    if ":" not in where:
+        raise unknown_name("model", name, known_models())
+    return where, import_factory(where, "model", name, ModelError)
 
 
 def keywords_of(factory: Any) -> dict[str, str]:
-    """Return the keywords that a policy is made with, each with its default as text; empty where it has none."""
+    """Return the constructor parameters of a policy with their defaults as text."""
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
         return {}
     empty = inspect.Parameter.empty
-    return {each.name: "" if each.default is empty else repr(each.default)[:40] for each in parameters}
-
-
-def is_third_party(name: str) -> bool:
-    """Whether the name stands for code that is not vsnbench's own; what a served model is, its server says."""
-    if name.startswith(("ws://", "wss://")):
-        return False
-    where = _BUILT_IN.get(name) or plug_ins(ENTRY_POINT_GROUP).get(name) or name
-    return where.partition(":")[0].partition(".")[0] != "vsnbench"
+    return {item.name: "" if item.default is empty else repr(item.default)[:40] for item in parameters}

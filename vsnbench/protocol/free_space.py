@@ -1,4 +1,4 @@
-"""Where a round robot can stand in a site, and how far it is from there to a goal: the shortest path that SPL needs."""
+"""Free space of a round robot in a site, and shortest paths from there to a goal, for SPL."""
 
 import math
 from importlib.metadata import version
@@ -9,41 +9,44 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.machine_cache import code_key, kept_array, key_of
-from vsnbench.protocol import judge, sight, walls
+from vsnbench.files.disk_cache import cached_array, code_key, key_of
+from vsnbench.protocol import judge
 from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site
-from vsnbench.protocol.walls import TOUCH_HEIGHT_M, solid_shapes
+from vsnbench.sites import targets
+from vsnbench.sites.geometry import line_of_sight, walls
+from vsnbench.sites.geometry.walls import TOUCH_HEIGHT_M, solid_shapes
+from vsnbench.sites.site import Site
+from vsnbench.sites.targets import definition_sha256
+from vsnbench.values.pose import Pose
 
 RESOLUTION_M = 0.025
 """Side of a grid cell."""
 _REACH_CELLS = 4
-"""A start this near to the free space (in cells) counts as standing in it: surveys are not exact to a centimetre."""
+"""Maximum distance, in cells, of a start from the free space; surveys are not exact to a centimetre."""
 
 _PAPER = ProtocolParameters()
 
 _TILE = 16
-"""Cells on the side of a tile."""
+"""Side of a tile, cells."""
 _BAND_M = 4 * RESOLUTION_M
-"""Farther from where success begins only its side matters."""
+"""Limit of the distances in the level function; beyond it only the sign matters."""
 _OUTLINE_M = 1e-3
-"""Outlines of regions are polygons: nearer than this to one is in it."""
+"""Tolerance of the polygons that approximate regions."""
 
 FloatGrid = npt.NDArray[np.float64]
 BoolGrid = npt.NDArray[np.bool_]
 
 
 class FreeSpace:
-    """The floor plan as a grid of where the centre of a round robot can be.
+    """Grid of the positions that the centre of a round robot can have.
 
-    `cells[row, column]` stands for the point (origin_x_m + column * RESOLUTION_M, origin_y_m + row * RESOLUTION_M).
-    Make it with `free_space`, which keeps the last ones.
+    `cells[row, column]` is the point (origin_x_m + column * RESOLUTION_M, origin_y_m + row * RESOLUTION_M). Use
+    `free_space`, which caches instances.
     """
 
     def __init__(self, site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> None:
-        """Lay the grid over the site's rooms; takes about a quarter of a second, once a machine."""
+        """Compute the grid of a site: about a quarter of a second, then cached on disk."""
         self.site = site
         self.robot_radius_m = robot_radius_m
         rooms = shapely.union_all([room.shape for room in site.rooms])
@@ -57,13 +60,13 @@ class FreeSpace:
         self._solids = np.asarray(solid_shapes(site, robot_height_m), dtype=object)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
         made_of = (shapely.geos_version, shapely.to_wkb(self._solids).tolist(), self.x_m, self.y_m)
-        clearance_m = kept_array(
+        clearance_m = cached_array(
             "clearance", key_of(code_key(__file__), *made_of), np.float64, self.x_m.shape, self._clearance_of_all
         )
         self.clearance_m: FloatGrid = np.where(inside, clearance_m, 0.0)
-        """(rows, columns): distance from each grid point to the nearest solid thing; 0 inside it or outside rooms."""
+        """(rows, columns) distance from each grid point to the nearest solid; 0 inside it or outside the rooms."""
         self.cells: BoolGrid = self.clearance_m >= robot_radius_m
-        """(rows, columns): whether the robot's centre can be there."""
+        """(rows, columns) whether the robot's centre can be at each grid point."""
         self._goal_fields: dict[tuple[str, ProtocolParameters], FloatGrid] = {}
 
     def points(self, where: Any) -> npt.NDArray[np.object_]:
@@ -71,31 +74,44 @@ class FreeSpace:
         return np.asarray(shapely.points(self.x_m[where], self.y_m[where]), dtype=object)
 
     def window_around(self, shape: BaseGeometry, within_m: float) -> tuple[slice, slice]:
-        """Return the part of the grid in which every point lies that is nearer than `within_m` to a shape."""
+        """Return the part of the grid that contains all points nearer than `within_m` to a shape."""
         x_min, y_min, x_max, y_max = shape.bounds
         low, left = self.cell_of(x_min - within_m, y_min - within_m)
         high, right = self.cell_of(x_max + within_m, y_max + within_m)
         return slice(max(low - 1, 0), high + 2), slice(max(left - 1, 0), right + 2)
 
     def clearance_at_m(self, x_m: float, y_m: float) -> float:
-        """Return the exact distance from a point to the nearest solid thing; 0 inside one or outside all rooms."""
+        """Return the exact distance from a point to the nearest solid; 0 inside it or outside the rooms."""
         point = shapely.Point(x_m, y_m)
         if not any(room.shape.covers(point) for room in self.site.rooms):
             return 0.0
         return float(np.min(shapely.distance(self._solids, point)))
 
-    def success_level_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
-        """Return (rows, columns): negative where STOP succeeds at a goal, positive elsewhere; metres to the edge of it.
+    def free_ahead_m(self, pose: Pose, reach_m: float = 1.0) -> float:
+        """Return the distance to the first wall or object ahead, to within a cell; infinity beyond `reach_m`."""
+        for distance_m in np.arange(0.0, reach_m, RESOLUTION_M):
+            ahead = pose.compose(Pose(float(distance_m), 0.0))
+            if self.clearance_at_m(ahead.x_m, ahead.y_m) < RESOLUTION_M:
+                return float(distance_m)
+        return math.inf
 
-        Where no wall is near, it is the distance to the nearest footprint less the success distance, as far as four
-        cells away.
+    def success_level_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
+        """Return (rows, columns) signed distances from the edge of the success region, negative inside, metres.
+
+        Without walls nearby this is the distance to the nearest footprint minus the success distance, limited to four
+        cells.
         """
         within_m = parameters.success_distance_m
         level = np.full(self.cells.shape, _BAND_M)
-        for thing, region in success_regions(self.site, goal, parameters):
-            window = self.window_around(thing.shape, within_m + _BAND_M)
+        for target, region in success_regions(self.site, goal, parameters):
+            window = self.window_around(target.shape, within_m + _BAND_M)
             points = self.points(window)
-            straight = shapely.distance(thing.shape, points) - within_m
+            if target.is_region:
+                inside = shapely.contains_xy(region, self.x_m[window], self.y_m[window])
+                edge_m = np.minimum(shapely.distance(region.boundary, points), _BAND_M)
+                level[window] = np.minimum(level[window], np.where(inside, -edge_m, edge_m))
+                continue
+            straight = shapely.distance(target.shape, points) - within_m
             near = straight < RESOLUTION_M
             near[near] = ~shapely.contains_xy(region, self.x_m[window][near], self.y_m[window][near])
             around_walls = shapely.distance(region, points[near])
@@ -105,12 +121,14 @@ class FreeSpace:
         return level
 
     def geodesic_field_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
-        """Return (rows, columns): length of the shortest way to where STOP succeeds at a goal; inf if none."""
+        """Return (rows, columns) lengths of the shortest paths to the success region of a goal; inf if none."""
         key = (goal, parameters)
         if key not in self._goal_fields:
-            code = code_key(__file__, judge.__file__, sight.__file__, walls.__file__)
-            made_of = (version("scikit-fmm"), shapely.geos_version, self.site.sha256, self.cells, goal, parameters)
-            self._goal_fields[key] = kept_array(
+            code = code_key(__file__, judge.__file__, targets.__file__, line_of_sight.__file__, walls.__file__)
+            definition = definition_sha256(self.site, goal)
+            site = (self.site.sha256, self.cells, goal, *((definition,) if definition else ()))
+            made_of = (version("scikit-fmm"), shapely.geos_version, *site, parameters)
+            self._goal_fields[key] = cached_array(
                 "ways",
                 key_of(code, *made_of),
                 np.float64,
@@ -120,10 +138,10 @@ class FreeSpace:
         return self._goal_fields[key]
 
     def geodesic_to_goal_m(self, start: Pose, goal: str, parameters: ProtocolParameters = _PAPER) -> float:
-        """Return the length of the shortest way from `start` to success at `goal`, metres.
+        """Return the length of the shortest path from `start` to the success region of `goal`, metres.
 
-        0 where the start already is near enough; inf when the goal is missing, cannot be reached, or the robot
-        cannot stand at the start.
+        0 if the start is in this region; inf if the goal is missing or unreachable, or if the robot does not fit at
+        the start.
         """
         return self._interpolate(self.geodesic_field_m(goal, parameters), start)
 
@@ -135,10 +153,10 @@ class FreeSpace:
         return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
 
     def _clearance_of_all(self) -> FloatGrid:
-        """Return (rows, columns): distance from each grid point to the nearest solid thing, worked out tile by tile.
+        """Return (rows, columns) distances from each grid point to the nearest solid, computed tile by tile.
 
-        What is nearest to any point of a tile is no farther from the tile's middle than the nearest thing there plus
-        the tile's diagonal: a few things of all.
+        The nearest solid of any point in a tile is at most the tile's diagonal farther from the tile's centre than the
+        solid nearest to the centre, so that few solids must be compared.
         """
         rows, columns = self.x_m.shape
         clearance = np.empty((rows, columns))
@@ -174,22 +192,22 @@ class FreeSpace:
 
 
 def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
-    """Return the length of the shortest way inside `free` to where `level` is at most 0, by fast marching.
+    """Return the lengths of the shortest paths inside `free` to the region where `level` <= 0, by fast marching.
 
     Args:
-        free: (rows, columns) cells that a way may use, RESOLUTION_M apart.
-        level: (rows, columns) a smooth function, negative in the region to reach.
+        free: (rows, columns) cells that a path may use, RESOLUTION_M apart.
+        level: (rows, columns) smooth function, negative inside the region.
 
     Returns:
-        (rows, columns) metres; 0 inside the region, inf where it cannot be reached or the cell is not free.
+        (rows, columns) metres; 0 inside the region, inf for unreachable cells and cells that are not free.
     """
     import skfmm
 
     inside = free & (level <= 0.0)
     outside = free & ~inside
-    meets = (inside[1:] & outside[:-1]) | (outside[1:] & inside[:-1])
-    beside = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
-    if not meets.any() and not beside.any():  # the region is all of its rooms, or none: no front to march from
+    vertical = (inside[1:] & outside[:-1]) | (outside[1:] & inside[:-1])
+    horizontal = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
+    if not vertical.any() and not horizontal.any():  # no front to march from: the region is all of its rooms, or empty
         return np.where(inside, 0.0, np.inf)
     ways = skfmm.distance(np.ma.MaskedArray(level, mask=~free), dx=RESOLUTION_M, order=2)
     field = np.ma.filled(ways, np.inf).astype(np.float64)
@@ -198,15 +216,15 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     return np.maximum(field, 0.0)
 
 
-_KEPT: dict[tuple[str, float, float], FreeSpace] = {}
-_KEEP = 8
+_CACHE: dict[tuple[str, str, float], FreeSpace] = {}
+_CACHE_SIZE = 8
 
 
-def free_space(site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> FreeSpace:
-    """Return the free space of a site for a round robot; the last few are kept, by the site's content."""
-    key = (site.sha256, robot_radius_m, robot_height_m)
-    if key not in _KEPT:
-        while len(_KEPT) >= _KEEP:
-            del _KEPT[next(iter(_KEPT))]
-        _KEPT[key] = FreeSpace(site, robot_radius_m, robot_height_m)
-    return _KEPT[key]
+def free_space(site: Site, robot_radius_m: float) -> FreeSpace:
+    """Return the free space of a site for a round robot, cached by the site's content and goals."""
+    key = (site.sha256, site.goals_sha256, robot_radius_m)
+    if key not in _CACHE:
+        while len(_CACHE) >= _CACHE_SIZE:
+            del _CACHE[next(iter(_CACHE))]
+        _CACHE[key] = FreeSpace(site, robot_radius_m)
+    return _CACHE[key]

@@ -1,17 +1,20 @@
-"""The numbers of a report: success rate, SPL, SoftSPL, distance to the goal, path length.
+"""Metrics of navigation: success rate, SPL, SoftSPL, SCT, path length.
 
 SPL: Anderson et al., "On Evaluation of Embodied Navigation Agents" (2018), Eq. 1. SoftSPL: Datta et al.,
 "Integrating Egocentric Localization for More Realistic Point-Goal Navigation Agents" (2020), Section 4.
+SCT: Yokoyama, Ha and Batra, "Success Weighted by Completion Time: A Dynamics-Aware Evaluation Criteria for Embodied
+Navigation" (2021), Section III. The ideal time here is a lower bound that needs no model of the base's dynamics: the
+shortest path at the base's greatest speed, without turns.
 """
 
 import itertools
 import math
 from collections.abc import Iterable, Sequence
 
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.pose import Pose
 
 TRIVIAL_M = 0.25
-"""One move (paper, Section 4.1): a trial whose shortest path is below it tells nothing about navigation."""
+"""Length of one move (paper, Section 4.1); trials with a shorter shortest path do not measure navigation."""
 
 
 def success_rate(successes: Iterable[bool]) -> float:
@@ -25,25 +28,43 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
 
     Args:
         success: whether the episode succeeded.
-        shortest_m: geodesic distance from the start to where the goal counts as reached.
-        path_m: length of the path that was driven.
+        shortest_m: geodesic distance from the start to the success region.
+        path_m: length of the robot's path.
     """
     return _path_efficiency(shortest_m, path_m) if success else 0.0
 
 
 def soft_spl(shortest_m: float, remaining_m: float, path_m: float) -> float:
-    """Return SPL with progress in place of success, 0 to 1.
+    """Return SPL with progress instead of success, 0 to 1.
 
     Args:
-        shortest_m: geodesic distance from the start to where the goal counts as reached.
-        remaining_m: the same distance from where the episode ended.
-        path_m: length of the path that was driven.
+        shortest_m: geodesic distance from the start to the success region.
+        remaining_m: the same distance from the end of the episode.
+        path_m: length of the robot's path.
     """
     if shortest_m <= 0:
         progress = 1.0 if remaining_m <= 0 else 0.0
     else:
         progress = min(1.0, max(0.0, 1.0 - remaining_m / shortest_m))
     return progress * _path_efficiency(shortest_m, path_m)
+
+
+def ideal_time_s(shortest_m: float, max_linear_m_s: float) -> float:
+    """Return the time that no episode can undercut: the shortest path at the base's greatest speed."""
+    return shortest_m / max_linear_m_s
+
+
+def sct(success: bool, ideal_s: float, taken_s: float) -> float:
+    """Return success weighted by completion time of one episode, 0 to 1.
+
+    Args:
+        success: whether the episode succeeded.
+        ideal_s: see `ideal_time_s`.
+        taken_s: time of the episode that counts towards a limit: driving on the robot's clock and, on a real robot,
+            thinking.
+    """
+    longest = max(ideal_s, taken_s)
+    return 0.0 if not success else 1.0 if longest <= 0 else ideal_s / longest
 
 
 def _path_efficiency(shortest_m: float, path_m: float) -> float:

@@ -1,24 +1,29 @@
-"""The numbers of the protocol as data; the defaults are the paper's (Section 4.1)."""
+"""Parameters of the protocol; defaults from the paper (Section 4.1)."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from vsnbench.protocol.placement import PlacementTolerance
+from vsnbench.values.placement import PlacementTolerance
+
+PAPER_PROTOCOL = "ros4vsn"
+"""Name of the paper's protocol, the default."""
+_VERSION_3: Mapping[str, Any] = {"name": PAPER_PROTOCOL, "max_time_s": None, "max_path_m": None}
+"""Fields of version 3 with their defaults."""
 
 
 class DepthGuard(BaseModel):
-    """The obstacle check on the depth image before a forward move (paper, Section 3.2.2).
+    """Obstacle check on the depth image before a forward move (paper, Section 3.2.2).
 
-    A move is refused when at least `min_pixels` valid depth pixels, seen within the robot's swath and between
-    `max_height_m`, lie nearer than `distance_m` ahead of the robot's front. The default leaves 0.15 m after a 0.25 m
-    move, so that what stopped the robot is still beyond the depth camera's blind zone at the next look.
+    A move is blocked if at least `min_pixels` valid depth pixels in the robot's swath, between `min_height_m` and
+    `max_height_m`, are nearer than `distance_m` to the robot's front. The default leaves 0.15 m after a move of 0.25 m,
+    so that an obstacle is still beyond the depth camera's blind zone at the next observation.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    enabled: bool = True
+    enabled: bool = Field(default=True, description="whether forward moves are checked")
     distance_m: float = Field(default=0.40, gt=0, le=2, description="free way needed ahead of the robot's front")
     margin_m: float = Field(default=0.02, ge=0, le=0.5, description="added to the robot's radius on both sides")
     min_height_m: float = Field(default=0.04, ge=0, le=1, description="lower points are floor")
@@ -27,44 +32,86 @@ class DepthGuard(BaseModel):
 
 
 class ProtocolParameters(BaseModel):
-    """What makes trials comparable: two campaigns with equal parameters ask the same question.
+    """Parameters of the protocol; campaigns with equal parameters are comparable.
 
-    Versions: 1 measured the distance to a goal straight through walls; 2 measures it in sight. A campaign keeps the
-    version that it was judged by.
+    Version 1 measured the distance to a goal through walls; version 2 measures it in sight; version 3 has another name
+    or more limits than the paper's protocol. A campaign keeps its version.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    version: Literal[1, 2] = Field(default=2, description="2: distance in sight; 1: straight through walls")
+    version: Literal[1, 2, 3] = Field(
+        default=2,
+        description="1: distance straight through walls; 2: in sight; 3: in sight, with another name or more limits",
+    )
+    name: str = Field(
+        default=PAPER_PROTOCOL, pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$", description="name of the protocol, in tables"
+    )
 
     max_actions: int = Field(default=150, ge=1, le=100_000, description="an episode ends at this action")
+    max_time_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=86_400,
+        description="an episode ends when it has taken this long on the robot's clock; none for no limit",
+    )
+    max_path_m: float | None = Field(
+        default=None, gt=0, le=10_000, description="an episode ends after a path of this length; none for no limit"
+    )
     success_distance_m: float = Field(default=1.0, gt=0, le=10, description="STOP nearer than this succeeds")
     forward_m: float = Field(default=0.25, gt=0, le=2, description="length of MOVE_FORWARD and MOVE_BACKWARD")
     turn_deg: float = Field(default=30.0, gt=0, le=180, description="angle of TURN_LEFT and TURN_RIGHT")
     depth_guard: DepthGuard = Field(default_factory=DepthGuard)
-    placement: PlacementTolerance = Field(
-        default_factory=PlacementTolerance, description="how far off its mark a robot that was placed may stand"
-    )
+    placement: PlacementTolerance = Field(default_factory=PlacementTolerance, description="tolerance of a placed robot")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose_version(cls, content: Any) -> Any:
+        """Set version 3 where the version is not given and a field of version 3 is used."""
+        if isinstance(content, Mapping) and "version" not in content and _uses_version_3(content):
+            return {**content, "version": 3}
+        return content
+
+    @model_validator(mode="after")
+    def _check_version(self) -> Self:
+        """Refuse a version that does not match the fields, because equal protocols must have equal hashes."""
+        if (self.version == 3) != _uses_version_3(dict(self)):
+            raise ValueError(
+                f"version {self.version} does not match the fields: version 3 has {', '.join(_VERSION_3)}; "
+                "leave `version` out"
+            )
+        return self
 
     @model_serializer(mode="wrap")
-    def _without_the_usual_tolerance(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave the usual tolerance out: campaigns keep the hash that they had before there was one."""
+    def _omit_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit defaults of fields that were added later, so that hashes of campaigns do not change."""
         content: dict[str, Any] = serialize(self)
         if self.placement == PlacementTolerance():
             content.pop("placement", None)
+        for name, default in _VERSION_3.items():
+            if getattr(self, name) == default:
+                content.pop(name, None)
         return content
+
+    def limited_to(self, max_actions: int | None) -> Self:
+        """Return these parameters with another maximum number of actions; unchanged for None."""
+        return self if max_actions is None else self.model_copy(update={"max_actions": max_actions})
 
     @property
     def in_sight(self) -> bool:
-        """Whether the distance to a goal is measured along lines that no wall crosses."""
+        """Whether distances are measured along lines that no wall crosses."""
         return self.version >= 2
 
     @classmethod
     def from_record(cls, content: Mapping[str, Any]) -> Self:
-        """Return what a record holds; parameters without a version are from before there were versions: the first.
+        """Return recorded parameters; those without a version have version 1.
 
         Raises:
-            pydantic.ValidationError: the content is none of ours.
+            pydantic.ValidationError: the content is not valid.
         """
         known = {name: value for name, value in content.items() if name != "starting_positions"}
         return cls.model_validate({"version": 1} | known)
+
+
+def _uses_version_3(content: Mapping[str, Any]) -> bool:
+    return any(content.get(name, default) != default for name, default in _VERSION_3.items())

@@ -1,4 +1,4 @@
-"""Puts a report together: opens the record, refuses what it has nothing to say about, chooses the sheets."""
+"""Builds a report: reads the record, checks the selection and chooses the tables."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -9,138 +9,153 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import Engine
 
-from vsnbench.database.engine import shown_database
-from vsnbench.database.migrate import open_record
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.harmless_text import harmless
-from vsnbench.report.record import Record, Selection, goal_order, read_record
-from vsnbench.report.sheets import Sheet
-from vsnbench.report.summary import Results, summarise
-from vsnbench.report.tables import (
-    action_sheet,
-    end_sheet,
-    goal_sheet,
-    overview_sheet,
-    stability_sheet,
-    start_sheet,
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
+from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.tables.report_table import ReportTable
+from vsnbench.report.tables.success import (
+    action_table,
+    definition_table,
+    end_reason_table,
+    goal_table,
+    overview_table,
+    stability_table,
+    start_table,
 )
+from vsnbench.results.schema.engine import database_label
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.text.sanitize import sanitize
+from vsnbench.text.suggestions import unknown_name
 
-if TYPE_CHECKING:  # a table alone needs none of them, and importing them takes as long as reading a small record
-    from vsnbench.report.activity import ActionCount, Activity
-    from vsnbench.report.attended import Attended
-    from vsnbench.report.question import Question
+if TYPE_CHECKING:  # a rates-only report does not need them, and importing them is slow
+    from vsnbench.report.analysis.activity import ActionCount, Activity
+    from vsnbench.report.analysis.operators import OperatorActivity
+    from vsnbench.report.comparison.question import Question
 
 
-def read(url: str, selection: Selection, results_directory: Path | None = None) -> Record:
-    """Read the record in a database.
-
-    Args:
-        url: any SQLAlchemy URL.
-        selection: which part of it.
-        results_directory: where the images of its episodes lie.
+def read(url: str, selection: Selection, results_directory: Path | None = None) -> ReportData:
+    """Read the record of a database.
 
     Raises:
-        RecordError: there is no record, nothing in it, or it cannot be read.
-        UsageError: the selection fits nothing in it.
+        RecordError: no record exists, it is empty or it cannot be read.
+        UsageError: nothing in the record matches the selection.
     """
     with open_record(url) as engine:
         return _read(engine, selection, results_directory)
 
 
-def _read(engine: Engine, selection: Selection, results_directory: Path | None) -> Record:
-    record = read_record(engine, selection, results_directory)
+def _read(engine: Engine, selection: Selection, results_directory: Path | None) -> ReportData:
+    record = read_report_data(engine, selection, results_directory)
     if record.conditions and not record.planned.empty:
         return record
-    everything = read_record(engine, Selection(), results_directory)
+    everything = read_report_data(engine, Selection(), results_directory)
     if not everything.conditions:
         raise RecordError(
-            f"the record in {shown_database(engine)} holds no campaign yet", advice="`vsnbench run` makes one"
+            f"the record in {database_label(engine)} holds no campaign to report",
+            advice="`vsnbench run` adds one; withdrawn imports do not count",
         )
-    models = ", ".join(sorted({harmless(one.model) for one in everything.conditions}))
-    goals = ", ".join(sorted({harmless(goal) for goal in everything.planned["goal"]}, key=goal_order))
-    raise UsageError(f"nothing in the record fits that selection: its models are {models}; its goals are {goals}")
+    raise UsageError(_why_nothing_fits(selection, everything))
+
+
+def _why_nothing_fits(selection: Selection, everything: ReportData) -> str:
+    """Return which value of a selection is unknown, or the values that the record has."""
+    recorded = {
+        "model": (selection.models, {sanitize(summary.model) for summary in everything.conditions}),
+        "goal": (selection.goals, {sanitize(goal) for goal in everything.planned["goal"]}),
+        "site": (selection.sites, {sanitize(summary.site) for summary in everything.conditions}),
+        "robot": (selection.robots, {sanitize(summary.robot) for summary in everything.conditions}),
+    }
+    for kind, (asked, known) in recorded.items():
+        for word in asked:
+            if word not in known:
+                return unknown_name(kind, word, known, "this record")
+    has = "; ".join(f"{kind}s: {', '.join(sorted(known))}" for kind, (_, known) in recorded.items())
+    return f"no episode in this record matches all of these; it has {has}"
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A record, its numbers and its sheets."""
+    """A record, its statistics and its tables."""
 
-    record: Record
+    record: ReportData
     results: Results
     activity: "Activity | None" = None
-    """None where only the rates were asked for."""
+    """None if only the rates were requested."""
     reference: bool = False
-    """The paper's numbers are laid beside."""
+    """Show the paper's results next to the recorded ones."""
     questions: "tuple[Question, ...]" = ()
-    """Which model succeeds more often, wherever that can be asked; empty where only the rates were asked for."""
-    attended: "Attended | None" = None
-    """Who stood beside the robot; None where it was one person in one session, or nobody."""
+    """Comparisons of models; empty if only the rates were requested."""
+    operator_activity: "OperatorActivity | None" = None
+    """None without operators, or with one operator in one session."""
 
-    def sheets(self, *, long: bool = False) -> list[Sheet]:
-        """Return the sheets in the order in which they are read; `long` adds those that are long."""
+    def tables(self, *, long: bool = False) -> list[ReportTable]:
+        """Return the tables in reading order; `long` adds the long ones."""
         results = self.results
-        sheets = self._question_sheets()
+        tables = self._question_tables()
         if len(results.conditions) > 1:
-            sheets.append(overview_sheet(results))
-        sheets += [goal_sheet(one) for one in results.conditions]
+            tables.append(overview_table(results))
+        tables += [goal_table(summary) for summary in results.conditions]
+        if (defined := definition_table(self.record.goals, results)) is not None:
+            tables.append(defined)
         if self.reference:
-            from vsnbench.report.reference_tables import beside_sheet
+            from vsnbench.report.tables.reference import paper_comparison_table
 
-            sheets.append(beside_sheet(results))
-        sheets += self._twin_sheets(long=long)
-        if any(one.ends for one in results.conditions):
-            sheets.append(end_sheet(results))
+            tables.append(paper_comparison_table(results))
+        tables += self._sim_vs_real_tables(long=long)
+        if any(summary.ends for summary in results.conditions):
+            tables.append(end_reason_table(results))
         if self.activity:
-            sheets.append(stability_sheet(self.activity.robots))
+            tables.append(stability_table(self.activity.robots))
             if self.reference:
-                from vsnbench.report.reference_tables import paper_stability_sheet
+                from vsnbench.report.tables.reference import paper_stability_table
 
-                sheets.append(paper_stability_sheet())
+                tables.append(paper_stability_table())
             if self.activity.actions:
-                sheets.append(action_sheet(results, self.activity.actions))
-        if self.activity:
-            from vsnbench.report.scrutiny_tables import failure_sheet, judgement_sheet
+                tables.append(action_table(results, self.activity.actions))
+            from vsnbench.report.tables.sensitivity import failure_table, judgement_table
 
-            failures = failure_sheet(results, self.activity.failures)
-            judgements = judgement_sheet(results, self.activity.judgements)
-            sheets += [sheet for sheet in (failures, judgements) if sheet]
-        sheets += self._attended_sheets(long=long)
+            failures = failure_table(results, self.activity.failures)
+            judgements = judgement_table(results, self.activity.judgements)
+            tables += [table for table in (failures, judgements) if table]
+        tables += self._operator_tables(long=long)
         if long:
-            from vsnbench.report.scrutiny_tables import scrutiny_sheets
+            from vsnbench.report.tables.sensitivity import sensitivity_tables
 
-            sheets += scrutiny_sheets(self.record, results)
-            sheets += [start_sheet(one) for one in results.conditions]
-        return sheets
+            tables += sensitivity_tables(self.record, results)
+            tables += [start_table(summary) for summary in results.conditions]
+        return tables
 
-    def _attended_sheets(self, *, long: bool) -> list[Sheet]:
-        if self.attended is None:
+    def _operator_tables(self, *, long: bool) -> list[ReportTable]:
+        if self.operator_activity is None:
             return []
-        from vsnbench.report.attended_tables import operator_sheet, session_sheet
-        from vsnbench.report.scrutiny_tables import drift_sheet
+        from vsnbench.report.tables.operators import operator_table, session_table
+        from vsnbench.report.tables.sensitivity import drift_table
 
-        sheets = [operator_sheet(self.attended)]
-        if self.attended.sessions:
-            sheets.append(session_sheet(self.attended))
-        if not long and (over_time := drift_sheet(self.record, self.results)).rows:
-            sheets.append(over_time)
-        return sheets
+        tables = [operator_table(self.operator_activity)]
+        if self.operator_activity.sessions:
+            tables.append(session_table(self.operator_activity))
+        if not long and (over_time := drift_table(self.record, self.results)).rows:
+            tables.append(over_time)
+        return tables
 
-    def _question_sheets(self) -> list[Sheet]:
+    def _question_tables(self) -> list[ReportTable]:
         if not self.questions:
             return []
-        from vsnbench.report.question_tables import question_sheets
+        from vsnbench.report.tables.question import question_tables
 
-        return question_sheets(self.questions)
+        return question_tables(self.questions)
 
-    def _twin_sheets(self, *, long: bool) -> list[Sheet]:
-        """Return what the simulated trials of a model say of its real ones, where there are both."""
-        if len({one.condition.simulated for one in self.results.conditions}) < 2:
+    def _sim_vs_real_tables(self, *, long: bool) -> list[ReportTable]:
+        """Return the tables that compare simulated and real trials, if both exist."""
+        if len({summary.condition.simulated for summary in self.results.conditions}) < 2:
             return []
-        from vsnbench.report.twins import real_sheet, twin_sheet, twins
+        from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
+        from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
 
-        found = twins(self.results)
-        sheets = (real_sheet(found), twin_sheet(found) if long else None)
-        return [sheet for sheet in sheets if sheet]
+        found = sim_real_pairs(self.results)
+        tables = (sim_vs_real_table(found), cell_agreement_table(found) if long else None)
+        return [table for table in tables if table]
 
 
 def build(
@@ -151,42 +166,46 @@ def build(
     reference: bool = False,
     activity: bool = True,
     meanwhile: Callable[[Report], None] | None = None,
-    beside: Executor | None = None,
+    executor: Executor | None = None,
 ) -> Report:
-    """Read a record and condense it.
+    """Read a record and compute its report.
 
     Args:
-        url: any SQLAlchemy URL.
-        selection: which part of it.
-        results_directory: where the images of its episodes lie.
-        reference: lay the paper's numbers beside.
-        activity: count actions and distances, and compare models, too.
-        meanwhile: is handed the report without its activity while the actions are still counted.
-        beside: counts the actions; a thread when absent, which takes longer: SQLite's threads wait for one another.
+        url: SQLAlchemy URL.
+        selection: part of the record to read.
+        results_directory: directory with the images of the episodes.
+        reference: show the paper's results next to the recorded ones.
+        activity: also count actions and distances, and compare models.
+        meanwhile: receives the report without its activity while the actions are still being counted.
+        executor: counts the actions. Default: a thread, which is slower because SQLite's threads block one another.
 
     Raises:
-        RecordError: there is no record, nothing in it, or it cannot be read.
-        UsageError: the selection fits nothing in it.
+        RecordError: no record exists, it is empty or it cannot be read.
+        UsageError: nothing in the record matches the selection.
     """
     if not activity:
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
-            # A record that nobody stood beside is not asked who did: most are such, and a plain table comes at once.
-            attended = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
-        return Report(record, summarise(record), reference=reference, attended=attended)
-    from vsnbench.report.activity import Activity, read_robots
-    from vsnbench.report.failures import read_failures
-    from vsnbench.report.judgements import read_judgements
-    from vsnbench.report.question import questions
+            # Most records have no operators: skip the query for them.
+            operator_activity = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
+        return Report(record, summarise(record), reference=reference, operator_activity=operator_activity)
+    from vsnbench.report.analysis.activity import Activity, read_robots
+    from vsnbench.report.analysis.failures import read_failures
+    from vsnbench.report.analysis.judgements import read_judgements
+    from vsnbench.report.comparison.question import questions
 
-    with nullcontext(beside) if beside else ThreadPoolExecutor(1) as counter:
-        # Handed over before the record is opened here: a forked process must not inherit that.
+    with nullcontext(executor) if executor else ThreadPoolExecutor(1) as counter:
+        # Submitted before the record is opened, because a forked process must not inherit the connection.
         counting = counter.submit(_actions, url, selection)
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
-            attended, results = _attended(engine, record), summarise(record)
+            operator_activity, results = _attended(engine, record), summarise(record)
             report = Report(
-                record, results, reference=reference, questions=questions(record, results), attended=attended
+                record,
+                results,
+                reference=reference,
+                questions=questions(record, results),
+                operator_activity=operator_activity,
             )
             robots = read_robots(engine, record)
             if meanwhile:
@@ -195,14 +214,14 @@ def build(
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
 
 
-def _attended(engine: Engine, record: Record) -> "Attended | None":
-    from vsnbench.report.attended import read_attended
+def _attended(engine: Engine, record: ReportData) -> "OperatorActivity | None":
+    from vsnbench.report.analysis.operators import read_operator_activity
 
-    return read_attended(engine, record)
+    return read_operator_activity(engine, record)
 
 
 def _actions(url: str, selection: Selection) -> "tuple[ActionCount, ...]":
-    from vsnbench.report.activity import read_actions
+    from vsnbench.report.analysis.activity import read_actions
 
     with open_record(url) as engine:
         return read_actions(engine, selection)

@@ -1,74 +1,138 @@
-"""The record as pandas DataFrames, for questions that no report answers.
+"""Recorded results as pandas DataFrames.
 
-from vsnbench.report.frames import episodes, steps
-counted = episodes("results").query("state == 'counted'")
+from vsnbench import open_results
+
+episodes = open_results("results").episodes()
+counted = episodes.query("state == 'counted'")
 counted.groupby(["model", "goal"])["success"].agg(["sum", "count", "mean"])
 """
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 
-from vsnbench.database.engine import record_errors
-from vsnbench.database.migrate import open_record
-from vsnbench.database.tables import Step
-from vsnbench.database_url import sqlite_url
-from vsnbench.report.record import Selection, read_record
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.episodes_frame import read_report_data
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.schema.tables import Step
 
 if TYPE_CHECKING:
     import pandas as pd
 
+CAMPAIGN_COLUMNS = {
+    "campaign": "number of the campaign",
+    "condition": "number of the condition: campaigns with the same number differ only in their seed",
+    "model": "name of the model",
+    "weights_label": "description of its weights",
+    "robot": "name of the robot's profile",
+    "environment": "`real` or `simulated`",
+    "site": "name of the site",
+    "seed": "seed of the campaign",
+}
+"""Columns of `Results.campaigns`."""
+_OF_EPISODES = ("model", "weights_label", "robot", "environment", "site")
 
-def episodes(record: str | Path, selection: Selection | None = None) -> "pd.DataFrame":
-    """Return one row an episode.
 
-    Columns: those of `vsnbench.report.record.COLUMNS`, which says what each holds, and `model`, `weights_label`,
-    `robot`, `environment` (`real` or `simulated`) and `site`. `state` is `counted` for the one result of its trial;
-    rates are over those alone.
+class Results:
+    """Read-only access to the results of experiments. Every call reads the database again.
+
+    Models of a blind study appear under their codes.
+    """
+
+    def __init__(self, url: str) -> None:
+        """Open results.
+
+        Raises:
+            RecordError: the database does not exist or cannot be read.
+        """
+        self._url = url
+        with open_record(url):
+            pass
+
+    def episodes(self) -> "pd.DataFrame":
+        """Return one row per episode.
+
+        The columns are those of `vsnbench.report.analysis.episodes_frame.COLUMNS`, and `model`, `weights_label`,
+        `robot`, `environment` and `site` as in `campaigns`. Success rates use only the rows whose `state` is `counted`.
+
+        Raises:
+            RecordError: the database cannot be read.
+        """
+        return _episodes(self._url, None)
+
+    def campaigns(self) -> "pd.DataFrame":
+        """Return one row per campaign. The columns are those of `CAMPAIGN_COLUMNS`.
+
+        Raises:
+            RecordError: the database cannot be read.
+        """
+        import pandas as pd
+
+        with open_record(self._url) as engine:
+            conditions = read_report_data(engine).conditions
+        rows = [
+            (campaign, condition.number, *(getattr(condition, name) for name in _OF_EPISODES), seed)
+            for condition in conditions
+            for campaign, seed in zip(condition.campaigns, condition.seeds, strict=True)
+        ]
+        return pd.DataFrame(sorted(rows), columns=list(CAMPAIGN_COLUMNS))
+
+    def steps(self, *episodes: int) -> "pd.DataFrame":
+        """Return one row per step of some episodes, in the order of episodes and steps.
+
+        The columns are those of the table `step` (docs/schema.md) without JSON: distances in metres, angles in radians,
+        times in seconds, NaN for unknown values.
+
+        Raises:
+            RecordError: the database cannot be read.
+        """
+        import pandas as pd
+
+        columns = [column for column in Step.__table__.columns if column.name not in ("probabilities", "details")]
+        query = select(*columns).where(Step.episode_id.in_(episodes)).order_by(Step.episode_id, Step.number)
+        with open_record(self._url) as engine, record_errors(engine), engine.connect() as connection:
+            rows = connection.execute(query).all()
+        return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
+
+
+def open_results(results: str | Path) -> Results:
+    """Open results for reading.
 
     Args:
-        record: a results directory, or the URL of a database.
-        selection: which part of it; everything when None.
+        results: results directory, or URL of a database.
 
     Raises:
-        RecordError: there is no record, or it cannot be read.
+        RecordError: the results do not exist or cannot be read.
     """
-    with open_record(_url(record)) as engine:
-        found = read_record(engine, selection)
-    frame = found.episodes.copy()
-    by_number = {one.number: one for one in found.conditions}
-    frame["model"] = frame["condition"].map({number: one.model for number, one in by_number.items()})
-    frame["weights_label"] = frame["condition"].map({number: one.weights_label for number, one in by_number.items()})
-    frame["robot"] = frame["condition"].map({number: one.robot for number, one in by_number.items()})
-    frame["environment"] = frame["condition"].map({number: one.environment for number, one in by_number.items()})
-    frame["site"] = frame["condition"].map({number: one.site for number, one in by_number.items()})
-    return frame
+    return Results(str(results) if "://" in str(results) else sqlite_url(Path(results) / "vsnbench.db"))
+
+
+def episodes(record: str | Path, selection: Selection | None = None) -> "pd.DataFrame":
+    """Return `open_results(record).episodes()`. Deprecated."""
+    _warn("episodes()")
+    return _episodes(open_results(record)._url, selection)  # noqa: SLF001 - the same module
 
 
 def steps(record: str | Path, numbers: Sequence[int]) -> "pd.DataFrame":
-    """Return one row a step of the episodes with these numbers, ordered by episode and step.
-
-    Columns: those of the table `step` (docs/schema.md) without its JSON: distances in metres, angles in radians,
-    times in seconds; NaN for what is unknown.
-
-    Args:
-        record: a results directory, or the URL of a database.
-        numbers: of the episodes.
-
-    Raises:
-        RecordError: there is no record, or it cannot be read.
-    """
-    import pandas as pd
-
-    wanted = [column for column in Step.__table__.columns if column.name not in ("probabilities", "details")]
-    with open_record(_url(record)) as engine, record_errors(engine), engine.connect() as connection:
-        rows = connection.execute(
-            select(*wanted).where(Step.episode_id.in_(list(numbers))).order_by(Step.episode_id, Step.number)
-        ).all()
-    return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in wanted])
+    """Return `open_results(record).steps(*numbers)`. Deprecated."""
+    _warn("steps(1, 2)")
+    return open_results(record).steps(*numbers)
 
 
-def _url(record: str | Path) -> str:
-    return str(record) if "://" in str(record) else sqlite_url(Path(record) / "vsnbench.db")
+def _warn(call: str) -> None:
+    message = f"write `vsnbench.open_results('results').{call}`; vsnbench.report.frames is not public any more"
+    warnings.warn(message, DeprecationWarning, stacklevel=3)
+
+
+def _episodes(url: str, selection: Selection | None) -> "pd.DataFrame":
+    with open_record(url) as engine:
+        record = read_report_data(engine, selection)
+    frame = record.episodes.copy()
+    for name in _OF_EPISODES:
+        frame[name] = frame["condition"].map({item.number: getattr(item, name) for item in record.conditions})
+    return frame

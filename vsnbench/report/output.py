@@ -1,75 +1,74 @@
-"""Writes a whole report into a directory: the page, the tables in every form, the figures; and serves the page."""
+"""Writes a report into a directory (page, tables in every format, figures) and serves the page."""
 
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vsnbench import loopback
-from vsnbench.errors import RecordError
+from vsnbench.files.atomic import write_atomic
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import COLUMN_IN, Drawing
-from vsnbench.report.forms.html import html_page
-from vsnbench.report.forms.latex import document, latex
-from vsnbench.report.forms.markdown import markdown
-from vsnbench.report.forms.plain import to_csv
-from vsnbench.report.forms.whole_json import to_json
-from vsnbench.whole_files import write_whole
+from vsnbench.report.formats.csv import to_csv
+from vsnbench.report.formats.html import html_page
+from vsnbench.report.formats.json import to_json
+from vsnbench.report.formats.latex import document, latex
+from vsnbench.report.formats.markdown import markdown
 
 
 def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -> tuple[Path, ...]:
-    """Write everything there is and return the files.
+    """Write all files of a report and return their paths.
 
-    `report.html` stands alone; `report.md`, `report.csv`, `report.json`; `tables.tex` to paste into a paper and
-    `report.tex` to compile; `figures/` with SVG, PDF and PNG of each figure.
+    `report.html` (self-contained), `report.md`, `report.csv`, `report.json`, `tables.tex` to paste into a paper,
+    `report.tex` to compile, and `figures/` with SVG, PDF and PNG of each figure.
 
     Raises:
         RecordError: the directory cannot be written.
     """
-    sheets = report.sheets(long=True)
+    tables = report.tables(long=True)
     figures = [
-        (f"figures/{each.name}.pdf", each.width_in > 1.2 * COLUMN_IN, f"{each.title}. {each.caption}")
-        for each in drawings
+        (f"figures/{drawing.name}.pdf", drawing.width_in > 1.2 * COLUMN_IN, f"{drawing.title}. {drawing.caption}")
+        for drawing in drawings
     ]
     files: dict[str, bytes] = {
-        "report.html": html_page(report, sheets, drawings).encode(),
-        "report.md": markdown(sheets).encode(),
+        "report.html": html_page(report, tables, drawings).encode(),
+        "report.md": markdown(tables).encode(),
         "report.csv": to_csv(report.results).encode(),
         "report.json": to_json(
-            report.results, report.questions, report.activity, report.record, report.attended
+            report.results, report.questions, report.activity, report.record, report.operator_activity
         ).encode(),
-        "tables.tex": latex(sheets).encode(),
-        "report.tex": document(sheets, figures).encode(),
+        "tables.tex": latex(tables).encode(),
+        "report.tex": document(tables, figures).encode(),
     }
     for drawing in drawings:
         files[f"figures/{drawing.name}.svg"] = drawing.svg()
         files[f"figures/{drawing.name}.pdf"] = drawing.pdf()
         files[f"figures/{drawing.name}.png"] = drawing.png()
     for name, content in files.items():
-        write_whole(directory / name, content)
+        write_atomic(directory / name, content)
     return tuple(directory / name for name in files)
 
 
 def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:
-    """Serve the page on 127.0.0.1 until interrupted; nothing else is served, and only to who has the address.
+    """Serve the page on 127.0.0.1 until interrupted.
 
     Args:
         page: the HTML.
-        port: 0 for any that is free.
-        announce: is told the address once it answers.
+        port: 0 for any free port.
+        announce: called with the address once the server answers.
 
     Raises:
-        RecordError: the port is taken.
+        UsageError: `port-unavailable`, the port is in use.
     """
-    answer = loopback.page(page.encode(), "text/html; charset=utf-8")
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import HTMLResponse
+    from starlette.routing import Route
 
-    def site(path: str, _query: str) -> loopback.Answer:
-        return answer if path in ("", "report.html") else loopback.NOT_FOUND
+    from vsnbench.web_server.server import WebServer
+    from vsnbench.web_server.session_key import SessionKey
 
-    try:
-        server = loopback.LoopbackServer(port, site)
-    except OSError as error:
-        raise RecordError(
-            f"cannot serve on port {port}: {error.strerror or error}", advice="choose another --port"
-        ) from error
-    with server:
-        announce(server.address)
-        server.serve_forever()
+    def report(_request: Request) -> HTMLResponse:
+        return HTMLResponse(page, headers={"content-security-policy": "frame-ancestors 'none'"})  # it has its own
+
+    with WebServer(Starlette(routes=[Route("/", report)]), SessionKey.new(), port=port) as server:
+        announce(server.addresses[0])
+        threading.Event().wait()

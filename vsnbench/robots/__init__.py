@@ -1,1 +1,1 @@
-"""What carries out actions and senses, and the profiles of the robots we know."""
+"""Robots, their profiles and their check-ups."""

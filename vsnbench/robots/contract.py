@@ -1,76 +1,162 @@
-"""What every robot, simulated or real, can do; the runner knows no more about it than this."""
+"""The base class of robots, simulated or real."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from types import TracebackType
-from typing import Any, Protocol, Self, runtime_checkable
+from dataclasses import dataclass
+from types import MappingProxyType, TracebackType
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.battery import Battery
-from vsnbench.protocol.fix import Fix
-from vsnbench.protocol.motion_result import MotionResult
-from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_identity import RobotIdentity
-from vsnbench.protocol.site import StartingPosition
+from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.battery import Battery
+from vsnbench.values.camera import Camera
+from vsnbench.values.fix import Fix
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import ActionKind, Drive
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import RobotIdentity
 
 
-@runtime_checkable
-class Robot(Protocol):
-    """A mobile base with a camera that carries out one discrete action at a time.
+@dataclass(frozen=True, slots=True, eq=False)
+class DrivingView:
+    """What a robot sees and does while it drives."""
 
-    Every method may raise RobotError. `halt` must be safe to call at any time, more than once, and on every way out.
+    depth_m: npt.NDArray[np.float32]
+    """(H, W) newest raw depth image, metres, NaN where invalid."""
+    camera: Camera
+    age_s: float
+    """Age of the image."""
+    linear_m_s: float
+    angular_rad_s: float
+    remaining_m: float
+    """Distance that this leg of the movement still has to cover; infinity if unknown."""
+
+
+PathCheck = Callable[[DrivingView], str]
+"""Returns why the robot must not drive on, or an empty string."""
+
+CameraPreview = Callable[[], npt.NDArray[np.uint8] | None]
+"""Returns a robot's newest camera image, as `Robot.preview`."""
+BatteryReader = Callable[[], Battery | None]
+"""Returns a robot's newest battery report, as `Robot.battery`."""
+
+
+class Robot(ABC):
+    """A mobile base with a camera that executes one discrete action at a time.
+
+    Every method may raise RobotError. A subclass sets `sensors`, and overrides the attributes below whose default does
+    not fit. A robot is a context manager: leaving it calls `close`.
     """
 
+    sensors: frozenset[Sensor]
+    """Sensors in its observations."""
+
+    conditions: Mapping[str, Any] = MappingProxyType({})
+    """What else results depend on, as JSON by name. Trials under other conditions belong to another campaign.
+
+    Names in use: `noise` (settings of the simulated noise), `simulator` (its version), `command_lag_s`,
+    `odometry_rate_hz`, `rate_factor`, `depth_frames`.
+    """
+
+    action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})
+    """Kinds of actions that it executes; those other than `discrete` by `drive`."""
+
+    needs_operator: bool = False
+    """Whether an operator must put the robot at the start of every episode, before `begin`."""
+
+    is_rehearsal: bool = False
+    """Whether the robot simulates being placed by an operator: `simulate_placement` moves it to its mark."""
+
+    has_preview: bool = False
+    """Whether `preview` returns images while the robot drives."""
+
     @property
+    @abstractmethod
     def identity(self) -> RobotIdentity:
-        """Who the robot is: what it, or the thing at the other end, says of itself; constant while it is open."""
-        ...
+        """Profile and kind of the robot; constant while it is open."""
 
     @property
-    def sensors(self) -> frozenset[Sensor]:
-        """What its observations carry."""
-        ...
+    def battery(self) -> Battery | None:
+        """Last battery report; None if there is none. Read from any thread."""
+        return None
 
-    @property
-    def conditions(self) -> Mapping[str, Any]:
-        """What else results depend on, as JSON by name; empty for nothing.
-
-        `noise` holds the settings of simulated noise where there is some; others are `simulator` (its version),
-        `command_lag_s`, `odometry_rate_hz`, `rate_factor`, `depth_frames`.
-        """
-        ...
-
-    def begin(self, start: StartingPosition, seed: int) -> None:
-        """Stand at `start`, where a person has put a robot that needs one, with odometry zeroed there.
+    def wait_until_ready(self) -> None:
+        """Wait until every part of the robot answers. Called before the operator is asked to place the robot.
 
         Raises:
-            NotPlacedError: it does not stand as it should; a person can put that right.
-            RobotError: it cannot begin.
+            RobotError: a part does not answer; the message says what to start.
         """
-        ...
 
+    def simulate_placement(self, start: StartingPosition, seed: int) -> None:
+        """Move the robot near its mark, as an operator would. Called only if `is_rehearsal` is True.
+
+        A further call for the same mark moves the robot nearer to it.
+
+        Raises:
+            RobotError: the robot cannot be there.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.simulate_placement")
+
+    @abstractmethod
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        """Start an episode at `start` with odometry at zero.
+
+        A simulated robot moves there; a robot with `needs_operator` has been put there.
+
+        Raises:
+            NotPlacedError: the robot is not placed correctly, and an operator can correct that.
+            RobotError: the robot cannot start.
+        """
+
+    def set_start_pose(self, pose: Pose) -> None:
+        """Take the measured pose, in the site's frame, as the start of the estimated trajectory.
+
+        Called after `begin` and before the first action, if the pose was measured. Does nothing by default.
+        """
+
+    @abstractmethod
     def observe(self) -> Observation:
-        """Return fresh measurements, taken after the last motion ended."""
-        ...
+        """Return new measurements, taken after the last motion ended."""
 
+    @abstractmethod
     def execute(self, action: Action) -> MotionResult:
-        """Carry out one action to its end, and say what was measured; STOP stands still."""
-        ...
+        """Execute one action to its end and return the measured motion. Never called with NOOP."""
 
+    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
+        """Execute one movement with parameters to its end and return the measured motion.
+
+        Called only with kinds in `action_kinds`. A robot with a depth camera calls `check` with the newest image before
+        each leg that leaves its position, and at the rate of its camera while it drives. When `check` returns a reason,
+        the robot stops at once and returns it as `MotionResult.blocked`.
+
+        Args:
+            movement: in the robot's frame.
+            check: decides whether the way ahead is free.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.drive")
+
+    @abstractmethod
     def locate(self) -> Fix:
-        """Return where the robot stands in the site, for the judge; the policy never sees it."""
-        ...
+        """Return the robot's pose in the site. Used for judging; the model never receives it."""
 
+    def preview(self) -> npt.NDArray[np.uint8] | None:
+        """Return the newest camera image (H, W, 3), or None if there is no new one.
+
+        Called from any thread, during motions too, if `has_preview` is True.
+        """
+        return None
+
+    @abstractmethod
     def halt(self) -> None:
-        """Command zero velocity."""
-        ...
+        """Command zero velocity. Safe at any time, repeatedly and from any thread."""
 
     def close(self) -> None:
-        """Halt and let go of everything."""
-        ...
+        """Halt and release all resources."""
+        self.halt()
 
     def __enter__(self) -> Self:
         return self
@@ -79,83 +165,3 @@ class Robot(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-@runtime_checkable
-class PlacedByHand(Robot, Protocol):
-    """A robot that may need a person to put it at the start of every episode, before `begin`.
-
-    Its `begin` raises NotPlacedError where it does not stand as it should and a person can put that right.
-    """
-
-    needs_a_person: bool
-
-
-@runtime_checkable
-class StartsWhereMeasured(PlacedByHand, Protocol):
-    """A robot whose estimated trajectory can begin where it was measured to stand, rather than at its mark."""
-
-    def stands_at(self, pose: Pose) -> None:
-        """Take that it stands there, in the site's frame; said after `begin` and before the first action."""
-        ...
-
-
-@runtime_checkable
-class CarriedInPlay(PlacedByHand, Protocol):
-    """A robot that plays a real one, the person who places it included: nobody can carry it, so `carry` does."""
-
-    is_carried_in_play: bool
-
-    def carry(self, start: StartingPosition, seed: int) -> None:
-        """Put it down near the mark, as a person does who was asked to; nearer, where it stands there already.
-
-        Raises:
-            RobotError: it cannot stand there.
-        """
-        ...
-
-
-ReadBattery = Callable[[], Battery | None]
-"""Returns what a base said of its battery last, from any thread; None while it has said nothing."""
-
-
-@runtime_checkable
-class BatteryPowered(Robot, Protocol):
-    """A robot whose base may say how full its battery is."""
-
-    @property
-    def battery(self) -> ReadBattery:
-        """Returns what it said last; None where it has said nothing, or never does."""
-        ...
-
-
-def battery_of(robot: Robot) -> ReadBattery:
-    """Return how to ask a robot for its battery; one that says nothing of it always answers None."""
-    return robot.battery if isinstance(robot, BatteryPowered) else lambda: None
-
-
-Glimpse = Callable[[], npt.NDArray[np.uint8] | None]
-"""Returns what a camera saw last, (H, W, 3), in the midst of a motion too and from any thread; None for nothing new."""
-
-
-@runtime_checkable
-class SeenDriving(Robot, Protocol):
-    """A robot whose camera can be looked through while it drives."""
-
-    @property
-    def glimpse(self) -> Glimpse:
-        """What its camera sees now; no observation: nothing waits for it, and it belongs to no action."""
-        ...
-
-
-@runtime_checkable
-class MadeReady(Robot, Protocol):
-    """A robot whose parts may have to be waited for, before a person is asked to carry it anywhere."""
-
-    def make_ready(self) -> None:
-        """Return when every part answers.
-
-        Raises:
-            RobotError: one does not; the message says what to start.
-        """
-        ...

@@ -1,60 +1,63 @@
-"""Finds robot profiles: the embedded ones by name, a lab's own by the path of its YAML file."""
+"""Reads robot profiles: embedded profiles by name, others by the path of their YAML file."""
 
 from pathlib import Path
 
 from vsnbench.errors import RobotError, UsageError
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.settings_file import parse_settings, read_settings
-from vsnbench.robots.interface_kinds import KnownInterface
+from vsnbench.robots.ros.interface_kinds import KnownInterface
 from vsnbench.ros2.interface import in_namespace
+from vsnbench.settings.yaml_file import read_settings
+from vsnbench.values.robot_profile import RobotProfile
 
 
 class _ProfileFile(RobotProfile):
-    """A profile whose interface is checked, too."""
+    """A profile with a validated interface."""
 
     interface: KnownInterface | None = None
 
 
 _DIRECTORY = Path(__file__).with_name("profiles")
+ANNOTATED_EXAMPLE = Path(__file__).with_name("annotated_profile.yaml")
+"""A template for the profile of another robot, with every field explained."""
 
 
 def embedded_profiles() -> dict[str, Path]:
-    """Return the profiles that ship with vsnbench, by name."""
+    """Return the files of the embedded profiles by name."""
     return {path.stem: path for path in sorted(_DIRECTORY.glob("*.yaml"))}
 
 
 def is_profile(name: str) -> bool:
-    """Return whether a name on the command line is that of a profile or its file, in a namespace or not."""
+    """Return whether a name is that of a profile or its file, with or without a namespace."""
     without = name.partition("@")[0]
     return without in embedded_profiles() or without.endswith((".yaml", ".yml"))
 
 
-def load_profile(name_or_path: str | Path) -> RobotProfile:
-    """Read an embedded profile by its name, or any profile by the path of its YAML file.
-
-    `NAME@NAMESPACE` is that robot of ROS 2 in a namespace: `turtlebot4@robot1`.
+def profile_path(name_or_path: str | Path) -> Path:
+    """Return the file of an embedded profile, or the given path, without the namespace.
 
     Raises:
-        UsageError: there is no such profile.
-        RobotError: the file cannot be read or breaks the format; the message names the line and the field.
+        UsageError: the profile does not exist.
+    """
+    name = str(name_or_path)
+    path = embedded_profiles().get(name.partition("@")[0], Path(name))
+    if not path.is_file():
+        raise UsageError(
+            f"no robot profile {name!r}",
+            advice=f"name an embedded profile ({', '.join(embedded_profiles())}) or the path of a profile file",
+            code="unknown-robot",
+        )
+    return path
+
+
+def load_profile(name_or_path: str | Path) -> RobotProfile:
+    """Read an embedded profile by name, or any profile by the path of its YAML file.
+
+    `NAME@NAMESPACE` is a ROS 2 robot in a namespace: `turtlebot4@robot1`.
+
+    Raises:
+        UsageError: the profile does not exist.
+        RobotError: the file cannot be read or is invalid; the message names the line and the field.
     """
     name, at, namespace = str(name_or_path).rpartition("@")
     if at and name:
         return in_namespace(load_profile(name), namespace)
-    path = embedded_profiles().get(str(name_or_path), Path(name_or_path))
-    if not path.is_file():
-        known = ", ".join(embedded_profiles())
-        raise UsageError(
-            f"no robot profile {str(name_or_path)!r}",
-            advice=f"name an embedded one ({known}) or the path of a profile file",
-        )
-    return read_settings(path, _ProfileFile, RobotError, "robot profile")
-
-
-def parse_profile(text: str, origin: str) -> RobotProfile:
-    """Read a profile from YAML text; `origin` names it in errors.
-
-    Raises:
-        RobotError: the text breaks the format; the message names the line and the field.
-    """
-    return parse_settings(text, origin, _ProfileFile, RobotError, "robot profile")
+    return read_settings(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")

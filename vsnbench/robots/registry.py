@@ -1,15 +1,14 @@
-"""Finds robots by name: the built-in ones, those of installed plug-ins, and any `package.module:Class`.
+"""Opens robots by name: built-in robots, installed plug-ins and any `package.module:Class`.
 
 Names on the command line (`--robot`):
 
 - `simulated`: a simulated Turtlebot 2 in the site's twin, within this process; the default.
 - `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
-- `simulated:turtlebot2@256x256`: the same robot, whose camera's picture is cut to that shape in the middle and drawn at
-  that size; another robot, since it sees other pixels.
+- `simulated:turtlebot2@256x256`: the same with a camera image of that size, cropped at the centre. The record treats it
+  as another robot, because it sees other pixels.
+- `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the robot of that profile over ROS 1 or ROS 2, real or
+  simulated; `turtlebot4@robot1` in a namespace.
 - any entry point of the group `vsnbench.robots`, or `package.module:Class`.
-
-- `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the real robot of that profile over ROS 1 or ROS 2, or
-  whoever plays it; `turtlebot4@robot1` in a namespace.
 """
 
 import inspect
@@ -17,33 +16,41 @@ from dataclasses import replace
 from typing import Any
 
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
-from vsnbench.harmless_text import error_line
-from vsnbench.plugins import import_factory, none_so_called, plug_ins, source_sha256
-from vsnbench.protocol.observation import Sensor
+from vsnbench.plugins import import_factory, plug_ins, source_sha256, unknown_name
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.robot_identity import RobotIdentity, kind_of_class
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Site
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import embedded_profiles, is_profile, load_profile
+from vsnbench.sites.site import Site
+from vsnbench.text.sanitize import error_line
+from vsnbench.values.observation import Sensor
+from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
+from vsnbench.values.robot_profile import RobotProfile
 
 ENTRY_POINT_GROUP = "vsnbench.robots"
-DEFAULT_ROBOT = "simulated"
 
 _SIMULATED = "simulated"
 _DEFAULT_PROFILE = "turtlebot2"
 _SMALLEST_PX, _LARGEST_PX = 16, 4096
+_RENAMED = {
+    "needs_a_person": "needs_operator",
+    "is_carried_in_play": "is_rehearsal",
+    "carry": "simulate_placement",
+    "stands_at": "set_start_pose",
+    "make_ready": "wait_until_ready",
+    "glimpse": "preview (and has_preview = True)",
+}
+"""Members of robots in version 0.1. With them ignored, a robot would drive without its operator."""
 
 
 def known_robots() -> list[str]:
-    """Return the names that `open_robot` knows: built-in ones first, then those of plug-ins, sorted."""
+    """Return the names that `open_robot` knows: built-in robots, then plug-ins."""
     profiles = list(embedded_profiles())
     built_in = [_SIMULATED, *(f"{_SIMULATED}:{name}" for name in profiles), *profiles]
     return [*built_in, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(built_in))]
 
 
 def is_simulated(name: str) -> bool:
-    """Whether the name is that of our own simulated robot: of it there can be as many as anybody wants."""
+    """Return whether the name is that of the built-in simulated robot, of which several can run at once."""
     return name.partition(":")[0] == _SIMULATED
 
 
@@ -53,67 +60,68 @@ def open_robot(
     parameters: ProtocolParameters,
     *,
     noise: bool = False,
-    pretend_real: bool = False,
+    rehearsal: bool = False,
     read: frozenset[Sensor] = frozenset(Sensor),
 ) -> Robot:
-    """Return a robot that is ready to begin an episode; close it, or use it as a context manager.
+    """Open a robot that is ready to begin an episode. Close it, or use it as a context manager.
 
-    A plug-in is called with `site` and `parameters` as keyword arguments, as far as it takes them.
+    The constructor of a plug-in receives `site` and `parameters` as keyword arguments if it has such parameters.
 
     Args:
         name: see the module's docstring.
-        site: where the robot is; None for a place that nobody has surveyed, where only a real one can be.
-        parameters: how far it moves and turns.
-        noise: whether a simulated robot's sensors are to be as noisy as real ones.
-        pretend_real: whether a simulated robot is to play a real one, which a person places and judges.
-        read: what somebody looks at; a simulated robot draws neither colours nor labels for nobody.
+        site: site of the robot; None for a real robot in a place without a site file.
+        parameters: lengths of its moves and turns.
+        noise: whether a simulated robot's sensors have noise.
+        rehearsal: whether a simulated robot is treated as a real one, which an operator places and judges.
+        read: sensors that are used. A simulated robot renders colours and labels only if they are.
 
     Raises:
-        UsageError: there is no such robot or profile, or it has no noise to turn on.
+        UsageError: the robot or profile does not exist, or an option does not apply to it.
         RobotError: the robot cannot be reached or used.
     """
     if is_simulated(name):
         from vsnbench.robots.simulated import SimulatedRobot
-        from vsnbench.simulator.noise import NoiseSettings
+        from vsnbench.simulator.dynamics.noise import NoiseSettings
 
         profile = _simulated_profile(name)
         if site is None:
-            raise UsageError(f"robot {name} is simulated, and nothing says where", advice="name a site with --site")
-        if pretend_real:
-            from vsnbench.robots.pretended import PretendedRobot
+            raise UsageError(f"robot {name} is simulated and needs a site", advice="name one with --site")
+        if rehearsal:
+            from vsnbench.robots.rehearsal import RehearsalRobot
 
-            return PretendedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
+            return RehearsalRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
         return SimulatedRobot(site, profile, parameters, NoiseSettings() if noise else None, read)
     if noise:
-        raise UsageError(f"robot {name} is not simulated, and its noise is its own", advice="leave --noise out")
-    if pretend_real:
+        raise UsageError(f"--noise does not apply to robot {name}, which is not simulated", advice="leave it out")
+    if rehearsal:
         raise UsageError(
-            f"robot {name} is not simulated within this process: only {_SIMULATED} robots can pretend to be real",
-            advice="over ROS the simulator pretends: `vsnbench ros1 simulate --pretend-real`",
+            f"robot {name} is not simulated in this process, so it cannot rehearse",
+            advice="for a rehearsal over ROS, use `vsnbench robots simulate ROBOT --rehearse`",
         )
     if is_profile(name):
-        from vsnbench.robots.ros_robot import RosRobot
+        from vsnbench.robots.ros.robot import RosRobot
 
-        return _in_its_site(RosRobot(load_profile(name), parameters), name, site)
-    return _in_its_site(_plug_in_robot(name, site, parameters), name, site)
+        return _checked_site(RosRobot(load_profile(name), parameters), name, site)
+    return _checked_site(_plug_in_robot(name, site, parameters), name, site)
 
 
 def _simulated_profile(name: str) -> RobotProfile:
-    """Return the profile that a simulated robot's name means, with the camera's size where one is said.
+    """Return the profile that a simulated robot's name stands for, with the size of its camera image.
 
     Raises:
-        UsageError: there is no such profile, or no such size.
+        UsageError: the profile does not exist, or the size is invalid.
     """
-    wanted, _, size = name.partition(":")[2].partition("@")
-    profile = load_profile(wanted or _DEFAULT_PROFILE)
+    profile_name, _, size = name.partition(":")[2].partition("@")
+    profile = load_profile(profile_name or _DEFAULT_PROFILE)
     if not size:
         return profile
     sides = [int(side) for side in size.split("x") if side.isdecimal() and len(side) <= 4]
     if len(sides) != 2 or not all(_SMALLEST_PX <= side <= _LARGEST_PX for side in sides):
         raise UsageError(
-            f"robot {name}: the camera's size {size!r} is none: say WIDTHxHEIGHT in pixels, "
-            f"{_SMALLEST_PX} to {_LARGEST_PX} each",
-            advice=f"for instance simulated:{wanted or _DEFAULT_PROFILE}@256x256",
+            f"robot {name}: invalid image size {size!r}",
+            advice=f"write WIDTHxHEIGHT, {_SMALLEST_PX} to {_LARGEST_PX} pixels each: "
+            f"simulated:{profile_name or _DEFAULT_PROFILE}@256x256",
+            code="invalid-image-size",
         )
     width, height = sides
     return profile.model_copy(
@@ -125,65 +133,77 @@ def _simulated_profile(name: str) -> RobotProfile:
     )
 
 
-def _in_its_site(robot: Robot, name: str, site: Site | None) -> Robot:
-    """Return the robot, unless it is played in another site than the run is about: then it is closed and refused."""
-    played = robot.identity.site_sha256
-    if site is None or played in ("", site.sha256):
+def _checked_site(robot: Robot, name: str, site: Site | None) -> Robot:
+    """Return the robot, or close and refuse it if it is simulated in another site."""
+    simulated_sha256 = robot.identity.site_sha256
+    if site is None or simulated_sha256 in ("", site.sha256):
         return robot
-    try:
-        raise RobotError(
-            f"robot {name} is simulated in another site than {site.name}: it plays content {played[:12]}, the run is "
-            f"about {site.sha256[:12]}",
-            advice="start its simulator with the same --site",
-        )
-    finally:
-        robot.close()
+    robot.close()
+    raise RobotError(
+        f"robot {name} is simulated in another site than {site.name}: its site has hash {simulated_sha256[:12]}, the "
+        f"run's {site.sha256[:12]}",
+        advice="start its simulator with the same --site",
+        code="other-site",
+    )
 
 
 def _plug_in_robot(name: str, site: Site | None, parameters: ProtocolParameters) -> Robot:
     installed = plug_ins(ENTRY_POINT_GROUP)
     where = installed.get(name) or (name if ":" in name else "")
     if not where:
-        raise none_so_called("robot", name, known_robots())
-    factory = import_factory(where, "robot", name, "a robot", RobotError)
+        raise unknown_name("robot", name, known_robots())
+    factory = import_factory(where, "robot", name, RobotError)
     offered: dict[str, Any] = {"parameters": parameters} | ({} if site is None else {"site": site})
     try:
-        robot = factory(**_taken(factory, offered))
+        robot = factory(**_accepted(factory, offered))
     except VsnbenchError:
         raise
     except (Exception, SystemExit) as error:
-        raise RobotError(f"robot {name}: {where} could not be made: {error_line(error)}") from error
+        raise RobotError(
+            f"robot {name}: cannot create {where}: {error_line(error)}", code="robot-not-created"
+        ) from error
     if not isinstance(robot, Robot):
-        raise RobotError(f"robot {name}: {where} is no robot", advice="see docs/robots.md for what it needs")
+        raise RobotError(
+            f"robot {name}: {where} is not a robot",
+            advice="write `class MyRobot(vsnbench.Robot)`: see docs/robots.md",
+            code="not-a-robot",
+        )
+    if renamed := [f"{old} is now {new}" for old, new in _RENAMED.items() if hasattr(robot, old)]:
+        raise RobotError(
+            f"robot {name}: {where} has members of an earlier version",
+            advice=", ".join(renamed),
+            code="outdated-robot",
+        )
     _check_kind(name, where, robot)
     return robot
 
 
 def identity_of(robot: Robot) -> RobotIdentity:
-    """Return who a robot is, with the code of a third party's, which it need not hash itself."""
+    """Return a robot's identity, with the hash of its source if it is not a built-in robot."""
     if type(robot).__module__.startswith("vsnbench."):
         return robot.identity
     return replace(robot.identity, code_sha256=source_sha256(type(robot)))
 
 
 def _check_kind(name: str, where: str, robot: Robot) -> None:
-    """Refuse a third party's robot that would be pooled with ours."""
-    said, robot_class = robot.identity.kind, type(robot)
-    ours = robot_class.__module__.startswith("vsnbench.")
-    if not ours and said != kind_of_class(robot_class):
+    """Refuse a third party's robot whose results would be pooled with those of a built-in robot."""
+    kind, robot_class = robot.identity.kind, type(robot)
+    built_in = robot_class.__module__.startswith("vsnbench.")
+    if not built_in and kind != kind_of_class(robot_class):
         raise RobotError(
-            f"robot {name}: {where} says that it is {said!r}: the kind of a robot of one's own is "
-            f"kind_of_class(type(self)), here {kind_of_class(robot_class)!r}"
+            f"robot {name}: the identity of {where} has kind {kind!r}",
+            advice=f"set it to kind_of_class(type(self)), here {kind_of_class(robot_class)!r}",
+            code="wrong-robot-kind",
         )
 
 
-def _taken(factory: Any, offered: dict[str, Any]) -> dict[str, Any]:
-    """Return the offered keyword arguments that the factory takes."""
+def _accepted(factory: Any, offered: dict[str, Any]) -> dict[str, Any]:
+    """Return those of the keyword arguments that the factory accepts."""
     try:
-        takes = inspect.signature(factory).parameters.values()
+        accepted = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
         return offered
-    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in takes):
+    if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in accepted):
         return offered
-    names = {one.name for one in takes}
+    names = {parameter.name for parameter in accepted}
     return {name: value for name, value in offered.items() if name in names}

@@ -1,43 +1,53 @@
-"""The simulated robot: the contract of robots, carried out in the embedded world instead of a real one."""
+"""The simulated robot."""
 
+import math
 from collections.abc import Mapping
-from types import TracebackType
-from typing import Any, Self
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.controller import MotionController
+from vsnbench.control.law import heading_after
+from vsnbench.control.legs import LegPlan
+from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.motion.controller import MotionController, MotionStatus
-from vsnbench.motion.law import heading_after
-from vsnbench.motion.settings import MotionSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.fix import Fix, PoseSource
-from vsnbench.protocol.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.protocol.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose, wrap_angle
-from vsnbench.protocol.robot_identity import SIMULATED, RobotIdentity, kind_of_class
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Site, StartingPosition
-from vsnbench.simulator.noise import NoiseSettings, OdometryDrift, noisy_depth
-from vsnbench.simulator.odometry import WheelOdometry
-from vsnbench.simulator.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
+from vsnbench.robots.contract import DrivingView, PathCheck, Robot
+from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryDrift, noisy_depth
+from vsnbench.simulator.dynamics.odometry import WheelOdometry
+from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
 from vsnbench.simulator.primitives import Scene
-from vsnbench.simulator.renderer import Frame, Renderer
+from vsnbench.simulator.rendering.renderer import Frame, Renderer
+from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
-from vsnbench.simulator.shading import mark_out_of_range
+from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.camera import Camera
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
+from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
+from vsnbench.values.pose import Pose, wrap_angle
+from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
+from vsnbench.values.robot_profile import RobotProfile
+
+_LOOK_PERIOD_S = 0.1
+"""Simulated time between two depth images while a movement with parameters runs."""
 
 
-class SimulatedRobot:
-    """A robot of some profile in a site's simulated twin.
+class SimulatedRobot(Robot):
+    """A robot of a profile in the simulation of a site.
 
-    Simulated time passes by motion only and starts at zero with every episode; the same seed gives the same episode,
-    bit by bit. Without `noise` the only error of odometry is the wheels' slip. Labels of objects and colours
-    are drawn only where they are `read`, or where noise depends on them.
+    Simulated time passes only during motion and starts at zero with every episode. The same seed gives the same
+    episode, bit by bit. Without `noise`, the only error of odometry is wheel slip. Colours and object labels are
+    rendered only if they are in `read`, or if noise depends on them.
     """
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
+    action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
 
     def __init__(
         self,
@@ -52,8 +62,10 @@ class SimulatedRobot:
         self.noise = noise
         self._draws_labels = Sensor.INSTANCES in read or noise is not None
         self._draws_colours = self._draws_labels or Sensor.RGB in read
-        self.conditions: Mapping[str, Any] = {"simulator": simulator_version()} | (
-            {} if noise is None else {"noise": noise.model_dump(mode="json")}
+        self.conditions: Mapping[str, Any] = (
+            {"simulator": simulator_version()}
+            | ({} if noise is None else {"noise": noise.model_dump(mode="json")})
+            | profile.tolerance_conditions
         )
         self.settings = MotionSettings.for_robot(profile, parameters)
         scene = build_scene(site)
@@ -66,12 +78,12 @@ class SimulatedRobot:
 
     @property
     def identity(self) -> RobotIdentity:
-        """Who it is; a subclass is a robot of its own."""
+        """Profile and kind of the robot. A subclass is another kind."""
         kind = SIMULATED if type(self) is SimulatedRobot else kind_of_class(type(self))
         return RobotIdentity(self.profile, kind, simulated=True, site_sha256=self.site.sha256)
 
     def begin(self, start: StartingPosition, seed: int) -> None:
-        """Stand at `start` with odometry, time and heading target at zero.
+        """Start an episode at `start` with odometry, time and target heading at zero.
 
         Raises:
             RobotError: the robot touches something there.
@@ -92,19 +104,27 @@ class SimulatedRobot:
         self._begun = True
 
     def observe(self) -> Observation:
-        """Return what the camera and the odometry say here; the robot stands still."""
+        """Return the camera's images and the odometry."""
         self._require_begun()
-        camera = self.profile.camera
+        camera = self.profile.camera.without_roll
         here = self._physics.pose
         if not self._draws_colours:
             depth_m = self._renderer.measure(camera, here)
+            beyond_range = depth_m > np.float32(camera.depth_max_m)
             mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-            return observation_of(self._physics.time_s, camera, depth_m=depth_m, pose=_reported(self._odometry))
+            return observation_of(
+                self._physics.time_s,
+                camera,
+                depth_m=depth_m,
+                pose=_reported(self._odometry),
+                beyond_range=beyond_range,
+            )
         view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
         depth_m = view.depth_m
         if self.noise is not None and isinstance(view, Frame):
             shininess = self._shininess[view.instance]
             depth_m = noisy_depth(depth_m, view.rgb, shininess, self.noise.depth, self._depth_rng)
+        beyond_range = depth_m > np.float32(camera.depth_max_m)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return Observation(
             rgb=view.rgb,
@@ -113,18 +133,19 @@ class SimulatedRobot:
             stamp_s=self._physics.time_s,
             camera=camera,
             instances=InstanceImage(view.instance, self._categories) if isinstance(view, Frame) else None,
+            beyond_range=beyond_range,
         )
 
     def execute(self, action: Action) -> MotionResult:
-        """Carry out one action; a contact stops it at once."""
+        """Execute an action. A contact stops it at once."""
         self._require_begun()
-        if action is Action.STOP:
+        if not action.moves:
             return MotionResult(completed=True, pose=_reported(self._odometry))
-        start, began_s = self._odometry, self._physics.time_s
+        start, start_s = self._odometry, self._physics.time_s
         self._target_heading_rad = heading_after(action, self._target_heading_rad, self.settings)
         controller = MotionController(action, start, self._target_heading_rad, self.settings)
         touch: Touch | None = None
-        command = controller.step(start, began_s)
+        command = controller.step(start, start_s)
         while controller.status is MotionStatus.MOVING:
             touch = self._physics.drive(command)
             self._read_odometry()
@@ -133,46 +154,89 @@ class SimulatedRobot:
                 self._physics.stop()
                 break
             command = controller.step(self._odometry, self._physics.time_s, self._odometry_stamp_s)
+        return self._result(controller, start, start_s, touch)
+
+    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
+        """Execute a movement leg by leg. A contact stops it at once, and so does the check."""
+        self._require_begun()
+        start, start_s = self._odometry, self._physics.time_s
+        plan = LegPlan(movement, start)
+        path_m, controller, touch, blocked = 0.0, None, None, ""
+        while (leg := plan.next(self._odometry)) is not None and not blocked:
+            controller = leg.controller(self._odometry, self.settings)
+            command, looked_s = STANDSTILL, -math.inf
+            while controller.status is MotionStatus.MOVING:
+                now_s = self._physics.time_s
+                if leg.translates and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
+                    looked_s = now_s
+                    if blocked := check(self._driving_view(command, controller.remaining_m)):
+                        controller.abort(blocked)
+                        self._physics.stop()
+                        break
+                command = controller.step(self._odometry, now_s, self._odometry_stamp_s)
+                before = self._odometry
+                touch = self._physics.drive(command)
+                self._read_odometry()
+                path_m += before.distance_to(self._odometry)
+                if touch:
+                    controller.abort(f"touched {self._name_of(touch)}")
+                    self._physics.stop()
+                    break
+            self._read_odometry(fresh=True)
+            if not controller.done:
+                break
+        self._target_heading_rad = self._odometry.heading_rad
+        result = self._result(controller, start, start_s, touch)
+        return replace(result, path_m=path_m, blocked=blocked)
+
+    def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
+        """Return what the depth camera sees now; with noise, if the robot has noise."""
+        camera = self.profile.camera.without_roll
+        depth_m = self._depth(camera)
+        mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
+        return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
+
+    def _depth(self, camera: Camera) -> npt.NDArray[np.float32]:
+        if self.noise is None:
+            return self._renderer.measure(camera, self._physics.pose)
+        view = self._renderer.render(camera, self._physics.pose)
+        shininess = self._shininess[view.instance]
+        return noisy_depth(view.depth_m, view.rgb, shininess, self.noise.depth, self._depth_rng)
+
+    def _result(self, controller: Controller | None, start: Pose, start_s: float, touch: Touch | None) -> MotionResult:
+        """Return the measured motion since `start`; without a controller, the robot had nothing to do."""
         self._read_odometry(fresh=True)
-        way = self._odometry.relative_to(start)
+        motion = self._odometry.relative_to(start)
         distance_m = start.distance_to(self._odometry)
         return MotionResult(
-            completed=controller.done,
-            displacement_m=distance_m if way.x_m >= 0 else -distance_m,
-            turn_rad=way.heading_rad,
-            duration_s=self._physics.time_s - began_s,
+            completed=controller is None or controller.done,
+            displacement_m=distance_m if motion.x_m >= 0 else -distance_m,
+            turn_rad=motion.heading_rad,
+            duration_s=self._physics.time_s - start_s,
             collision=Collision(CollisionSource.CONTACT, self._name_of(touch)) if touch else None,
-            failure=controller.failure,
-            corrections=controller.corrections,
+            failure=controller.failure if controller is not None else "",
+            corrections=controller.corrections if controller is not None else 0,
             pose=_reported(self._odometry),
         )
 
     def locate(self) -> Fix:
-        """Return where the base truly stands."""
+        """Return the true pose of the base."""
         self._require_begun()
         return Fix(self._physics.pose, PoseSource.SIMULATED)
 
     def halt(self) -> None:
-        """Nothing to do: time only passes, and the robot only moves, within `execute`."""
+        """Do nothing: the robot moves only within `execute`."""
 
     def close(self) -> None:
-        """Let go of the episode; `begin` starts another."""
+        """End the episode."""
         self._begun = False
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _require_begun(self) -> None:
         if not self._begun:
-            raise RobotError("the simulated robot stands nowhere yet", advice="begin an episode first")
+            raise RobotError("the simulated robot has no pose yet", advice="begin an episode first")
 
     def _read_odometry(self, *, fresh: bool = False) -> None:
-        """Let the base's computer count, and take its newest message, as rarely as this base sends one."""
+        """Update the odometry, and read it at the rate at which this base sends messages."""
         pose = self._wheels.update(self._physics.wheel_angles)
         if self._drift is not None:
             pose = self._drift.update(pose)
@@ -182,17 +246,17 @@ class SimulatedRobot:
             self._odometry, self._odometry_stamp_s = pose, now_s
 
     def _name_of(self, touch: Touch) -> str:
-        """Return the id of the object, or what part of the building it is."""
+        """Return the ID of the touched object, or the category of the part of the building."""
         return self.site.objects[touch.instance - 1].id if touch.instance else touch.category
 
 
 def _reported(pose: Pose) -> Pose:
-    """Return odometry as it is reported: with a wrapped heading."""
+    """Return odometry with a wrapped heading, as robots report it."""
     return Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
 
 
 def _shininess_of_objects(scene: Scene, objects: int) -> npt.NDArray[np.float32]:
-    """Return by instance how shiny its shiniest part is; the building is matt."""
+    """Return the largest shininess of the parts of each instance; 0 for the building."""
     shininess = np.zeros(objects + 1, np.float32)
     for primitive in scene.primitives:
         if primitive.instance and primitive.visible:

@@ -1,1 +1,1 @@
-"""All that speaks ROS 1: link, nodes, messages, services."""
+"""Connection to robots over ROS 1."""

@@ -1,6 +1,6 @@
-"""What a base says of its battery: a Kobuki in kobuki_msgs/SensorState, others in sensor_msgs/BatteryState.
+"""Battery reports of a base: kobuki_msgs/SensorState or sensor_msgs/BatteryState.
 
-Imported only where ROS is installed.
+Imported only where ROS 1 is installed.
 """
 
 import struct
@@ -13,11 +13,12 @@ import rospy
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Header
 
-from vsnbench.protocol.battery import Battery
 from vsnbench.ros1.interface import Ros1Interface
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.values.battery import Battery
 
 _FULL_V, _DANGEROUS_V, _DANGEROUS_SHARE = 16.5, 13.2, 0.05
-"""A Kobuki is full and nearly empty at these volts, and linear between them, to its own driver
+"""Voltages at which the driver of a Kobuki takes it as full and nearly empty; linear in between
 (yujinrobot/kobuki_core, kobuki_driver/src/driver/battery.cpp)."""
 _CORE = struct.Struct("<HBBBHHbbBBB")
 _CORE_FIELDS = {
@@ -52,7 +53,7 @@ DEFINITION = "".join(
 
 
 class SensorState(genpy.Message):  # type: ignore[misc]  # ROS ships no types
-    """What all sensors of a Kobuki say, 50 times a second on mobile_base/sensors/core; `battery` is in 0.1 V."""
+    """State of all sensors of a Kobuki, 50 Hz on mobile_base/sensors/core; `battery` is in 0.1 V."""
 
     __slots__ = tuple(_FIELDS)
     _type = "kobuki_msgs/SensorState"
@@ -71,7 +72,7 @@ class SensorState(genpy.Message):  # type: ignore[misc]  # ROS ships no types
         """Write the message to `buff`.
 
         Raises:
-            genpy.SerializationError: a field does not fit.
+            genpy.SerializationError: a field is out of range.
         """
         self.header.serialize(buff)
         try:
@@ -87,7 +88,7 @@ class SensorState(genpy.Message):  # type: ignore[misc]  # ROS ships no types
         """Read the message from `data` and return it.
 
         Raises:
-            genpy.DeserializationError: the bytes are too few.
+            genpy.DeserializationError: the data is too short.
         """
         self.header.deserialize(data)
         try:
@@ -102,7 +103,7 @@ class SensorState(genpy.Message):  # type: ignore[misc]  # ROS ships no types
                     (count,) = struct.unpack_from("<I", data, offset)
                     offset += 4
                     if offset + count > len(data):
-                        raise genpy.DeserializationError(f"{self._type}.{name}: {count} announced, fewer came")
+                        raise genpy.DeserializationError(f"{self._type}.{name}: {count} announced, fewer received")
                 values = struct.unpack_from(f"<{count}{form}", data, offset)
                 offset += struct.calcsize(f"<{count}{form}")
                 setattr(self, name, values if kind.endswith("[]") else values[0])
@@ -116,22 +117,28 @@ def _packed(form: str, value: int) -> bytes:
 
 
 def battery_of_kobuki(message: Any) -> Battery | None:
-    """Return what a SensorState says; the share is as the Kobuki's own driver reckons it from the voltage."""
+    """Return the battery of a SensorState, its share computed from the voltage as in the driver of a Kobuki."""
     volts = message.battery / 10
     if not volts:
-        return None  # nothing was measured yet
+        return None  # not measured yet
     share = _DANGEROUS_SHARE + (1 - _DANGEROUS_SHARE) * (volts - _DANGEROUS_V) / (_FULL_V - _DANGEROUS_V)
     return Battery(min(max(share, 0.0), 1.0), volts)
 
 
+def active_hazards_of_kobuki(message: Any) -> list[Hazard]:
+    """Return the hazards that a SensorState reports as active."""
+    states = ((Hazard.BUMPER, message.bumper), (Hazard.CLIFF, message.cliff), (Hazard.WHEEL_DROP, message.wheel_drop))
+    return [hazard for hazard, bits in states if bits]
+
+
 def kobuki_tenths(share: float) -> int:
-    """Return what a Kobuki that is so full has for `battery`: tenths of a volt."""
+    """Return the value of `battery`, in 0.1 V, for a share."""
     volts = _DANGEROUS_V + (share - _DANGEROUS_SHARE) / (1 - _DANGEROUS_SHARE) * (_FULL_V - _DANGEROUS_V)
     return round(volts * 10)
 
 
 def battery_message(kind: str, share: float, stamp: Any) -> Any:
-    """Return what a base publishes whose profile says `battery_type: kind`, while nothing charges it."""
+    """Return the message of type `kind` for a discharging battery."""
     header = Header(stamp=stamp)
     if kind.startswith("kobuki"):
         return SensorState(header=header, battery=kobuki_tenths(share), charger=_CONSTANTS["DISCHARGING"])
@@ -140,18 +147,18 @@ def battery_message(kind: str, share: float, stamp: Any) -> Any:
 
 
 BATTERY_CLASSES: dict[str, Any] = {"kobuki_msgs/SensorState": SensorState, "sensor_msgs/BatteryState": BatteryState}
-"""By `battery_type`."""
+"""Message classes by `battery_type`."""
 
 
 def battery_in(message: Any) -> Battery | None:
-    """Return what a message of BATTERY_CLASSES says; None where it says nothing."""
+    """Return the battery in a message of BATTERY_CLASSES; None where it was not measured."""
     if isinstance(message, SensorState):
         return battery_of_kobuki(message)
     return Battery.reported(message.percentage, message.voltage)
 
 
 def subscribe_battery(names: Ros1Interface, take: Callable[[Battery | None], None]) -> None:
-    """Report to `take` whatever the base says of its battery; does nothing where it says nothing."""
+    """Pass every battery report of a base to `take`."""
     if names.battery:
         kind = BATTERY_CLASSES[names.battery_type]
         rospy.Subscriber(names.battery, kind, lambda message: take(battery_in(message)), queue_size=1)

@@ -1,10 +1,10 @@
-"""Whether ROS 1 can be imported here, and the one line that says how to install it."""
+"""Check that ROS 1 is installed."""
 
-from vsnbench import ros_generation
 from vsnbench.errors import RobotError
-from vsnbench.ros_generation import RosGeneration
+from vsnbench.runtime import ros_version
+from vsnbench.runtime.ros_version import RosGeneration
 
-NEEDED = (
+REQUIRED = (
     "rospy",
     "rosgraph",
     "genpy",
@@ -15,27 +15,28 @@ NEEDED = (
     "nav_msgs",
     "sensor_msgs",
 )
-"""The Python packages of ROS 1 that our nodes and the client import."""
+"""Python packages of ROS 1 that the nodes and the client import."""
+INSTALL = "run scripts/install_ros.sh, or see docs/robot.md"
 
 
 def missing_packages() -> list[str]:
-    """Return the names in NEEDED that cannot be imported; from then on this process speaks ROS 1.
+    """Return the packages of REQUIRED that cannot be imported, and reserve this process for ROS 1.
 
     Raises:
-        RobotError: it speaks ROS 2 already.
+        RobotError: the process uses ROS 2.
     """
-    return ros_generation.missing_packages(RosGeneration.ROS1, NEEDED)
+    return ros_version.missing_packages(RosGeneration.ROS1, REQUIRED)
 
 
 def require_ros1() -> None:
     """Make sure that ROS 1 can be imported.
 
     Raises:
-        RobotError: it cannot; the message says how to install it.
+        RobotError: ROS 1 is not installed.
     """
-    missing = missing_packages()
-    if missing:
+    if missing := missing_packages():
         raise RobotError(
             f"ROS 1 is not installed for this Python (no module {missing[0]})",
-            advice="run scripts/install_ros.sh, or see docs/robot.md",
+            advice=INSTALL,
+            code="ros-not-installed",
         )

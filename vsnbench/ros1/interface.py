@@ -1,26 +1,28 @@
-"""The interface of a robot profile whose `kind` is `ros1`: the names by which its parts are reached."""
+"""Topics and services of a robot profile with `interface.kind: ros1`."""
 
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from vsnbench.errors import RobotError
-from vsnbench.protocol.robot_profile import Interface, RobotProfile
+from vsnbench.ros_common.interface import RosInterface, require_interface
+from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
-"""A topic or service name; empty for what the robot does not have."""
+"""Name of a topic or service; empty for a part that the robot does not have."""
+TF_MESSAGE = "tf2_msgs/TFMessage"
+"""Type of the messages of TF."""
 
 
-class Ros1Interface(Interface):
-    """Topics and services of a robot on a ROS 1 network; an empty name means that the robot does not have it."""
+class Ros1Interface(RosInterface):
+    """Topics and services of a robot on a ROS 1 network; an empty name means that the robot does not have the part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["ros1"]
     command: RosName = Field(default="/cmd_vel", min_length=1)
-    odometry: RosName = Field(default="/odom", min_length=1)
+    odometry: RosName = "/odom"
     reset_odometry: RosName = Field(
-        default="", description="what the base offers; vsnbench rebases odometry by itself and never asks for it"
+        default="", description="topic of the base that resets its odometry; vsnbench does not use it"
     )
     bumper: RosName = ""
     bumper_type: Literal["kobuki_msgs/BumperEvent", "std_msgs/Bool"] = "kobuki_msgs/BumperEvent"
@@ -35,22 +37,20 @@ class Ros1Interface(Interface):
     depth: RosName = "/camera/depth/image_raw"
     depth_info: RosName = "/camera/depth/camera_info"
     discrete_move: RosName = Field(default="/discrete_move", min_length=1)
-    camera_rate_hz: float = Field(default=30.0, gt=0, le=240)
-    depth_frames: int = Field(default=10, ge=1, le=100, description="depth images of one median (paper, vsn.yaml)")
     command_timeout_s: float = Field(
-        default=0.6, gt=0, le=60, description="the base stands still when it hears no command for this long"
+        default=0.6, gt=0, le=60, description="time without a command after which the base stops"
     )
+
+    @property
+    def odometry_type(self) -> str:
+        """Type of the messages on `odometry_topic`."""
+        return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
 
 
 def ros1_interface(profile: RobotProfile) -> Ros1Interface:
-    """Return how a robot is reached over ROS 1.
+    """Return the ROS 1 interface of a profile.
 
     Raises:
-        RobotError: its profile says that it is not.
+        RobotError: the profile has another interface or none.
     """
-    if isinstance(profile.interface, Ros1Interface):
-        return profile.interface
-    raise RobotError(
-        f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface: "
-        "over ROS 1 it needs one of `kind: ros1` (vsnbench robots show turtlebot2)"
-    )
+    return require_interface(profile, "ros1", Ros1Interface, "turtlebot2")

@@ -1,4 +1,4 @@
-"""The ROS master, asked with a deadline: plain XML-RPC, so that a dead or wedged master cannot block anybody."""
+"""Queries of the ROS master with a deadline, so that a hanging master cannot block the caller."""
 
 import http.client
 import os
@@ -17,9 +17,11 @@ DEFAULT_TIMEOUT_S = 2.0
 class MasterError(NoAnswerError):
     """The ROS master does not answer, or ROS_MASTER_URI is wrong."""
 
+    code = "no-ros-master"
+
 
 class _DeadlineTransport(xmlrpc.client.Transport):
-    """HTTP whose every socket operation ends in time."""
+    """HTTP with a timeout on every socket operation."""
 
     def __init__(self, timeout_s: float) -> None:
         super().__init__()
@@ -32,17 +34,17 @@ class _DeadlineTransport(xmlrpc.client.Transport):
 
 
 def call_xmlrpc(uri: str, method: str, *arguments: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Any:
-    """Call `method` of a ROS master or node and return the third part of its answer.
+    """Call a method of a ROS master or node and return the value of its answer.
 
     Raises:
-        OSError: it cannot be reached in time.
-        LookupError: it answers that it does not know.
+        OSError: the server cannot be reached in time, or its answer does not follow the protocol.
+        LookupError: the server answers with an error.
     """
     with xmlrpc.client.ServerProxy(uri, transport=_DeadlineTransport(timeout_s)) as proxy:
         try:
             code, message, value = getattr(proxy, method)(*arguments)
         except (http.client.HTTPException, xmlrpc.client.Error, ExpatError, ValueError, TypeError) as error:
-            raise OSError(f"{uri} does not speak ROS: {type(error).__name__}: {error}") from error
+            raise OSError(f"{uri} does not follow the ROS protocol: {type(error).__name__}: {error}") from error
     if code != 1:
         raise LookupError(str(message))
     return value
@@ -50,7 +52,7 @@ def call_xmlrpc(uri: str, method: str, *arguments: str, timeout_s: float = DEFAU
 
 @dataclass(frozen=True, slots=True)
 class SystemState:
-    """Who publishes, subscribes to and serves what: name -> nodes."""
+    """Nodes by the topic that they publish or subscribe to, and by the service that they offer."""
 
     publishers: dict[str, list[str]]
     subscribers: dict[str, list[str]]
@@ -59,24 +61,24 @@ class SystemState:
 
 @dataclass(frozen=True, slots=True)
 class Master:
-    """The master of a ROS network, by its URI; every question has a deadline."""
+    """The master of a ROS network; every query has a deadline."""
 
     uri: str
     caller: str = "/vsnbench_probe"
     timeout_s: float = DEFAULT_TIMEOUT_S
 
     @classmethod
-    def from_environment(cls, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Master":
-        """Return the master that ROS_MASTER_URI names; it may not be there.
+    def from_environment(cls) -> "Master":
+        """Return the master of ROS_MASTER_URI, without contacting it.
 
         Raises:
-            MasterError: the variable is unset or no http URI with host and port.
+            MasterError: the variable is unset, or is not an http URI with host and port.
         """
         uri = os.environ.get("ROS_MASTER_URI", "")
         if not uri:
             raise MasterError(
                 "ROS_MASTER_URI is not set",
-                advice="export ROS_MASTER_URI=http://<the robot's laptop>:11311 (docs/robot.md)",
+                advice="export ROS_MASTER_URI=http://ROBOT_HOST:11311 (docs/robot.md)",
             )
         parts = urlparse(uri)
         try:
@@ -84,47 +86,47 @@ class Master:
         except ValueError:
             complete = False
         if not complete:
-            raise MasterError(f"ROS_MASTER_URI is {uri!r}, not http://<host>:<port>")
-        return cls(uri, timeout_s=timeout_s)
+            raise MasterError(f"ROS_MASTER_URI is {uri!r}, not http://HOST:PORT")
+        return cls(uri)
 
     def ask(self, method: str, *arguments: str) -> Any:
         """Call a method of the master API.
 
         Raises:
-            MasterError: no answer in time.
-            LookupError: the master answers that it does not know.
+            MasterError: the master does not answer in time.
+            LookupError: the master answers with an error.
         """
         try:
             return call_xmlrpc(self.uri, method, self.caller, *arguments, timeout_s=self.timeout_s)
         except OSError as error:
             raise MasterError(
                 f"no ROS master answers at {self.uri} ({error})",
-                advice="is roscore running there, and is ROS_MASTER_URI right?",
+                advice="start roscore there, or correct ROS_MASTER_URI",
             ) from error
 
     def pid(self) -> int:
-        """Return the master's process id: it is alive."""
+        """Return the process id of the master."""
         return int(self.ask("getPid"))
 
     def state(self) -> SystemState:
-        """Return who publishes, subscribes to and serves what."""
+        """Return the registrations of all nodes."""
         publishers, subscribers, services = (dict(part) for part in self.ask("getSystemState"))
         return SystemState(publishers, subscribers, services)
 
     def topic_types(self) -> dict[str, str]:
-        """Return the type of every topic that somebody named one for."""
+        """Return the message type of every topic."""
         return dict(self.ask("getTopicTypes"))
 
     def service_uri(self, name: str) -> str:
-        """Return where a service is served, `rosrpc://host:port`.
+        """Return the URI of a service, `rosrpc://host:port`.
 
         Raises:
-            LookupError: nobody serves it.
+            LookupError: no node offers it.
         """
         return str(self.ask("lookupService", name))
 
     def live_node(self, name: str) -> str | None:
-        """Return the URI of the node called `name` if it is registered and answers, else None."""
+        """Return the URI of a node, or None if it is not registered or does not answer."""
         try:
             uri = str(self.ask("lookupNode", name))
             call_xmlrpc(uri, "getPid", self.caller, timeout_s=self.timeout_s)
@@ -136,7 +138,7 @@ class Master:
         """Wait until the master answers.
 
         Raises:
-            MasterError: it does not within `patience_s`.
+            MasterError: the master does not answer within `patience_s`.
         """
         give_up_s = time.monotonic() + patience_s
         while True:

@@ -1,7 +1,7 @@
-"""The ROS messages and services that no distribution package carries, wire-compatible with the generated ones.
+"""Messages and services without a distribution package, wire-compatible with the generated classes.
 
-Imported only where ROS is installed. `_full_text` is the definition that ROS tools print; its md5 must be `_md5sum`,
-or no publisher, subscriber or service of another machine will talk to us: a test computes it with ROS's own tools.
+Imported only where ROS 1 is installed. `_full_text` is the definition that ROS tools print. `_md5sum` must be its md5,
+or other nodes refuse the connection; a test computes it with the tools of ROS.
 """
 
 import struct
@@ -10,6 +10,10 @@ from io import BytesIO
 from typing import Any, ClassVar
 
 import genpy
+from geometry_msgs.msg import TransformStamped
+
+from vsnbench.ros_common.interface import OdometryFrames
+from vsnbench.ros_common.messages import fill_transform
 
 _FORMATS: Mapping[str, str] = {
     "bool": "?",
@@ -22,7 +26,7 @@ _DEFAULTS: Mapping[str, Any] = {"string": "", "bool": False, "uint8": 0, "uint16
 
 
 class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
-    """A message of numbers and strings: serialised field after field, little-endian, strings behind their length."""
+    """A message of numbers and length-prefixed strings; fields in order, little-endian."""
 
     __slots__: Sequence[str] = ()
     _type = ""
@@ -45,7 +49,7 @@ class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
         """Write the message to `buff`.
 
         Raises:
-            genpy.SerializationError: a field has the wrong type or does not fit.
+            genpy.SerializationError: a field has the wrong type or is out of range.
         """
         for name, kind in zip(self.__slots__, self._slot_types, strict=True):
             value = getattr(self, name)
@@ -56,13 +60,13 @@ class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
                 else:
                     buff.write(struct.pack(f"<{_FORMATS[kind]}", value))
             except (struct.error, AttributeError) as error:
-                raise genpy.SerializationError(f"{self._type}.{name}: {value!r} is no {kind}") from error
+                raise genpy.SerializationError(f"{self._type}.{name}: {value!r} is not a {kind}") from error
 
     def deserialize(self, data: bytes) -> "FlatMessage":
         """Read the message from `data` and return it.
 
         Raises:
-            genpy.DeserializationError: the bytes are too few.
+            genpy.DeserializationError: the data is too short.
         """
         offset = 0
         try:
@@ -71,7 +75,9 @@ class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
                     (length,) = struct.unpack_from("<I", data, offset)
                     offset += 4
                     if offset + length > len(data):
-                        raise genpy.DeserializationError(f"{self._type}.{name}: {length} bytes announced, fewer came")
+                        raise genpy.DeserializationError(
+                            f"{self._type}.{name}: {length} bytes announced, fewer received"
+                        )
                     setattr(self, name, data[offset : offset + length].decode("utf-8", "replace"))
                     offset += length
                 else:
@@ -87,7 +93,7 @@ def _size(kind: str) -> int:
 
 
 class DiscreteServerRequest(FlatMessage):
-    """What is asked of discrete_move: `Forward`, `Backward`, `Left`, `Right` or `Stop`, and degrees for a turn."""
+    """Request of discrete_move: `Forward`, `Backward`, `Left`, `Right` or `Stop`, and the degrees of a turn."""
 
     __slots__ = ("movement", "angle")
     _type = "discrete_move/DiscreteServerRequest"
@@ -97,7 +103,7 @@ class DiscreteServerRequest(FlatMessage):
 
 
 class DiscreteServerResponse(FlatMessage):
-    """Whether the movement was carried out."""
+    """Whether the movement succeeded."""
 
     __slots__ = ("response",)
     _type = "discrete_move/DiscreteServerResponse"
@@ -107,7 +113,7 @@ class DiscreteServerResponse(FlatMessage):
 
 
 class DiscreteServer:
-    """The service of discrete_move (paper, Section 3.1.3): one synchronous movement a call."""
+    """The service of discrete_move (paper, Section 3.1.3): one synchronous movement per call."""
 
     _type = "discrete_move/DiscreteServer"
     _md5sum = "5b48aba823d191d65097ac88447ce907"
@@ -116,7 +122,7 @@ class DiscreteServer:
 
 
 class PlaceRobotRequest(FlatMessage):
-    """Where a simulated robot is to stand in its site: metres, radians; the seed of everything random after it."""
+    """Pose of a simulated robot in its site, metres and radians, and the seed of its noise."""
 
     __slots__ = ("x", "y", "heading", "seed")
     _type = "vsnbench/PlaceRobotRequest"
@@ -126,7 +132,7 @@ class PlaceRobotRequest(FlatMessage):
 
 
 class PlaceRobotResponse(FlatMessage):
-    """Whether the robot stands there now, and why not."""
+    """Whether the robot was placed, and why not."""
 
     __slots__ = ("success", "message")
     _type = "vsnbench/PlaceRobotResponse"
@@ -136,7 +142,7 @@ class PlaceRobotResponse(FlatMessage):
 
 
 class PlaceRobot:
-    """Put a simulated robot somewhere: what a person does with a real one."""
+    """The service that puts a simulated robot at a pose."""
 
     _type = "vsnbench/PlaceRobot"
     _md5sum = "1d487b9fcf4483bd914d7dfdaf64a34e"
@@ -145,7 +151,7 @@ class PlaceRobot:
 
 
 class BumperEvent(FlatMessage):
-    """A bumper of a Kobuki was pressed or released."""
+    """Press or release of a bumper of a Kobuki."""
 
     __slots__ = ("bumper", "state")
     _type = "kobuki_msgs/BumperEvent"
@@ -164,7 +170,7 @@ uint8 state
 
 
 class CliffEvent(FlatMessage):
-    """A cliff sensor of a Kobuki lost the floor or found it again."""
+    """Loss or return of the floor under a cliff sensor of a Kobuki."""
 
     __slots__ = ("sensor", "state", "bottom")
     _type = "kobuki_msgs/CliffEvent"
@@ -184,7 +190,7 @@ uint16 bottom
 
 
 class WheelDropEvent(FlatMessage):
-    """A wheel of a Kobuki hangs in the air (the robot was picked up) or carries it again."""
+    """Drop or raise of a wheel of a Kobuki; wheels drop when the robot is lifted."""
 
     __slots__ = ("wheel", "state")
     _type = "kobuki_msgs/WheelDropEvent"
@@ -199,3 +205,62 @@ uint8 state
     _slot_types: ClassVar[list[str]] = ["uint8", "uint8"]
     LEFT, RIGHT = 0, 1
     RAISED, DROPPED = 0, 1
+
+
+class TFMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
+    """Transforms between frames; Debian has the generated class in the separate package python3-tf2-msgs."""
+
+    __slots__ = ("transforms",)
+    _type = "tf2_msgs/TFMessage"
+    _md5sum = "94810edda583a504dfda3829e70d7eec"
+    _has_header = False
+    _full_text = "geometry_msgs/TransformStamped[] transforms\n"
+    _slot_types: ClassVar[list[str]] = ["geometry_msgs/TransformStamped[]"]
+
+    def __init__(self, transforms: list[Any] | None = None) -> None:
+        self.transforms = [] if transforms is None else transforms
+
+    def _get_types(self) -> list[str]:
+        return self._slot_types
+
+    def serialize(self, buff: BytesIO) -> None:
+        """Write the message to `buff`."""
+        buff.write(struct.pack("<I", len(self.transforms)))
+        for transform in self.transforms:
+            transform.serialize(buff)
+
+    def deserialize(self, data: bytes) -> "TFMessage":
+        """Read the message from `data` and return it.
+
+        Raises:
+            genpy.DeserializationError: the data is too short.
+        """
+        try:
+            (count,) = struct.unpack_from("<I", data)
+            end, transforms = 4, []
+            for _ in range(count):
+                begin, end = end, _end_of_transform(data, end)
+                transforms.append(TransformStamped().deserialize(data[begin:end]))
+        except (struct.error, genpy.DeserializationError) as error:
+            raise genpy.DeserializationError(f"{self._type}: {error}") from error
+        self.transforms = transforms
+        return self
+
+
+def _end_of_transform(data: bytes, begin: int) -> int:
+    """Return the end of a transform: counter and stamp, two length-prefixed names, seven float64."""
+    end = begin + 12
+    for _ in range(2):
+        (length,) = struct.unpack_from("<I", data, end)
+        end += 4 + length
+    end += 7 * 8
+    if end > len(data):
+        raise struct.error(f"a transform ends at byte {end} of {len(data)}")
+    return end
+
+
+def tf_message(odometry: Any, frames: OdometryFrames) -> TFMessage:
+    """Return a nav_msgs/Odometry as the transform between two frames."""
+    transform = TransformStamped()
+    fill_transform(transform, odometry, frames.odom_frame, frames.base_frame)
+    return TFMessage([transform])

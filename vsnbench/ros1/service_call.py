@@ -1,7 +1,7 @@
-"""A ROS 1 service call that cannot outlive its deadline.
+"""ROS 1 service calls with a deadline.
 
-rospy's own call waits for ever on a server that is wedged, so this one speaks TCPROS itself: look up, connect, shake
-hands, send, wait; every stage under the call's deadline, the first ones under a shorter one of their own.
+A call of rospy waits for ever on a hanging server, so this client implements TCPROS: look up, connect, handshake, send,
+wait. Every stage ends at the deadline of the call; all but the last have a shorter limit too.
 """
 
 import select
@@ -17,32 +17,37 @@ from vsnbench.errors import NoAnswerError
 from vsnbench.ros1.master import Master
 
 _STAGE_TIMEOUT_S = 2.0
-"""A live server connects and shakes hands at once; only its answer may take as long as the motion."""
+"""Time limit of connection and handshake; only the answer may take as long as the motion."""
 _WATCH_PERIOD_S = 0.05
 _LARGEST_ANSWER = 1 << 20
 
 
 class ServiceError(NoAnswerError):
-    """A service call that brought no answer."""
+    """A service call without an answer."""
+
+    code = "service"
 
 
 class ServiceTimeoutError(ServiceError):
-    """The server did not answer within the deadline: it may be wedged."""
+    """The server did not answer within the deadline."""
+
+    code = "service-timeout"
 
 
 class ServiceUnavailableError(ServiceError):
-    """Nobody serves it, or its server went away."""
+    """No node offers the service, or its server disappeared."""
+
+    code = "service-unavailable"
 
 
 class ServiceRefusedError(ServiceError):
-    """The server is there and refuses: another service type, or its handler failed."""
+    """The server refused the call: its type differs, or its handler failed."""
+
+    code = "service-refused"
 
 
 class ServiceClient:
-    """Calls one service; remembers where it is served, so that a master that died later is no obstacle.
-
-    Safe to use from several threads.
-    """
+    """Calls one service; keeps its address, so that later calls need no master. Thread-safe."""
 
     def __init__(self, name: str, service_class: Any, master: Master, caller: str) -> None:
         self.name = name
@@ -52,10 +57,10 @@ class ServiceClient:
         self._address: tuple[str, int] | None = None
 
     def locate(self) -> tuple[str, int]:
-        """Look the service up, remember its address and return it.
+        """Look the address of the service up and keep it.
 
         Raises:
-            ServiceUnavailableError: nobody serves it.
+            ServiceUnavailableError: no node offers the service, or its host is unknown here.
             MasterError: the master does not answer.
         """
         try:
@@ -63,26 +68,26 @@ class ServiceClient:
             found = socket.getaddrinfo(uri.hostname, uri.port, type=socket.SOCK_STREAM)
         except LookupError as error:
             raise ServiceUnavailableError(
-                f"nobody serves {self.name}", advice="is the node that offers it running?"
+                f"no node offers {self.name}", advice="start the node that offers it"
             ) from error
         except (OSError, ValueError) as error:
             raise ServiceUnavailableError(
-                f"{self.name} is served at {uri.geturl()}, and that host is not known here ({error})",
+                f"{self.name} is offered at {uri.geturl()}, whose host name cannot be resolved here ({error})",
                 advice="set ROS_IP or ROS_HOSTNAME on the robot (docs/robot.md)",
             ) from error
         self._address = (str(found[0][4][0]), int(found[0][4][1]))
         return self._address
 
-    def probe(self, timeout_s: float = _STAGE_TIMEOUT_S) -> float:
-        """Shake hands without calling, and return the seconds it took.
+    def probe(self) -> float:
+        """Perform the handshake without a call; return its duration in seconds.
 
         Raises:
-            ServiceError: it is not there, refuses our type, or does not answer in time.
+            ServiceError: the server is missing, has another type, or does not answer in time.
             MasterError: the master does not answer.
         """
         began_s = time.monotonic()
-        with _Call(self.name, self._connect, began_s + timeout_s, timeout_s) as call:
-            call.shake_hands(self._header(probe="1"))
+        with _Call(self.name, self._connect, began_s + _STAGE_TIMEOUT_S, _STAGE_TIMEOUT_S) as call:
+            call.handshake(self._header(probe="1"))
         return time.monotonic() - began_s
 
     def call(self, request: Any, timeout_s: float, watch: Callable[[], None] | None = None) -> Any:
@@ -90,17 +95,17 @@ class ServiceClient:
 
         Args:
             request: a message of the service's request class.
-            timeout_s: the whole call ends within this time.
-            watch: called every 50 ms while waiting for the answer; what it raises ends the call.
+            timeout_s: longest duration of the call.
+            watch: called every 50 ms while waiting for the answer; its exceptions end the call.
 
         Raises:
-            ServiceError: no answer came; the message says at which stage.
-            MasterError: the service had to be looked up and the master does not answer.
+            ServiceError: no answer was received; the statement names the stage.
+            MasterError: the address is unknown and the master does not answer.
         """
         body = BytesIO()
         request.serialize(body)
         with _Call(self.name, self._connect, time.monotonic() + timeout_s, timeout_s) as call:
-            call.shake_hands(self._header())
+            call.handshake(self._header())
             return self._class._response_class().deserialize(call.exchange(body.getvalue(), watch))  # noqa: SLF001
 
     def _header(self, **extra: str) -> dict[str, str]:
@@ -113,7 +118,7 @@ class ServiceClient:
         }
 
     def _connect(self, timeout_s: float) -> socket.socket:
-        """Connect to the remembered address; look up a fresh one when there is none or nobody listens there."""
+        """Connect to the kept address; look the address up if there is none or the connection is refused."""
         if self._address is not None:
             try:
                 return socket.create_connection(self._address, timeout_s)
@@ -125,7 +130,7 @@ class ServiceClient:
 
 
 class _Call:
-    """One connection to a server, under one deadline; the stages of a call in their order."""
+    """One connection to a server with one deadline."""
 
     def __init__(
         self, name: str, connect: Callable[[float], socket.socket], deadline_s: float, timeout_s: float
@@ -133,7 +138,8 @@ class _Call:
         self._name = name
         self._deadline_s = deadline_s
         self._timeout_s = timeout_s
-        self._stage = "connecting"
+        self._stage = "connection"
+        self._limit_s = min(timeout_s, _STAGE_TIMEOUT_S)
         self._stage_deadline_s = min(deadline_s, time.monotonic() + _STAGE_TIMEOUT_S)
         self._socket: socket.socket | None = None
         self._open = connect
@@ -151,9 +157,9 @@ class _Call:
         if self._socket is not None:
             self._socket.close()
 
-    def shake_hands(self, header: dict[str, str]) -> None:
-        """Send our header and read the server's."""
-        self._begin("shaking hands")
+    def handshake(self, header: dict[str, str]) -> None:
+        """Send the header of the client and read that of the server."""
+        self._begin("handshake")
         fields = b"".join(_frame(f"{key}={value}".encode()) for key, value in header.items())
         try:
             self._send(_frame(fields))
@@ -161,11 +167,11 @@ class _Call:
         except OSError as error:
             raise self._failure(error) from error
         if (reason := _fields(answer).get("error")) is not None:
-            raise ServiceRefusedError(f"{self._name} refuses our call: {reason}")
+            raise ServiceRefusedError(f"{self._name} refuses the call: {reason}")
 
     def exchange(self, body: bytes, watch: Callable[[], None] | None) -> bytes:
         """Send the request and return the body of the answer."""
-        self._begin("waiting for the answer", whole=True)
+        self._begin("answer", last=True)
         try:
             self._send(_frame(body))
             succeeded = self._receive(1, watch)[0]
@@ -176,9 +182,10 @@ class _Call:
             raise ServiceRefusedError(f"{self._name} failed: {answer.decode('utf-8', 'replace')}")
         return answer
 
-    def _begin(self, stage: str, *, whole: bool = False) -> None:
+    def _begin(self, stage: str, *, last: bool = False) -> None:
         self._stage = stage
-        limit_s = self._deadline_s if whole else time.monotonic() + _STAGE_TIMEOUT_S
+        self._limit_s = self._timeout_s if last else min(self._timeout_s, _STAGE_TIMEOUT_S)
+        limit_s = self._deadline_s if last else time.monotonic() + _STAGE_TIMEOUT_S
         self._stage_deadline_s = min(self._deadline_s, limit_s)
 
     def _remaining(self) -> float:
@@ -199,7 +206,7 @@ class _Call:
     def _length(self) -> int:
         (length,) = struct.unpack("<I", self._receive(4, None))
         if length > _LARGEST_ANSWER:
-            raise ConnectionError(f"announces an answer of {length} bytes")
+            raise ConnectionError(f"it announces an answer of {length} bytes")
         return int(length)
 
     def _receive(self, count: int, watch: Callable[[], None] | None) -> bytes:
@@ -217,12 +224,11 @@ class _Call:
     def _failure(self, error: OSError) -> ServiceError:
         if isinstance(error, TimeoutError):
             return ServiceTimeoutError(
-                f"{self._name} did not answer within {self._timeout_s:.1f} s ({self._stage}): its server is wedged "
-                "or unreachable",
-                advice="restart it",
+                f"{self._name} did not answer within {self._limit_s:.1f} s ({self._stage})",
+                advice="its server hangs or is unreachable: restart it",
             )
         return ServiceUnavailableError(
-            f"{self._name} went away while {self._stage}: {error}", advice="restart its server"
+            f"{self._name} disappeared ({self._stage}): {error}", advice="restart its server"
         )
 
 

@@ -1,104 +1,91 @@
-"""The discrete_move node beside the base: one movement a question, around `DiscreteMover`.
+"""The discrete_move node over ROS 2: executes one movement per request.
 
-It stands still when whoever asked falls silent (`questions.GONE_S`), and on every way out.
+It stops when the client stops repeating its request (`topic_service.GONE_S`), and whenever it ends.
 Imported only where ROS 2 is installed.
 """
 
 import logging
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
+from vsnbench.control.command import Command
+from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.errors import RobotError
-from vsnbench.motion.controller import STANDSTILL
-from vsnbench.motion.discrete_move_settings import motion_settings
-from vsnbench.protocol.robot_profile import RobotProfile
 from vsnbench.ros2.graph import Graph
 from vsnbench.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros2.interface import ros2_interface
-from vsnbench.ros2.messages import planar, seconds
-from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
-from vsnbench.ros2.questions import Answerer
+from vsnbench.ros2.node import LATCHED, Ros2Node
+from vsnbench.ros2.odometry import OdometrySubscription
+from vsnbench.ros2.topic_service import TopicServiceServer
 from vsnbench.ros2.velocities import Velocities
-from vsnbench.sensing.discrete_mover import DiscreteMover, Outcome
-from vsnbench.sensing.odometry import OdometryTracker
+from vsnbench.ros_common.discrete_move import NODE, DiscreteMoveTask, mover_of
+from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.simulation import ACCOUNT, read_account
+from vsnbench.values.robot_profile import RobotProfile
+
+__all__ = ["NODE", "DiscreteMoveNode"]
 
 logger = logging.getLogger(__name__)
 
-NODE = "discrete_move"
 
-
-class DiscreteMoveNode:
-    """Carries out movements for one robot until it is closed."""
+class DiscreteMoveNode(DiscreteMoveTask):
+    """Executes movements for one robot until it is closed."""
 
     def __init__(self, node: Ros2Node, profile: RobotProfile, file: Path | None = None) -> None:
         names = ros2_interface(profile)
         self._node = node
-        self._velocities = Velocities(node, Graph(node), names)
-        self._mover = DiscreteMover(
-            self._velocities.send,
-            motion_settings(profile, file),
-            OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s),
-            node.now_s,
-            node.sleep_until,
+        super().__init__(
+            names, mover_of(profile, motion_settings(profile, file), self.send, node.now_s, node.sleep_until)
         )
-        self._closed = threading.Event()
-        self._odometry_heard = False
-        listen = node.rclpy.create_subscription
-        listen(Odometry, names.odometry, self._on_odometry, SENSOR_DATA)
-        listen(String, names.resolve(ACCOUNT.lstrip("/")), self._on_account, LATCHED)
+        self._velocities = Velocities(node, Graph(node), names, self.take_foreign_command)
+        self._has_odometry = False
+        self._odometry = OdometrySubscription(node, names, self.take_odometry)
+        node.rclpy.create_subscription(String, names.simulation_topic(ACCOUNT), self._on_account, LATCHED)
         for topic in subscribe_hazards(node, names, self._mover.take_hazard):
-            logger.warning("%s cannot be heard without irobot_create_msgs", topic)
-        self._answerer = Answerer(node, names.discrete_move, self._answer)
+            logger.warning("%s needs irobot_create_msgs, which is not installed", topic)
+        self._server = TopicServiceServer(node, names.discrete_move, self._answer)
 
-    def close(self) -> None:
-        """Stand still and answer False to whoever waits; may be called more than once."""
-        if not self._closed.is_set():
-            self._closed.set()
-            self._mover.stop("discrete_move is shutting down")
-            self._velocities.send(STANDSTILL)
+    def send(self, command: Command) -> None:
+        """Publish a velocity."""
+        self._velocities.send(command)
 
-    def _answer(self, question: Mapping[str, Any], asker_gone: Callable[[], bool]) -> Mapping[str, Any]:
-        movement = str(question.get("movement", ""))[:40]
+    def take_odometry(self, pose: tuple[float, float, float], stamp_s: float, _sender: Any) -> None:
+        """Take the odometry of the base: metres, radians, seconds."""
+        super().take_odometry(pose, stamp_s, _sender)
+        self._has_odometry = True
+
+    def _answer(self, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Mapping[str, Any]:
+        movement = str(request.get("movement", ""))[:40]
         if movement == "Ping":
-            return {"missing": self._missing()}
+            return {"missing": self._missing(), "drives": True}
         if movement == "Reset":
             self._mover.forget_heading()
             return {}
-        outcome = self._carry_out(movement, question, asker_gone)
-        if outcome.answer:
-            logger.info("%s: done in %.2f s", outcome.movement, outcome.duration_s)
-        else:
-            logger.warning("%s: False: %s", outcome.movement, outcome.reason)
-        return asdict(outcome)
+        if movement == "Drive":
+            fault = self._velocities.connect()
+            outcome = Outcome("drive", False, str(fault)) if fault else self.drive(request.get("drive"), caller_gone)
+            return asdict(outcome)
+        return asdict(self._execute(movement, request, caller_gone))
 
     def _missing(self) -> str:
-        """Return what of the base this node has not found yet; empty for nothing."""
-        if not self._odometry_heard:
-            return "it has heard no odometry yet"
+        """Return the part of the base that this node has not found yet, or an empty string."""
+        if not self._has_odometry:
+            return self._odometry.fault or "no odometry received yet"
         fault = self._velocities.connect()
         return fault.statement if fault else ""
 
-    def _carry_out(self, movement: str, question: Mapping[str, Any], asker_gone: Callable[[], bool]) -> Outcome:
-        if self._closed.is_set():
-            return Outcome(movement, False, "discrete_move is shutting down")
+    def _execute(self, movement: str, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Outcome:
         if fault := self._velocities.connect():
             return Outcome(movement, False, str(fault))
         try:
-            angle_deg, distance_m = int(question.get("angle_deg", 0)), float(question.get("distance_m", 0.25))
+            angle_deg, distance_m = int(request.get("angle_deg", 0)), float(request.get("distance_m", 0.25))
         except (TypeError, ValueError):
-            return Outcome(movement, False, "the angle and the distance of a movement are numbers")
-        return self._mover.carry_out(movement, angle_deg, asker_gone, distance_m)
-
-    def _on_odometry(self, message: Any) -> None:
-        self._mover.take_odometry(*planar(message), seconds(message.header.stamp))
-        self._odometry_heard = True
+            return Outcome(movement, False, "angle_deg and distance_m of a movement must be numbers")
+        return self.execute(movement, angle_deg, caller_gone, distance_m)
 
     def _on_account(self, message: Any) -> None:
         try:

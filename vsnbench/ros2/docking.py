@@ -1,7 +1,7 @@
-"""A base on its charging dock: whether it stands there, and leaving it through the maker's own action.
+"""The charging dock of a base: its state, and undocking by the manufacturer's action.
 
-`irobot_create_msgs` comes with the robot's distribution and in no wheel; without it a battery that charges is the only
-hint. Of its types this reads DockStatus.is_docked, and of the action Undock the result's is_docked; the goal is empty.
+Needs `irobot_create_msgs`, which only a distribution has; without it a charging battery is the only hint. Used fields:
+DockStatus.is_docked, and is_docked in the result of the action Undock, whose goal is empty.
 """
 
 import contextlib
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from vsnbench.ros2.node import Ros2Node
 
 UNDOCK_S = 60.0
-"""A Create 3 drives backwards off its dock and turns round; it takes some ten seconds."""
+"""A Create 3 drives backwards off its dock and turns round in about ten seconds."""
 _ANSWER_S = 10.0
-_TAKE_BACK_S = 3.0
+_CANCEL_S = 3.0
 _SUCCEEDED = 4
 """action_msgs/GoalStatus.STATUS_SUCCEEDED."""
 _CHARGING = 1
@@ -27,14 +27,14 @@ _CHARGING = 1
 
 
 class Dock:
-    """What a base has said of its dock until now."""
+    """State of the dock, as far as the base has reported it."""
 
     def __init__(self, profile_name: str, names: "Ros2Interface") -> None:
         robot = f"{profile_name}@{names.root.strip('/')}" if names.root else profile_name
-        command = f"vsnbench ros2 undock --robot {robot}, or " if names.undock else ""
+        command = f"vsnbench robots undock {robot}, or " if names.undock else ""
         self.advice = f"{command}push it off by hand"
         self.is_docked: bool | None = None
-        """None while nothing was said, as where the type of the message is missing."""
+        """None before the first report, or if the message type is not installed."""
         self.is_charging = False
 
     def take_status(self, message: Any) -> None:
@@ -47,21 +47,21 @@ class Dock:
 
     @property
     def fault(self) -> RobotError | None:
-        """Why the robot must not move: it stands on its dock; None when it does not, or nobody says."""
-        return RobotError("the robot stands on its dock", advice=self.advice) if self.is_docked else None
+        """The fault of a docked robot; None if it is not docked or the state is unknown."""
+        return RobotError("the robot is on its dock", advice=self.advice, code="docked") if self.is_docked else None
 
     @property
     def doubt(self) -> str:
-        """Why it may stand there, where the base does not say; empty for nothing."""
+        """Hint that the robot may be docked where the base does not report it, or an empty string."""
         if self.is_docked is None and self.is_charging:
-            return f"the battery is charging: if the robot stands on its dock, {self.advice}"
+            return f"the battery is charging: if the robot is on its dock, {self.advice}"
         return ""
 
 
 def subscribe_dock(
-    node: "Ros2Node", names: "Ros2Interface", dock: Dock, also: Callable[[Any], None] = lambda _battery: None
+    node: "Ros2Node", names: "Ros2Interface", dock: Dock, take_battery: Callable[[Any], None] = lambda _battery: None
 ) -> None:
-    """Tell `dock` all that the base says of it; every sensor_msgs/BatteryState goes to `also`, too."""
+    """Pass reports of the dock to `dock`, and every sensor_msgs/BatteryState to `take_battery` too."""
     from sensor_msgs.msg import BatteryState
 
     from vsnbench.ros2.node import SENSOR_DATA
@@ -73,75 +73,86 @@ def subscribe_dock(
 
         def on_battery(message: Any) -> None:
             dock.take_battery(message)
-            also(message)
+            take_battery(message)
 
         node.rclpy.create_subscription(BatteryState, names.battery, on_battery, SENSOR_DATA)
 
 
 def undock(node: "Ros2Node", names: "Ros2Interface") -> None:
-    """Have the base leave its dock.
+    """Make the base leave its dock.
 
     Raises:
-        RobotError: it cannot be asked, or did not leave.
+        RobotError: the base has no such action, or it failed.
     """
     if not names.undock:
         advice = "push it off by hand, or name the action in the profile (interface.undock)"
-        raise RobotError("this robot has no action that undocks it", advice=advice)
+        raise RobotError("this robot has no undock action", advice=advice, code="no-undock-action")
     action = irobot_type("action", "Undock")
     if action is None:
-        there = f"on the robot: ros2 action send_goal {names.undock} irobot_create_msgs/action/Undock '{{}}'"
+        on_robot = f"run on the robot: ros2 action send_goal {names.undock} irobot_create_msgs/action/Undock '{{}}'"
         raise RobotError(
-            "irobot_create_msgs is not on this machine, and no wheel has it", advice=f"{there}, or push it off by hand"
+            "irobot_create_msgs is not installed, and no wheel has it",
+            advice=f"{on_robot}, or push it off by hand",
+            code="no-irobot-create-msgs",
         )
     from rclpy.action import ActionClient
 
     client = ActionClient(node.rclpy, action, names.undock)
     try:
         if not client.wait_for_server(timeout_sec=_ANSWER_S):
-            raise RobotError(f"nobody serves {names.undock}", advice="is the base on, in this domain and namespace?")
-        carry_out(client, action.Goal(), names.undock)
+            raise RobotError(
+                f"no node offers {names.undock}",
+                advice="switch the base on, and check domain and namespace",
+                code="no-undock-server",
+            )
+        send_goal(client, action.Goal(), names.undock)
     finally:
         client.destroy()
 
 
-def carry_out(client: Any, goal: Any, name: str, timeout_s: float = UNDOCK_S) -> None:
-    """Send the goal and wait until the base has left its dock; whatever ends the wait cancels the goal.
+def send_goal(client: Any, goal: Any, name: str, timeout_s: float = UNDOCK_S) -> None:
+    """Send the goal and wait until the base has left its dock; an exception cancels the goal.
 
     Args:
-        client: an rclpy.action.ActionClient of irobot_create_msgs/action/Undock.
-        goal: what it sends.
-        name: the action's name.
-        timeout_s: how long the base may take.
+        client: rclpy.action.ActionClient of irobot_create_msgs/action/Undock.
+        goal: goal of the action.
+        name: name of the action.
+        timeout_s: longest duration of the action.
 
     Raises:
-        RobotError: the base refused, failed, or took too long.
+        RobotError: the base refused, failed, or did not finish in time.
     """
-    asked = client.send_goal_async(goal)
+    sent = client.send_goal_async(goal)
     try:
-        handle = _await(asked, _ANSWER_S, f"{name} does not answer")
+        handle = _await(sent, _ANSWER_S, f"{name} does not answer")
         if not handle.accepted:
-            raise RobotError(f"{name} was refused", advice="does the robot stand on its dock? if not, it is ready")
-        done = _await(handle.get_result_async(), timeout_s, f"{name} has not ended after {timeout_s:.0f} s")
+            raise RobotError(
+                f"the base refused {name}",
+                advice="check that the robot is on its dock; if not, it is ready",
+                code="undock-refused",
+            )
+        done = _await(handle.get_result_async(), timeout_s, f"{name} has not finished after {timeout_s:.0f} s")
     except BaseException:
-        _take_back(asked)
+        _cancel(sent)
         raise
     if done.status != _SUCCEEDED or done.result.is_docked:
-        raise RobotError(f"{name} failed, the base still stands on its dock", advice="push it off by hand")
+        raise RobotError(
+            f"{name} failed: the base is still on its dock", advice="push it off by hand", code="undock-failed"
+        )
 
 
-def _take_back(asked: Any) -> None:
-    """Cancel a goal, also one whose answer is still on its way, and see that the base has heard it."""
+def _cancel(sent: Any) -> None:
+    """Cancel a goal, also one that the base has not accepted yet, and wait for the confirmation."""
     with contextlib.suppress(RobotError):
-        handle = _await(asked, _TAKE_BACK_S, "")
+        handle = _await(sent, _CANCEL_S, "")
         if handle.accepted:
-            _await(handle.cancel_goal_async(), _TAKE_BACK_S, "")
+            _await(handle.cancel_goal_async(), _CANCEL_S, "")
 
 
 def _await(future: Any, timeout_s: float, otherwise: str) -> Any:
-    """Return what a future brings; the node spins elsewhere."""
-    came = threading.Event()
-    arrived: Callable[[Any], None] = lambda _: came.set()  # noqa: E731
-    future.add_done_callback(arrived)
-    if not came.wait(timeout_s):
-        raise RobotError(otherwise, advice="is the base still alive?")
+    """Return the result of a future of a node that spins in another thread."""
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    if not done.wait(timeout_s):
+        raise RobotError(otherwise, advice="check that the base is alive", code="no-answer")
     return future.result()

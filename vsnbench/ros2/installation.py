@@ -1,56 +1,59 @@
-"""Whether ROS 2 can be imported here, and the one line that says how to install it.
+"""Check that ROS 2 is installed.
 
-Where a distribution's rclpy comes first on the path (a sourced /opt/ros/...), that one is used; else pip's wheels.
+The rclpy of a sourced distribution (/opt/ros/...) takes precedence over pip's wheels.
 """
 
 import importlib
 import os
 from typing import Any
 
-from vsnbench import ros_generation
 from vsnbench.errors import RobotError
-from vsnbench.ros_generation import RosGeneration
+from vsnbench.runtime import ros_version
+from vsnbench.runtime.ros_version import RosGeneration
 
-NEEDED = ("rclpy", "rosgraph_msgs", "std_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs")
-"""The Python packages of ROS 2 that our nodes and the client import."""
-INSTALL = "pip install 'vsnbench[ros2]', or source a distribution's setup.bash"
+REQUIRED = ("rclpy", "rosgraph_msgs", "std_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs")
+"""Python packages of ROS 2 that the nodes and the client import."""
+INSTALL = "pip install 'vsnbench[ros2]', or source the setup.bash of a distribution"
 
 
 def missing_packages() -> list[str]:
-    """Return the names in NEEDED that cannot be imported; from then on this process speaks ROS 2.
+    """Return the packages of REQUIRED that cannot be imported, and reserve this process for ROS 2.
 
     Raises:
-        RobotError: it speaks ROS 1 already.
+        RobotError: the process uses ROS 1.
     """
-    return ros_generation.missing_packages(RosGeneration.ROS2, NEEDED)
+    return ros_version.missing_packages(RosGeneration.ROS2, REQUIRED)
 
 
 def require_ros2() -> None:
     """Make sure that ROS 2 can be imported.
 
     Raises:
-        RobotError: it cannot; the message says how to install it.
+        RobotError: ROS 2 is not installed.
     """
-    missing = missing_packages()
-    if missing:
-        raise RobotError(f"ROS 2 is not installed for this Python (no module {missing[0]})", advice=INSTALL)
+    if missing := missing_packages():
+        raise RobotError(
+            f"ROS 2 is not installed for this Python (no module {missing[0]})", advice=INSTALL, code="ros-not-installed"
+        )
     if os.environ.get("ROS_DISTRO", "") in ("noetic", "melodic"):
         raise RobotError(
             f"this shell is set up for ROS 1 ({os.environ['ROS_DISTRO']})",
-            advice="open one that has not sourced its setup.bash",
+            advice="open a shell without that setup.bash",
+            code="wrong-ros",
         )
     try:
         importlib.import_module("rclpy.node")
     except ImportError as error:
         first = str(error).partition("\n")[0]
         raise RobotError(
-            f"rclpy is found and cannot be loaded ({first})",
-            advice=f"it is another Python's, or half installed: {INSTALL}",
+            f"rclpy is installed but cannot be loaded ({first})",
+            advice=f"it may belong to another Python: {INSTALL}",
+            code="ros-not-installed",
         ) from error
 
 
 def discovery() -> str:
-    """Return in words how far this process looks for robots: domain and range."""
+    """Return the discovery settings of this process: domain, and range or server."""
     domain = os.environ.get("ROS_DOMAIN_ID", "") or "0"
     reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
     server = os.environ.get("ROS_DISCOVERY_SERVER", "")
@@ -58,11 +61,31 @@ def discovery() -> str:
 
 
 def irobot_type(kind: str, name: str) -> Any:
-    """Return a type of irobot_create_msgs, a `msg` or an `action`; None where the package is not on this machine.
+    """Return a type of irobot_create_msgs, or None if the package is not installed.
 
-    It comes with a distribution (`ros-<distro>-irobot-create-msgs`, sourced) and in no wheel.
+    No wheel has it; it is part of a distribution (`ros-<distro>-irobot-create-msgs`).
+
+    Args:
+        kind: `msg` or `action`.
+        name: name of the type.
     """
     try:
         return getattr(importlib.import_module(f"irobot_create_msgs.{kind}"), name)
     except (ImportError, AttributeError):
         return None
+
+
+def require_tf_message() -> Any:
+    """Return the class of tf2_msgs/msg/TFMessage, which is part of a distribution and not of a wheel.
+
+    Raises:
+        RobotError: the package is not installed.
+    """
+    try:
+        return importlib.import_module("tf2_msgs.msg").TFMessage
+    except (ImportError, AttributeError) as error:
+        raise RobotError(
+            "odometry from TF needs the Python module tf2_msgs, which is not installed",
+            advice="source the setup.bash of a ROS 2 distribution (ros-<distro>-tf2-msgs); no wheel has it",
+            code="no-tf2-msgs",
+        ) from error

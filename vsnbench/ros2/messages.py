@@ -1,34 +1,33 @@
-"""ROS 2 messages to and from plain values; images stay bytes until somebody wants to see them.
+"""Conversion of ROS 2 messages; images stay serialized until they are needed.
 
 Imported only where ROS 2 is installed.
 """
 
 import array
-import math
 import struct
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vsnbench.motion.controller import Command
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.robot_profile import RobotProfile
+from vsnbench.control.command import Command
+from vsnbench.errors import ImageError
 from vsnbench.ros2.interface import TWIST, TWIST_STAMPED
-from vsnbench.sensing.camera_images import ImageError
-from vsnbench.sensing.odometry import heading_of_quaternion
+from vsnbench.ros_common.messages import PinholeMatrices, fill_image, fill_odometry, turned
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
 
+OPTICAL_FRAME = "camera_optical_frame"
 COMMAND_CLASSES: dict[str, Any] = {TWIST: Twist, TWIST_STAMPED: TwistStamped}
-"""Message classes of velocities, by their type's name."""
+"""Message classes of velocities by type."""
 
 
 def seconds(stamp: Any) -> float:
-    """Return a stamp as seconds."""
+    """Return a stamp in seconds."""
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
 
 
@@ -39,35 +38,32 @@ def time_of(stamp_s: float) -> Any:
 
 
 def stamp_of_serialized(data: bytes) -> float:
-    """Return the stamp of a serialized message that begins with a header; 0 where it is too short for one."""
+    """Return the stamp in the header of a serialized message in seconds; 0 for a message without a header."""
     if len(data) < 12:
         return 0.0
-    # The second byte says whether what follows is little-endian.
+    # The lowest bit of the second byte marks little-endian data.
     sec, nanosec = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
     return float(sec) + float(nanosec) * 1e-9
 
 
+class CompressedBytes(bytes):
+    """A serialized sensor_msgs/CompressedImage."""
+
+
 def image_of_serialized(data: bytes) -> Any:
-    """Return a serialized sensor_msgs/Image.
+    """Return a serialized sensor_msgs/Image, or a CompressedImage from CompressedBytes.
 
     Raises:
-        ImageError: the bytes are none.
+        ImageError: the data is not such a message.
     """
     try:
-        return deserialize_message(data, Image)
+        return deserialize_message(bytes(data), CompressedImage if isinstance(data, CompressedBytes) else Image)
     except Exception as error:
         raise ImageError(f"an image of {len(data)} bytes cannot be read") from error
 
 
-def planar(message: Any) -> tuple[float, float, float]:
-    """Return x, y and heading of an odometry message."""
-    pose = message.pose.pose
-    turn = pose.orientation
-    return pose.position.x, pose.position.y, heading_of_quaternion(turn.x, turn.y, turn.z, turn.w)
-
-
 def velocity_message(command: Command, kind: str, stamp: Any) -> Any:
-    """Return a velocity as a message of a type's name."""
+    """Return a velocity as a message of type `kind`."""
     twist = Twist()
     twist.linear.x = float(command.linear_m_s)
     twist.angular.z = float(command.angular_rad_s)
@@ -88,38 +84,24 @@ def odometry_message(pose: Pose, stamp_s: float, frame_id: str) -> Any:
     """Return a pose as nav_msgs/Odometry."""
     message = Odometry()
     message.header.stamp = time_of(stamp_s)
-    message.header.frame_id = frame_id
-    message.child_frame_id = "base_link"
-    message.pose.pose.position.x, message.pose.pose.position.y = map(float, pose.position)
-    message.pose.pose.orientation.z = math.sin(pose.heading_rad / 2)
-    message.pose.pose.orientation.w = math.cos(pose.heading_rad / 2)
+    fill_odometry(message, pose, frame_id, "base_link")
     return message
 
 
 def image_message(pixels: npt.NDArray[Any], encoding: str, stamp_s: float, turns: int = 0) -> Any:
-    """Return pixels as sensor_msgs/Image, turned back as a camera sees them that sits `turns` quarter turns askew."""
-    pixels = np.ascontiguousarray(np.rot90(pixels, turns))
+    """Return an upright image as sensor_msgs/Image of a camera that is mounted `turns` quarter turns anticlockwise."""
+    pixels = turned(pixels, turns)
     message = Image()
-    message.header.stamp = time_of(stamp_s)
-    message.header.frame_id = "camera_optical_frame"
-    message.height, message.width = pixels.shape[:2]
-    message.encoding = encoding
-    message.step = pixels[0].nbytes
+    message.header.stamp, message.header.frame_id = time_of(stamp_s), OPTICAL_FRAME
+    fill_image(message, pixels, encoding)
     message.data = array.array("B", pixels.tobytes())
     return message
 
 
 def camera_info_message(profile: RobotProfile, stamp_s: float, turns: int = 0) -> Any:
-    """Return how a profile's camera is calibrated, as sensor_msgs/CameraInfo."""
-    camera = profile.camera
-    focal, (cx, cy) = camera.focal_px, camera.center_px
-    width, height = camera.width, camera.height
-    if turns % 2:
-        width, height, cx, cy = height, width, cy, cx
-    info = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=[0.0] * 5)
-    info.header.stamp = time_of(stamp_s)
-    info.header.frame_id = "camera_optical_frame"
-    info.k = [focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0]
-    info.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
-    info.p = [focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    """Return the calibration of a profile's camera as sensor_msgs/CameraInfo."""
+    camera = PinholeMatrices.of(profile.camera, turns)
+    info = CameraInfo(width=camera.width, height=camera.height, distortion_model="plumb_bob", d=list(camera.d))
+    info.header.stamp, info.header.frame_id = time_of(stamp_s), OPTICAL_FRAME
+    info.k, info.p, info.r = camera.k, camera.p, list(camera.r)
     return info

@@ -1,6 +1,6 @@
-"""Be a ROS 2 node without the traps: a context of one's own, a thread that spins and is joined, no signals taken.
+"""A ROS 2 node with its own context and thread, which leaves signal handlers alone.
 
-Shutting a context down under a spinning executor can abort the process: `close` stops and joins the thread first.
+Shutting a context down under a spinning executor can abort the process, so `close` joins the thread first.
 Imported only where ROS 2 is installed.
 """
 
@@ -11,7 +11,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import rclpy
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -23,11 +23,12 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from vsnbench.end_signals import EndAsked
+from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
-from vsnbench.motion.controller import Command
 from vsnbench.ros2.installation import discovery
 from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
+from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask
+from vsnbench.runtime.signals import EndAsked
 
 SENSOR_DATA = QoSProfile(
     depth=10,
@@ -35,54 +36,53 @@ SENSOR_DATA = QoSProfile(
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
-"""What drivers publish sensors with, and what every publisher of sensors satisfies."""
+"""Quality of service of sensors, which every driver offers."""
 RELIABLE = QoSProfile(depth=10, history=QoSHistoryPolicy.KEEP_LAST, reliability=QoSReliabilityPolicy.RELIABLE)
-"""What commands and questions are sent with; satisfies a listener that asks for best effort, too."""
+"""Quality of service of commands and requests; also matches subscribers that require best effort."""
 LATCHED = QoSProfile(
     depth=1,
     history=QoSHistoryPolicy.KEEP_LAST,
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""What comes again to whoever listens later."""
+"""Quality of service of messages that late subscribers receive again."""
 
 
 class _NodeWithoutEvents(Node):  # type: ignore[misc]
-    """A node whose publishers and subscribers leave it to `graph_check` to say what does not fit.
+    """A node without rclpy's default event callbacks, which double the cost of every message.
 
-    rclpy would watch each of them for two events more, which makes every message of every topic cost twice as much.
+    `graph` reports the mismatches that those callbacks would log.
     """
 
-    def create_publisher(self, *words: Any, **more: Any) -> Any:
+    def create_publisher(self, *arguments: Any, **options: Any) -> Any:
         return super().create_publisher(
-            *words, **{"event_callbacks": PublisherEventCallbacks(use_default_callbacks=False), **more}
+            *arguments, **{"event_callbacks": PublisherEventCallbacks(use_default_callbacks=False), **options}
         )
 
-    def create_subscription(self, *words: Any, **more: Any) -> Any:
+    def create_subscription(self, *arguments: Any, **options: Any) -> Any:
         return super().create_subscription(
-            *words, **{"event_callbacks": SubscriptionEventCallbacks(use_default_callbacks=False), **more}
+            *arguments, **{"event_callbacks": SubscriptionEventCallbacks(use_default_callbacks=False), **options}
         )
 
 
 class Ros2Node:
-    """A node that spins in a thread of its own until it is closed; callbacks come in that thread.
+    """A node that spins in its own thread until it is closed; callbacks run in that thread.
 
     Args:
-        name: the node's name.
-        namespace: its namespace.
-        by_network_alone: never share memory with the other nodes on this machine, as Fast DDS does by default: a
-            precaution, so that a node that is killed leaves no lock behind for a base's driver to wait for. For nodes
-            that hear no images, whose size is what shared memory is good for. A transport that the environment names
-            stays; where discovery is LOCALHOST only, ROS 2 chooses itself, and memory is shared.
+        name: name of the node.
+        namespace: namespace of the node.
+        by_network_alone: share no memory with other nodes, unless the environment sets a transport or discovery is
+            LOCALHOST. With shared memory, the default of Fast DDS, a killed node may leave a lock for which the driver
+            of the base waits. For nodes that receive no images.
     """
 
     velocity_quality: ClassVar[Any] = RELIABLE
-    """The quality of service that velocities are sent with."""
+    """Quality of service of velocities."""
 
     def __init__(self, name: str, namespace: str = "", *, by_network_alone: bool = False) -> None:
         if by_network_alone:
             os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-        # It would write a log file for every process; what matters goes through our own logging.
+        # rclpy would write a log file for every process; vsnbench logs through Python.
         os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
         quiet = ["--ros-args", "--log-level", "error", "--disable-external-lib-logs", "--disable-rosout-logs"]
         self._context = rclpy.Context()
@@ -97,7 +97,7 @@ class Ros2Node:
             )
         except Exception as error:
             first = str(error).partition("\n")[0]
-            raise RobotError(f"no ROS 2 node can be made here ({discovery()}): {first}") from error
+            raise RobotError(f"cannot create a ROS 2 node ({discovery()}): {first}", code="no-ros2-node") from error
         self.full_name = self.rclpy.get_fully_qualified_name()
         self.began_s = time.monotonic()
         self._ended = threading.Event()
@@ -122,50 +122,50 @@ class Ros2Node:
 
     @property
     def simulated_time(self) -> bool:
-        """Whether time is that of a simulator."""
+        """Whether a simulator publishes the time."""
         return bool(self.rclpy.get_clock().ros_time_is_active)
 
     def follow_simulated_time(self, *, simulated: bool) -> None:
-        """Take the time from /clock, or no longer."""
+        """Set whether the time comes from /clock."""
         if simulated != self.simulated_time:
             self.rclpy.set_parameters([Parameter("use_sim_time", value=simulated)])
 
     def now_s(self) -> float:
-        """Return the time that control runs on: monotonic, or simulated where a simulator is the clock."""
+        """Return the time of control loops: monotonic, or simulated where a simulator publishes the time."""
         if self.simulated_time:
             return float(self.rclpy.get_clock().now().nanoseconds) * 1e-9
         return time.monotonic()
 
     def sleep_until(self, due_s: float, give_up_wall_s: float = 1.0) -> None:
-        """Sleep until `now_s()` reaches `due_s`; never longer than `give_up_wall_s` of real time."""
+        """Sleep until `now_s()` reaches `due_s`, or for `give_up_wall_s` of real time."""
         give_up_s = time.monotonic() + give_up_wall_s
         while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
             time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
 
     def velocity_publisher(self, topic: str, kind: str) -> "VelocityPublisher":
-        """Return what publishes velocities as messages of a type's name."""
+        """Return a publisher of velocities as messages of type `kind`."""
         return VelocityPublisher(self, topic, kind)
 
-    def listen_to_velocities(self, topic: str, kind: str, take: Callable[[Callable[[], Any], Any], None]) -> None:
-        """Hand every velocity of a topic to `take`: what reads it as a Twist, and what is known of its sender."""
+    def subscribe_velocities(self, topic: str, kind: str, take: Callable[[Callable[[], Any], Any], None]) -> None:
+        """Pass every velocity of a topic to `take`: a function that reads the Twist, and the message info."""
         message_class = COMMAND_CLASSES[kind]
 
-        def hand_over(data: bytes, info: Any) -> None:
+        def on_velocity(data: bytes, info: Any) -> None:
             take(lambda: twist_of(deserialize_message(data, message_class)), info)
 
-        self.rclpy.create_subscription(message_class, topic, hand_over, SENSOR_DATA, raw=True)
+        self.rclpy.create_subscription(message_class, topic, on_velocity, SENSOR_DATA, raw=True)
 
     def text_publisher(self, topic: str) -> Callable[[str], None]:
-        """Return what publishes a text as std_msgs/String, reliably."""
+        """Return a function that publishes a text as std_msgs/String, reliably."""
         publisher = self.rclpy.create_publisher(String, topic, RELIABLE)
         return lambda text: publisher.publish(String(data=text))
 
-    def listen_to_texts(self, topic: str, take: Callable[[str], None]) -> None:
-        """Hand every std_msgs/String of a topic to `take`."""
+    def subscribe_text(self, topic: str, take: Callable[[str], None]) -> None:
+        """Pass every std_msgs/String of a topic to `take`."""
         self.rclpy.create_subscription(String, topic, lambda message: take(message.data), RELIABLE)
 
     def stamp(self) -> Any:
-        """Return the present as messages carry it."""
+        """Return the current time as a stamp."""
         return self.rclpy.get_clock().now().to_msg()
 
     def _spin(self) -> None:
@@ -177,7 +177,7 @@ class Ros2Node:
 
 
 class VelocityPublisher:
-    """Publishes velocities on one topic, as messages of a type's name."""
+    """Publishes velocities on one topic as messages of type `kind`."""
 
     def __init__(self, node: Ros2Node, topic: str, kind: str) -> None:
         self._node = node
@@ -185,52 +185,43 @@ class VelocityPublisher:
         self._publisher = node.rclpy.create_publisher(COMMAND_CLASSES[kind], topic, node.velocity_quality)
 
     @property
-    def is_heard(self) -> bool:
-        """Whether anybody is connected who listens."""
+    def is_connected(self) -> bool:
+        """Whether a subscriber is connected."""
         return bool(self._publisher.get_subscription_count())
 
     def publish(self, command: Command) -> None:
-        """Send a velocity."""
+        """Publish a velocity."""
         self._publisher.publish(velocity_message(command, self._kind, self._node.stamp()))
 
     def close(self) -> None:
-        """Publish no more."""
+        """Close the topic."""
         self._node.rclpy.destroy_publisher(self._publisher)
 
 
-class Closable(Protocol):
-    """A node's work: it runs in threads of its own until it is closed."""
-
-    def close(self) -> None:
-        """Stop, and leave the robot standing still."""
-        ...
-
-
 def run_node(
-    name: str, namespace: str, make: Callable[[Ros2Node], Closable], what: str, *, by_network_alone: bool = False
+    name: str, namespace: str, make: Callable[[Ros2Node], NodeTask], what: str, *, by_network_alone: bool = False
 ) -> None:
-    """Be a node until SIGINT, SIGTERM or SIGHUP.
+    """Run a node until SIGINT, SIGTERM or SIGHUP.
 
     Args:
-        name: the node's name.
-        namespace: its namespace, that of the robot.
-        make: what starts the node's work; may refuse.
-        what: what the node does, in words, for the terminal.
+        name: name of the node.
+        namespace: namespace of the robot.
+        make: starts the task of the node.
+        what: description of the task for the terminal.
         by_network_alone: see `Ros2Node`.
 
     Raises:
-        RobotError: the work was refused.
+        RobotError: the task cannot start.
     """
     ended = EndAsked().listen()
     node = Ros2Node(name, namespace, by_network_alone=by_network_alone)
     try:
-        work = make(node)
+        task = make(node)
         try:
             sys.stderr.write(f"{what} ({discovery()}); Ctrl-C ends it\n")
             ended.wait()
         finally:
-            work.close()
-            # The last command leaves through the middleware's own threads.
-            time.sleep(0.1)
+            task.close()
+            time.sleep(LAST_MESSAGES_S)
     finally:
         node.close()

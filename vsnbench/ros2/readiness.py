@@ -1,91 +1,116 @@
-"""Whether every part of a robot on a ROS 2 graph answers; imported only where ROS 2 is installed."""
+"""Checks that every part of a robot on a ROS 2 graph answers."""
 
-import logging
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RobotError
-from vsnbench.ros2.graph_check import type_fault
+from vsnbench.ros2.docking import Dock
+from vsnbench.ros2.graph import Graph, type_fault
 from vsnbench.ros2.installation import discovery
-from vsnbench.sensing.robot_reports import AGE_LIMIT_S
+from vsnbench.ros2.interface import Ros2Interface
+from vsnbench.ros_common import readiness
+from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
 
 if TYPE_CHECKING:
-    from vsnbench.ros2.robot_link import RobotLink
-
-logger = logging.getLogger(__name__)
+    from vsnbench.ros2.node import Ros2Node
 
 _DISCOVERY_S = 3.5
-"""Who is on the graph is found out within this time: what was lost at first comes again after 3 s (DDS's usual period
-of announcements and of heartbeats). Before it is over, that a node was not seen says nothing."""
+"""Time in which all nodes are discovered: DDS repeats lost announcements after 3 s."""
 
 
-def missing_part(link: "RobotLink", warned: set[str]) -> RobotError | None:
-    """Return the first part that does not answer and what to do about it; None when all do."""
-    time.sleep(max(0.0, link.node.began_s + _DISCOVERY_S - time.monotonic()))
-    names, now, now_s = link.names, link.snapshot(), time.monotonic()
-    if earlier := _earlier_session(link):
-        return RobotError(f"{earlier} drives this robot already", advice="wait until it has ended")
-    for topic in (names.odometry, names.color, names.depth):
-        # By the graph, which knows an endpoint before anything was heard; of a killed node for some seconds more.
-        publishers = link.graph.publishers(topic)
-        if len(publishers) > 1:
-            nodes = " and ".join(sorted(one.node for one in publishers))
-            apart = f"end one of them, or give each robot a namespace (--robot {link.profile_name}@NAMESPACE)"
-            return RobotError(f"{nodes} both publish {topic}", advice=apart)
-    if fault := link.velocities.connect():
-        return fault
-    if now_s - now.driven_s < AGE_LIMIT_S:
-        return RobotError(f"{now.driven_by} is driving the base", advice="end it, or wait until it has")
-    if now.odometry_age_s(now_s) > AGE_LIMIT_S:
-        return _silence(link, "odometry", names.odometry, "nav_msgs/msg/Odometry", "the base's driver")
-    for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
-        if topic and (not images or now_s - images[-1].arrival_s > AGE_LIMIT_S):
-            return _silence(link, "image", topic, "sensor_msgs/msg/Image", "the camera's driver")
-    if now.simulation is None and link.graph.publishers(names.resolve(ACCOUNT.lstrip("/"))):
-        return RobotError("a simulator plays the robot and has not said yet what it plays")
-    if fault := link.dock.fault:
-        return fault
-    if now.simulation is None:
-        _say_once(warned, link)
-    return link.choose_server()
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of a connection that are checked.
+
+    Attributes:
+        profile_name: name of the robot's profile.
+        node: the client's node.
+        graph: discovered nodes.
+        connect: connects to the base; returns why none would move, or None.
+        choose_server: selects what executes movements; returns why nothing can, or None.
+        odometry_fault: returns why TF gives no odometry, or an empty string.
+        dock: state of the charging dock.
+        unsupported_topics: topics whose message type is not installed.
+    """
+
+    profile_name: str
+    node: "Ros2Node"
+    graph: Graph
+    connect: Callable[[], RobotError | None]
+    choose_server: Callable[[], RobotError | None]
+    odometry_fault: Callable[[], str]
+    dock: Dock
+    unsupported_topics: Sequence[str]
 
 
-def _say_once(warned: set[str], link: "RobotLink") -> None:
-    if link.dock.doubt and "dock" not in warned:
-        warned.add("dock")
-        logger.warning("%s", link.dock.doubt)
-    for topic in link.unheard:
-        if topic not in warned:
-            warned.add(topic)
-            logger.warning(
-                "%s cannot be heard without irobot_create_msgs: a collision is a person's word (space bar, and when "
-                "asked after the episode)",
-                topic,
+class Readiness(readiness.Readiness):
+    """Finds the first part of a robot that does not answer."""
+
+    names: Ros2Interface
+
+    def __init__(self, names: Ros2Interface, snapshot: Callable[[], RobotSnapshot], parts: Parts) -> None:
+        super().__init__(names, snapshot, parts.odometry_fault)
+        self._parts = parts
+
+    @property
+    def _discovery_left_s(self) -> float:
+        return max(0.0, self._parts.node.began_s + _DISCOVERY_S - time.monotonic())
+
+    def _network_fault(self) -> RobotError | None:
+        names, parts = self.names, self._parts
+        if earlier := self._earlier_session():
+            return RobotError(
+                f"{earlier} already uses this robot", advice="wait until it has ended", code="robot-in-use"
             )
+        for topic in (names.odometry, names.color, names.depth):
+            nodes = self._publishers(topic)
+            if len(nodes) > 1:
+                return RobotError(
+                    f"{' and '.join(nodes)} both publish {topic}",
+                    advice=f"end one of them, or set the robot's namespace (--robot {parts.profile_name}@NAMESPACE)",
+                    code="two-publishers",
+                )
+        return parts.connect()
 
+    def _server_fault(self, now: RobotSnapshot) -> RobotError | None:
+        parts = self._parts
+        if now.simulation is None and parts.graph.publishers(self.names.simulation_topic(ACCOUNT)):
+            return RobotError("the simulator has not described itself yet", code="no-simulation-account")
+        if fault := parts.dock.fault:
+            return fault
+        if now.simulation is None:
+            if parts.dock.doubt:
+                self._warn_once(parts.dock.doubt)
+            for topic in parts.unsupported_topics:
+                self._warn_once(
+                    f"{topic} needs irobot_create_msgs, which is not installed: report collisions by the space bar, "
+                    "and when asked after the episode"
+                )
+        return parts.choose_server()
 
-def _earlier_session(link: "RobotLink") -> str:
-    """Return the client that drives this robot since before us; empty for none."""
-    place, _, own = link.node.full_name.rpartition("/vsnbench_")
-    for name in link.graph.nodes():
-        elsewhere, _, number = name.rpartition("/vsnbench_")
-        if elsewhere == place and number.isdigit() and int(number) < int(own):
-            return name
-    return ""
+    def _publishers(self, topic: str) -> list[str]:
+        return sorted(publisher.node for publisher in self._parts.graph.publishers(topic))
 
+    def _silence(self, what: str, topic: str, driver: str) -> RobotError:
+        kind = self.names.odometry_type if what == "odometry" else "sensor_msgs/msg/Image"
+        if fault := type_fault(topic, kind, self._parts.graph.publishers(topic)):
+            return fault
+        if nodes := " and ".join(sorted(set(self._publishers(topic)))):
+            statement = f"no {what} on {topic}, which {nodes} publishes"
+            advice = f"check that {nodes} is alive and the network fast enough"
+        else:
+            statement = f"no {what} on {topic}"
+            advice = f"start {driver}; if it runs, check that it is in {discovery()} and in this namespace"
+        return RobotError(statement, advice=advice, code="silent-topic")
 
-def _silence(link: "RobotLink", what: str, topic: str, kind: str, driver: str) -> RobotError:
-    """Say why nothing comes on a topic, as far as the graph knows."""
-    publishers = link.graph.publishers(topic)
-    if fault := type_fault(topic, kind, publishers):
-        return fault
-    if publishers:
-        nodes = " and ".join(sorted({one.node for one in publishers}))
-        return RobotError(
-            f"no {what} on {topic}, which {nodes} publishes", advice="is it alive, and the network fast enough?"
-        )
-    return RobotError(
-        f"no {what} on {topic}",
-        advice=f"start {driver}; if it runs, is it in {discovery()}, too, and in this namespace?",
-    )
+    def _earlier_session(self) -> str:
+        """Return the client that connected to this robot before this one, or an empty string."""
+        place, _, own = self._parts.node.full_name.rpartition("/vsnbench_")
+        for name in self._parts.graph.nodes():
+            other_place, _, number = name.rpartition("/vsnbench_")
+            if other_place == place and number.isdigit() and int(number) < int(own):
+                return name
+        return ""

@@ -1,57 +1,68 @@
-"""Listens to the topics of a robot: how often something comes, how old it is, and the last messages as bytes.
+"""Collects the messages of topics over ROS 2.
 
 Imported only where ROS 2 is installed.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import BatteryState, CameraInfo, Image
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
 
 from vsnbench.ros2.graph import Graph
 from vsnbench.ros2.messages import stamp_of_serialized
 from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
-from vsnbench.sensing.heard import Heard, Hearing
+from vsnbench.ros2.odometry import OdometrySubscription
+from vsnbench.ros_common import topic_listener
+from vsnbench.ros_common.topic_listener import TakeOdometry
 
-CLASSES: Mapping[str, Any] = {
+_CLASSES: Mapping[str, Any] = {
     "nav_msgs/msg/Odometry": Odometry,
     "sensor_msgs/msg/Image": Image,
     "sensor_msgs/msg/CameraInfo": CameraInfo,
+    "sensor_msgs/msg/CompressedImage": CompressedImage,
     "sensor_msgs/msg/BatteryState": BatteryState,
 }
-_CONNECTING_S = 1.5
-"""With the time of listening, what the graph may take to be discovered (`readiness`)."""
 
 
-class TopicListener:
-    """A node that listens, by topic and type's name."""
+def message_of(kind: str, data: bytes) -> Any:
+    """Return a serialized message of a type such as `sensor_msgs/Image`."""
+    return deserialize_message(data, _CLASSES[kind.replace("/", "/msg/")])
+
+
+class TopicListener(topic_listener.TopicListener):
+    """A node that records the serialized messages of several topics."""
+
+    connecting_s = 1.5  # with the time of listening, as long as discovery takes (`readiness`)
 
     def __init__(self, name: str, namespace: str, topics: Mapping[str, str]) -> None:
+        super().__init__(topics)
         self.node = Ros2Node(name, namespace)
         self.graph = Graph(self.node)
-        self._hearing = Hearing(topics)
         for topic, kind in topics.items():
-            self.node.rclpy.create_subscription(CLASSES[kind], topic, self._keeper(topic), SENSOR_DATA, raw=True)
+            self.node.rclpy.create_subscription(_CLASSES[kind], topic, self._recorder(topic), SENSOR_DATA, raw=True)
 
-    def listen(self, seconds: float) -> dict[str, Heard]:
-        """Wait, and return what has come on each topic since the graph was discovered."""
-        return self._hearing.listen(_CONNECTING_S, seconds)
+    def follow_odometry(self, names: Any, take: TakeOdometry) -> OdometrySubscription:
+        """Pass the odometry of a base to `take`.
+
+        Raises:
+            RobotError: the source is TF, and its message type is not installed.
+        """
+
+        def with_sender(pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:
+            take(pose, stamp_s, self.graph.sender(names.odometry_topic, info))
+
+        return OdometrySubscription(self.node, names, with_sender)
 
     def close(self) -> None:
         """Leave the graph."""
         self.node.close()
 
-    def _keeper(self, topic: str) -> Any:
-        def keep(data: bytes, info: Any) -> None:
+    def _recorder(self, topic: str) -> Callable[[bytes, Any], None]:
+        def record(data: bytes, info: Any) -> None:
             arrival_s, sender = time.time(), self.graph.sender(topic, info)
-            self._hearing.keep(topic, data, sender, arrival_s=arrival_s, stamp_s=stamp_of_serialized(data))
+            self.monitor.add(topic, data, sender, arrival_s=arrival_s, stamp_s=stamp_of_serialized(data))
 
-        return keep
-
-
-def message_of(kind: str, data: bytes) -> Any:
-    """Return a serialized message of a type such as `sensor_msgs/Image`."""
-    return deserialize_message(data, CLASSES[kind.replace("/", "/msg/")])
+        return record

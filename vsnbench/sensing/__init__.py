@@ -1,1 +1,1 @@
-"""What sensors say, made usable, whatever the middleware: pairing, depth filter, odometry, image decoding; pure."""
+"""Robot sensor data without a middleware: images, odometry, maps, movements."""

@@ -1,7 +1,7 @@
-"""One discrete movement after the other on a base that is driven by velocities and reports odometry.
+"""Execution of discrete movements by velocities and odometry, without a middleware.
 
-What the discrete_move node does, without ROS: it is fed odometry and events by other threads, and `carry_out` blocks
-until the movement is over. Zero velocity is commanded on every way out.
+Other threads pass in odometry and events. `carry_out` returns when the movement has ended. Every exit commands zero
+velocity.
 """
 
 import logging
@@ -11,72 +11,75 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, field, replace
 
-from vsnbench.motion.controller import STANDSTILL, Command, MotionController, MotionStatus
-from vsnbench.motion.law import heading_after, ideal_duration_s, turn_error_rad
-from vsnbench.motion.settings import MotionSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.sensing.odometry import ClockOffset, OdometryFault, OdometryFaultKind, OdometryReading, OdometryTracker
+from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.controller import MotionController
+from vsnbench.control.law import heading_after, turn_error_rad
+from vsnbench.control.legs import Leg, LegPlan
+from vsnbench.control.settings import MotionSettings
+from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.movements import MOVEMENTS, Outcome
+from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFault, OdometryFaultKind, OdometryTracker
+from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
+from vsnbench.values.action import Action
+from vsnbench.values.movement import Drive, movement_to_json
+from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
 
-MOVEMENTS = {
-    "Forward": Action.MOVE_FORWARD,
-    "Backward": Action.MOVE_BACKWARD,
-    "Left": Action.TURN_LEFT,
-    "Right": Action.TURN_RIGHT,
-    "Stop": Action.STOP,
-}
-"""The words of the service (paper, Section 3.1.3)."""
 _MOVED_BY_HAND_RAD = math.radians(3)
-"""A heading farther off the held one than this was turned by somebody else: picked up, pushed, reset."""
+"""A larger difference from the held heading has another cause: the robot was lifted, pushed or reset."""
 
 _SETTLING_READINGS = 2.5
-"""Two fresh readings and some: a slow odometer repeats itself while the robot still rolls."""
+"""Settling time in odometry periods: slow odometry repeats its value while the robot still rolls."""
 _LONGEST_SETTLING_S = 1.0
 _LONGEST_MOVE_M = 10.0
-
-
-class Hazard(StrEnum):
-    """What a base's own sensors can report."""
-
-    BUMPER = "bumper"
-    CLIFF = "cliff"
-    WHEEL_DROP = "wheel drop"
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What became of a requested movement."""
-
-    movement: str
-    answer: bool
-    """What the service answers."""
-    reason: str = ""
-    """Why the answer is False."""
-    corrections: int = 0
-    duration_s: float = 0.0
-    ideal_s: float = 0.0
-    sensor_lost: bool = False
+_LONGEST_PAUSE_S = 0.6
+"""Longest time between two commands: after a longer one, a stopped base would start again without a request."""
+_LONGEST_START_S = 1.5
+"""Longest time of readings at rest before a movement of a noisy base."""
 
 
 @dataclass
 class _Senses:
-    """What other threads have reported; guarded by the mover's lock."""
+    """Reports of other threads; guarded by the mover's lock."""
 
     hazards: dict[Hazard, set[int]] = field(default_factory=lambda: {hazard: set() for hazard in Hazard})
     hazard_reason: str = ""
-    """What has happened since the movement began; empty while nothing has."""
+    """Hazard since the movement began, or empty."""
     odometry_fault: OdometryFault | None = None
+    rival: str = ""
+    """Fault of another publisher that commanded the base since the movement began, or empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reason:
+    """Reason to end a movement."""
+
+    text: str
+    sensor_lost: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """A movement in progress."""
+
+    movement: str
+    action: Action
+    settings: MotionSettings
+    ticket: int
+    caller_gone: Callable[[], bool]
+    leg: Leg | None = None
+    """Leg of a movement with parameters; None for a discrete action."""
 
 
 class DiscreteMover:
-    """Carries out movements one at a time; a new request pre-empts the one that runs.
+    """Executes movements one at a time; a new request pre-empts the running one.
 
-    Headings are held absolutely: the target of a turn is reckoned from the last target, not from where the last turn
-    happened to end. A robot that was turned by hand, or whose odometry was reset, starts afresh from where it is.
+    Headings are held absolutely: the target of a turn is relative to the last target, not to the heading that the last
+    turn reached. After a turn by hand or a reset of the odometry, it is relative to the present heading.
     """
 
     def __init__(
@@ -99,11 +102,13 @@ class DiscreteMover:
         self._ticket = 0
         self._ticket_of = ""
         self._held_heading_rad: float | None = None
+        self._held_error_rad = 0.0
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
+        self._rest = RestReadings()
 
     def take_odometry(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> None:
-        """Take one odometry message; a heading or position that is no number is a fault, and so is a jump."""
+        """Take one odometry message; values that are not finite are faults, and so are jumps."""
         arrival_s = self._now_s()
         with self._lock:
             if self._tracker.latest is not None:
@@ -114,9 +119,19 @@ class DiscreteMover:
                 self._senses.odometry_fault = fault
             if fault is None or fault.kind is OdometryFaultKind.JUMPED:
                 self._clock.add(stamp_s, arrival_s)
+            if fault is not None:
+                self._rest.forget()
+            elif self._tracker.latest is not None:
+                self._rest.add(self._tracker.latest.pose, self._clock.to_local(stamp_s))
+
+    def take_rival(self, rival: str) -> None:
+        """Take that another publisher commanded the base to move: the running movement ends at once."""
+        with self._lock:
+            self._senses.rival = rival
+            self._rest.rests(max(self._rest.from_s, self._now_s() + ROLL_OUT_S))
 
     def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
-        """Take an event of the base: one sensor's state changed."""
+        """Take the state of one hazard sensor."""
         with self._lock:
             if not active:
                 self._senses.hazards[hazard].discard(sensor)
@@ -127,12 +142,12 @@ class DiscreteMover:
                 self._held_heading_rad = None
 
     def forget_heading(self) -> None:
-        """The next movement starts from the heading that the robot then has: a new episode."""
+        """Start the next movement from the present heading, as at the start of an episode."""
         with self._lock:
             self._held_heading_rad = None
 
     def stop(self, reason: str) -> None:
-        """End the movement that runs, if any, as failed, and stand still."""
+        """End the running movement as failed, and command zero velocity."""
         self._take_ticket(reason)
         with self._moving:
             self._send(STANDSTILL)
@@ -140,19 +155,19 @@ class DiscreteMover:
     def carry_out(
         self, movement: str, angle_deg: int, caller_gone: Callable[[], bool], distance_m: float | None = None
     ) -> Outcome:
-        """Carry out one movement to its end.
+        """Execute one movement to its end.
 
         Args:
-            movement: a word of MOVEMENTS.
-            angle_deg: of a turn; 0 turns nothing.
-            caller_gone: whether the one who asked is no longer there; nobody drives on for a dead caller.
-            distance_m: of a move; as configured when left out.
+            movement: a key of MOVEMENTS.
+            angle_deg: angle of a turn; 0 for no turn.
+            caller_gone: returns whether the caller has disconnected, which ends the movement.
+            distance_m: distance of a move; None for the configured one.
         """
         action = MOVEMENTS.get(movement)
         if action is None:
-            return Outcome(movement, False, f"unknown movement {movement!r}: it is one of {', '.join(MOVEMENTS)}")
+            return Outcome(movement, False, f"unknown movement {movement!r}: use one of {', '.join(MOVEMENTS)}")
         if action.turns and not 0 <= angle_deg <= 360:
-            return Outcome(movement, False, f"{movement} {angle_deg}: the angle of a turn is 0 to 360 degrees")
+            return Outcome(movement, False, f"{movement} {angle_deg}: the angle of a turn must be 0 to 360 degrees")
         settings = self._settings
         if action.turns and angle_deg == 0:
             action = Action.STOP
@@ -160,17 +175,43 @@ class DiscreteMover:
             settings = settings.model_copy(update={"turn_rad": math.radians(angle_deg)})
         elif distance_m is not None and action.translates:
             if not 0 < distance_m <= _LONGEST_MOVE_M:
-                return Outcome(
-                    movement, False, f"{movement} {distance_m:g}: a move is up to {_LONGEST_MOVE_M:g} m long"
-                )
+                reason = f"{movement} {distance_m:g}: a move must be at most {_LONGEST_MOVE_M:g} m"
+                return Outcome(movement, False, reason)
             settings = settings.model_copy(update={"forward_m": distance_m})
         ticket = self._take_ticket(f"pre-empted by {movement}")
         with self._moving:
             try:
                 if action is Action.STOP:
                     return Outcome(movement, True)
-                return self._move(movement, action, settings, ticket, caller_gone)
+                return self._move(_Request(movement, action, settings, ticket, caller_gone))
             finally:
+                self._send(STANDSTILL)
+
+    def drive(self, movement: Drive, caller_gone: Callable[[], bool]) -> Outcome:
+        """Execute a movement with parameters, leg by leg; see `carry_out` for `caller_gone`."""
+        name = movement_to_json(movement)["kind"]
+        ticket = self._take_ticket(f"pre-empted by {name}")
+        with self._moving:
+            try:
+                self.forget_heading()
+                plan: LegPlan | None = None
+                corrections, duration_s = 0, 0.0
+                while True:
+                    with self._lock:
+                        latest = self._tracker.latest
+                    if latest is None:
+                        return Outcome(name, False, "no odometry: check the driver of the base", sensor_lost=True)
+                    plan = plan or LegPlan(movement, latest.pose)
+                    leg = plan.next(latest.pose)
+                    if leg is None:
+                        return Outcome(name, True, "", corrections, duration_s)
+                    settings = leg.settings(self._settings)
+                    outcome = self._move(_Request(name, leg.action, settings, ticket, caller_gone, leg))
+                    corrections, duration_s = corrections + outcome.corrections, duration_s + outcome.duration_s
+                    if not outcome.answer:
+                        return replace(outcome, corrections=corrections, duration_s=duration_s)
+            finally:
+                self.forget_heading()
                 self._send(STANDSTILL)
 
     def _take_ticket(self, reason: str) -> int:
@@ -179,79 +220,130 @@ class DiscreteMover:
             self._ticket_of = reason
             return self._ticket
 
-    def _move(
-        self, movement: str, action: Action, settings: MotionSettings, ticket: int, caller_gone: Callable[[], bool]
-    ) -> Outcome:
+    def _move(self, request: _Request) -> Outcome:
+        movement, action, settings = request.movement, request.action, request.settings
         with self._lock:
-            self._senses.hazard_reason, self._senses.odometry_fault = "", None
+            self._senses.hazard_reason, self._senses.odometry_fault, self._senses.rival = "", None, ""
             reading = self._tracker.latest
             silent_s = time.monotonic() - self._odometry_seen_s
-            standing = self._standing_hazard(action)
+            hazard = self._active_hazard(action)
         if reading is None or silent_s > settings.odometry_timeout_s:
-            what = "no odometry at all" if reading is None else f"no odometry for {silent_s:.1f} s"
-            return Outcome(movement, False, f"{what}: is the base's driver running?", sensor_lost=True)
-        if standing:
-            return Outcome(movement, False, standing)
-        held_rad = self._heading_to_hold(reading)
-        target_rad = heading_after(action, held_rad, settings)
+            what = "no odometry" if reading is None else f"no odometry for {silent_s:.1f} s"
+            return Outcome(movement, False, f"{what}: check the driver of the base", sensor_lost=True)
+        if hazard:
+            return Outcome(movement, False, hazard)
+        start = self._await_start(request)
+        if isinstance(start, _Reason):
+            return Outcome(movement, False, start.text, sensor_lost=start.sensor_lost)
+        target_rad = heading_after(action, self._heading_to_hold(start.pose), settings)
         settings = settings.model_copy(update={"settle_s": max(settings.settle_s, self._settling_s())})
-        controller = MotionController(action, reading.pose, target_rad, settings)
-        ideal_s = ideal_duration_s(action, settings)
+        if self._held_heading_rad is None:
+            self._held_error_rad = start.error(turns=True)
+        start_error = self._held_error_rad if action.turns else start.error(turns=False)
+        controller: Controller
+        if request.leg is not None:
+            target_rad = request.leg.target_heading_rad
+            controller = request.leg.controller(start.pose, settings, start.noise, start_error)
+        else:
+            controller = MotionController(action, start.pose, target_rad, settings, start.noise, start_error)
         sensor_lost = False
+        with self._lock:
+            self._rest.moves()
+        last_s = self._now_s()
         while controller.status is MotionStatus.MOVING:
             now_s = self._now_s()
+            if now_s - last_s > _LONGEST_PAUSE_S:
+                controller.abort(f"the control loop paused for {now_s - last_s:.1f} s: its machine is overloaded")
+                break
+            last_s = now_s
             with self._lock:
                 reading = self._tracker.latest or reading
-                fault, hazard = self._senses.odometry_fault, self._senses.hazard_reason
-                preempted = self._ticket_of if self._ticket != ticket else ""
-                silent_s = time.monotonic() - self._odometry_seen_s
-            lost = fault.words if fault else ""
-            if silent_s > settings.odometry_timeout_s:
-                lost = f"no odometry for {silent_s:.1f} s"
-            if reason := hazard or lost or preempted or ("the caller went away" if caller_gone() else ""):
-                sensor_lost = bool(lost) and not hazard
-                controller.abort(reason)
+            if reason := self._reason_to_end(request):
+                sensor_lost = reason.sensor_lost
+                controller.abort(reason.text)
                 break
             self._send(controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s)))
             self._sleep_until(now_s + settings.control_period_s)
         self._send(STANDSTILL)
         with self._lock:
             self._held_heading_rad = target_rad if controller.done else None
+            self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
         return Outcome(
             movement,
             controller.done,
             controller.failure,
             controller.corrections,
             controller.duration_s,
-            ideal_s,
             sensor_lost or controller.sensor_lost,
         )
 
-    def _standing_hazard(self, action: Action) -> str:
-        """Return why the robot must not move now; backing off a bumper or a cliff is allowed."""
+    def _await_start(self, request: _Request) -> Start | _Reason:
+        """Return the start of the movement, after the readings at rest that a noisy base needs."""
+        action, settings = request.action, request.settings
+        tolerance, turns = settings.tolerance(action), action.turns
+        give_up_s = self._now_s() + _LONGEST_START_S
+        while True:
+            now_s = self._now_s()
+            if reason := self._reason_to_end(request):
+                return reason
+            with self._lock:
+                holds = self._held_heading_rad is not None
+                latest = self._tracker.latest
+                rate_hz = 1 / statistics.median(self._periods_s) if self._periods_s else 1.0
+                assert latest is not None  # noqa: S101  # checked before the movement
+                start = self._rest.start(
+                    latest.pose, tolerance, turns=turns, holds_heading=holds, final=now_s >= give_up_s
+                )
+            if start is not None:
+                break
+            self._sleep_until(now_s + settings.control_period_s)
+        noise = start.noise.along(turns=turns)
+        if not is_quiet(noise, tolerance) and too_noisy(noise, tolerance, settings.aim_share, rate_hz):
+            return _Reason(noise_words(noise, tolerance, turns=turns))
+        return start
+
+    def _reason_to_end(self, request: _Request) -> _Reason | None:
+        """Return the reason to end the movement, or None."""
+        with self._lock:
+            fault, hazard, rival = self._senses.odometry_fault, self._senses.hazard_reason, self._senses.rival
+            preempted = self._ticket_of if self._ticket != request.ticket else ""
+            silent_s = time.monotonic() - self._odometry_seen_s
+        if hazard:
+            return _Reason(hazard)
+        if silent_s > request.settings.odometry_timeout_s:
+            return _Reason(f"no odometry for {silent_s:.1f} s", sensor_lost=True)
+        if fault:
+            return _Reason(fault.text, sensor_lost=True)
+        if rival or preempted:
+            return _Reason(rival or preempted)
+        return _Reason("the caller has disconnected") if request.caller_gone() else None
+
+    def _active_hazard(self, action: Action) -> str:
+        """Return the hazard that forbids the movement, or an empty string; backing off is allowed."""
         active = self._senses.hazards
         if active[Hazard.WHEEL_DROP]:
-            return "a wheel hangs in the air: put the robot down"
+            return "a wheel is dropped: put the robot down"
         for hazard in (Hazard.BUMPER, Hazard.CLIFF):
             if active[hazard] and action is not Action.MOVE_BACKWARD:
-                return f"the {hazard.value} sensor is still active: free the robot first, Backward is allowed"
+                return f"the {hazard.value} sensor is active: free the robot; only Backward is allowed"
         return ""
 
     def _settling_s(self) -> float:
-        """Return how long the pose must not change, seen through odometry as rare as it really comes."""
+        """Return the settling time for the measured period of the odometry."""
         with self._lock:
             period_s = statistics.median(self._periods_s) if self._periods_s else 0.0
         return min(max(_SETTLING_READINGS * period_s, 0.0), _LONGEST_SETTLING_S)
 
-    def _heading_to_hold(self, reading: OdometryReading) -> float:
-        """Return the heading from which this movement is reckoned, in the unwrapped frame of the odometry."""
-        measured_rad = reading.pose.heading_rad
+    def _heading_to_hold(self, start: Pose) -> float:
+        """Return the heading to which the movement is relative, in the unwrapped frame of the odometry."""
+        measured_rad = start.heading_rad
         with self._lock:
             held_rad = self._held_heading_rad
         if held_rad is None:
             return measured_rad
         off_rad = turn_error_rad(held_rad, measured_rad)
         if abs(off_rad) > _MOVED_BY_HAND_RAD:
-            logger.warning("turned by %.1f° since the last movement: starting afresh", math.degrees(-off_rad))
+            turned_deg = math.degrees(-off_rad)
+            logger.warning("turned by %.1f° since the last movement: holding the present heading", turned_deg)
             return measured_rad
         return measured_rad + off_rad

@@ -1,15 +1,15 @@
-"""The inner loops of the occupancy map: a depth image into cells, and what lies freely before it."""
+"""Kernels of the occupancy map."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from vsnbench.compilation import compiled
+from vsnbench.runtime.numba_cache import compiled
 
 
 @compiled
-def project(
+def project(  # noqa: PLR0913 - compiled functions take arrays, not objects
     depth_m: Any,
     ahead: Any,
     left: Any,
@@ -22,21 +22,21 @@ def project(
     floor: Any,
     reach: Any,
 ) -> None:
-    """Count points by cell, and find how far each column of the image sees along the floor.
+    """Count points by cell, and measure how far each image column sees along the floor.
 
     Args:
         depth_m: (H, W) float32, NaN where invalid.
-        ahead: (H,) of the camera's rays, per metre of depth; likewise `left` (W,) and `up` (H,).
-        left: see `ahead`.
-        up: see `ahead`.
-        mount: camera's offset forward and height, metres.
+        ahead: (H,) forward component of the rays per metre of depth.
+        left: (W,) left component of the rays per metre of depth.
+        up: (H,) upward component of the rays per metre of depth.
+        mount: forward offset and height of the camera, metres.
         pose: x, y, cosine and sine of the heading.
         grid: origin x, y and resolution of the map, metres.
-        band: lowest and highest point of an obstacle, farthest range drawn, metres; fewest points of an obstacle.
+        band: lowest and highest point of an obstacle and longest range, metres; fewest points of an obstacle.
         hits: (rows, columns) int32, incremented by points of obstacles.
         floor: (rows, columns) int32, incremented by points of the floor.
-        reach: (W,) float64, written: distance from the camera over the floor plan to the nearest obstacle of the
-            column, or to the farthest point seen; 0 where the column says nothing.
+        reach: (W,) float64, written: horizontal distance from the camera to the nearest obstacle of the column, or to
+            the farthest point; 0 for a column with too few valid pixels.
     """
     height, width = depth_m.shape
     rows, columns = hits.shape
@@ -50,7 +50,7 @@ def project(
         for row in range(height):
             z = depth_m[row, column]
             slope = up[row]
-            # Whether this ray, followed as far as the map goes, crosses the heights of obstacles.
+            # Whether the ray can meet an obstacle within the range.
             crosses = slope * farthest + mount[1] < top
             if crosses:
                 looked += 1
@@ -70,14 +70,14 @@ def project(
                 elif flat < second:
                     second = flat
             elif flat > (second if band[3] >= 2 else nearest):
-                continue  # floor seen under something: a robot would not fit there
+                continue  # floor under an obstacle
             seen_to = max(seen_to, flat)
             if flat > farthest:
                 continue
             forward = ahead_of_lens + mount[0]
-            beside = z * sideways
-            x = pose[0] + pose[2] * forward - pose[3] * beside
-            y = pose[1] + pose[3] * forward + pose[2] * beside
+            lateral = z * sideways
+            x = pose[0] + pose[2] * forward - pose[3] * lateral
+            y = pose[1] + pose[3] * forward + pose[2] * lateral
             at_row = math.floor((y - grid[1]) / grid[2])
             at_column = math.floor((x - grid[0]) / grid[2])
             if at_row < 0 or at_column < 0 or at_row >= rows or at_column >= columns:
@@ -103,10 +103,10 @@ def carve(
     near_m: Any,
     crossed: Any,
 ) -> None:
-    """Mark the cells that the columns of an image look across.
+    """Mark the cells that the columns of an image see across.
 
-    `crossed` (rows, columns) uint8 becomes 2 where a cell lies at least `near_m` from the camera, else 1: there a low
-    obstacle may hide under the view.
+    `crossed` (rows, columns) uint8 becomes 2 for cells at least `near_m` from the camera, else 1: a low obstacle may be
+    below the view there.
     """
     rows, columns = crossed.shape
     step = grid[2] * 0.5
@@ -118,7 +118,7 @@ def carve(
         stretch = math.sqrt(1.0 + left[column] * left[column])
         direction_x = (pose[2] - pose[3] * left[column]) / stretch
         direction_y = (pose[3] + pose[2] * left[column]) / stretch
-        # The last cell before the obstacle belongs to the obstacle's edge as often as not.
+        # The last cell before the obstacle often belongs to its edge.
         for k in range(int((reach[column] - grid[2]) / step)):
             far = k * step
             at_row = math.floor((eye_y + far * direction_y - grid[1]) / grid[2])
@@ -139,7 +139,7 @@ def weigh(
     evidence: Any,
     observed: Any,
 ) -> None:
-    """Add one image's votes to the evidence (float32, positive for an obstacle), between -`most` and +`most`."""
+    """Add the votes of one image to the evidence (float32, positive for an obstacle), limited to -2 and +5."""
     rows, columns = hits.shape
     for row in range(rows):
         for column in range(columns):

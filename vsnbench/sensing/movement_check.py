@@ -1,59 +1,62 @@
-"""Whether a movement does what was asked, by the odometry alone: while it runs, and after it was answered True."""
+"""Comparison of a movement with its request, by the odometry: while it runs, and after it was answered True."""
 
 import math
 from dataclasses import dataclass
 from typing import Self
 
-from vsnbench.motion.law import direction
-from vsnbench.motion.settings import MotionSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
+from vsnbench.control.law import direction
+from vsnbench.control.settings import MotionSettings
+from vsnbench.values.action import Action
+from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
+from vsnbench.values.pose import Pose, wrap_angle
 
-MOST_OFF_M, MOST_OFF_RAD = 0.10, math.radians(10)
-"""A movement that is off by more than this is not what was asked. Upstream's own tolerance of 0.08 rad, and its
-overshoot on a base with a lag, stay well below."""
+MAX_ERROR_M, MAX_ERROR_RAD = 0.10, math.radians(10)
+"""Largest accepted errors. Upstream's own tolerance of 0.08 rad, and its overshoot on a base with a lag, are well
+below."""
 
 
 class MovementAlarmError(Exception):
-    """Something happened during a movement that must end it at once."""
+    """A movement has to end at once."""
 
-    def __init__(self, reason: str, *, sensor_lost: bool = False) -> None:
+    def __init__(self, reason: str, *, sensor_lost: bool = False, blocked: bool = False) -> None:
         super().__init__(reason)
         self.sensor_lost = sensor_lost
+        self.blocked = blocked
+        """The way ahead is not free: the movement failed, the base did not."""
 
 
 @dataclass(frozen=True, slots=True)
-class AskedMovement:
-    """One movement as it was asked for; signed: backwards and to the right are negative."""
+class RequestedMovement:
+    """A requested movement; backwards and to the right are negative."""
 
     distance_m: float = 0.0
     angle_rad: float = 0.0
 
     @classmethod
     def of(cls, action: Action, settings: MotionSettings) -> Self:
-        """Return what an action asks for."""
+        """Return the movement of an action."""
         way = settings.way(action) * direction(action)
         return cls(angle_rad=way) if action.turns else cls(distance_m=way)
 
     def overshoot(self, before: Pose, now: Pose) -> str:
-        """Return in words how far a movement under way has left what was asked; empty while it has not.
+        """Return how far a running movement has left its request, or an empty string.
 
         Args:
-            before: odometry when the movement was asked for.
-            now: odometry now, its heading unwrapped against that.
+            before: odometry at the request.
+            now: current odometry, its heading unwrapped against `before`.
         """
         moved_m, turned_rad = distance_along(before, now), now.heading_rad - before.heading_rad
-        if _outside(moved_m, self.distance_m, MOST_OFF_M):
-            return f"the robot has moved {moved_m * 100:.1f} cm where {self.distance_m * 100:g} cm were asked"
-        if _outside(turned_rad, self.angle_rad, MOST_OFF_RAD):
-            turned_deg, asked_deg = math.degrees(turned_rad), math.degrees(self.angle_rad)
-            return f"the robot has turned {turned_deg:.1f}° where {asked_deg:g}° were asked"
+        if _outside(moved_m, self.distance_m, MAX_ERROR_M):
+            return f"the robot has moved {moved_m * 100:.1f} cm where {self.distance_m * 100:g} cm were requested"
+        if _outside(turned_rad, self.angle_rad, MAX_ERROR_RAD):
+            turned_deg, angle_deg = math.degrees(turned_rad), math.degrees(self.angle_rad)
+            return f"the robot has turned {turned_deg:.1f}° where {angle_deg:g}° were requested"
         return ""
 
     def contradiction(self, before: Pose, after: Pose) -> str:
-        """Return in words how far the odometry contradicts an answer of True; empty when it does not."""
+        """Return how the odometry contradicts the answer True, or an empty string."""
         moved_m, turned_rad = distance_along(before, after), after.heading_rad - before.heading_rad
-        if abs(moved_m - self.distance_m) <= MOST_OFF_M and abs(turned_rad - self.angle_rad) <= MOST_OFF_RAD:
+        if abs(moved_m - self.distance_m) <= MAX_ERROR_M and abs(turned_rad - self.angle_rad) <= MAX_ERROR_RAD:
             return ""
         return (
             f"the odometry moved {moved_m * 100:.1f} cm and turned {math.degrees(turned_rad):.1f}° instead of "
@@ -61,11 +64,87 @@ class AskedMovement:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class RequestedDrive:
+    """A requested movement with parameters."""
+
+    movement: Drive
+    settings: MotionSettings
+
+    def overshoot(self, before: Pose, now: Pose) -> str:
+        """Return how far a running movement has left its request, or an empty string; see `RequestedMovement`."""
+        reach_m = self._reach_m
+        moved_m = before.distance_to(now)
+        if moved_m > reach_m + MAX_ERROR_M:
+            return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {reach_m:.2f} m"
+        return ""
+
+    def contradiction(self, before: Pose, after: Pose) -> str:
+        """Return how the odometry contradicts the answer True, or an empty string."""
+        target = self._target
+        if target is None:
+            return self.overshoot(before, after)
+        wanted = before.compose(target)
+        if (off_m := wanted.distance_to(after)) > MAX_ERROR_M:
+            return f"the odometry is {off_m * 100:.1f} cm from the requested position"
+        heading_rad = self.movement.heading_rad if isinstance(self.movement, Waypoint) else None
+        if isinstance(self.movement, Move):
+            heading_rad = self.movement.turn_rad
+        if heading_rad is not None:
+            off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))
+            if off_rad > MAX_ERROR_RAD:
+                return f"the odometry is {math.degrees(off_rad):.1f}° from the requested heading"
+        return ""
+
+    @property
+    def goes_forward(self) -> bool:
+        """Whether the robot drives forward, where its camera looks."""
+        match self.movement:
+            case Move(distance_m):
+                return distance_m > 0
+            case Velocity(linear_m_s):
+                return linear_m_s > 0
+        return True
+
+    @property
+    def _target(self) -> Pose | None:
+        """Pose at the end in the robot's frame; None for a velocity."""
+        match self.movement:
+            case Move(distance_m, turn_rad):
+                return Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad), turn_rad)
+            case Waypoint(x_m, y_m, heading_rad):
+                return Pose(x_m, y_m, heading_rad or 0.0)
+            case Trajectory(points):
+                return Pose(*points[-1])
+            case Velocity():
+                return None
+
+    @property
+    def _reach_m(self) -> float:
+        match self.movement:
+            case Move(distance_m):
+                return abs(distance_m)
+            case Waypoint(x_m, y_m):
+                return math.hypot(x_m, y_m)
+            case Trajectory(points):
+                return max(math.hypot(*point) for point in points)
+            case Velocity(linear_m_s, _, duration_s):
+                return abs(linear_m_s) * duration_s
+
+    def remaining_m(self, before: Pose, now: Pose) -> float:
+        """Return the distance that is left to the end; infinity for a trajectory, whose way is not straight."""
+        if self._target is None:
+            return max(self._reach_m - before.distance_to(now), 0.0)
+        if isinstance(self.movement, Trajectory):
+            return math.inf
+        return before.compose(self._target).distance_to(now)
+
+
 def distance_along(before: Pose, after: Pose) -> float:
-    """Return the distance between two poses in metres, negative where the second lies behind the first."""
+    """Return the distance between two poses in metres, negative if the second lies behind the first."""
     distance_m = before.distance_to(after)
     return distance_m if after.relative_to(before).x_m >= 0 else -distance_m
 
 
-def _outside(now: float, asked: float, most_off: float) -> bool:
-    return not min(asked, 0.0) - most_off <= now <= max(asked, 0.0) + most_off
+def _outside(value: float, requested: float, tolerance: float) -> bool:
+    return not min(requested, 0.0) - tolerance <= value <= max(requested, 0.0) + tolerance

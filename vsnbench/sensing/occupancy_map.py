@@ -1,7 +1,7 @@
-"""The occupancy map: depth images and odometry into free and occupied cells, growing with the known area.
+"""Occupancy map from depth images and odometry; grows with the known area.
 
-A cell is an obstacle where at least two points of an image lie between the floor's band and the robot's height. Votes
-of later images add up, so that what was seen once by mistake, or has moved, can be cleared.
+A cell is an obstacle if at least two points of an image are between floor and robot height. Votes of images add up, so
+that later images can clear it.
 """
 
 import math
@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.decision import GridMap
-from vsnbench.protocol.pose import Pose
-from vsnbench.sensing.plan_grid import FREE, OCCUPIED, UNKNOWN
+from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, UNKNOWN
+from vsnbench.values.camera import Camera
+from vsnbench.values.decision import GridMap
+from vsnbench.values.pose import Pose
 
 _START_HALF_M: Final = 5.0
 _GROW_CELLS: Final = 40
@@ -22,32 +22,32 @@ _GROW_CELLS: Final = 40
 
 @dataclass(frozen=True, slots=True)
 class MappingSettings:
-    """How depth becomes cells."""
+    """Settings of an occupancy map."""
 
     resolution_m: float = 0.05
-    """Side of a cell."""
+    """Side length of a cell."""
     range_m: float = 5.0
-    """Farther depth is not drawn."""
+    """Longest depth that is mapped."""
     obstacle_bottom_m: float = 0.2
     """Lower points are floor."""
     obstacle_top_m: float | None = 1.2
-    """Higher points pass above the robot; None is the camera's height."""
+    """Higher points do not obstruct the robot; None for the height of the camera."""
     obstacle_points: int = 2
-    """Points that make a cell an obstacle."""
+    """Smallest number of points of an obstacle."""
     robot_radius_m: float = 0.177
-    """Where the robot stands is free."""
+    """Cells under the robot are free."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell of the grid as it is now; growth shifts them."""
+    """Indices of a cell; they change when the grid grows."""
 
     row: int
     column: int
 
 
 class OccupancyMap:
-    """A grid in the frame in which the poses are given that it is drawn from: the episode's start."""
+    """A grid in the frame of the odometry, which begins at the start of the episode."""
 
     def __init__(self, settings: MappingSettings | None = None) -> None:
         self._settings = settings = settings if settings is not None else MappingSettings()
@@ -66,12 +66,12 @@ class OccupancyMap:
 
     @property
     def occupied(self) -> npt.NDArray[np.bool_]:
-        """(rows, columns): obstacles, seen or bumped into."""
+        """(rows, columns): obstacles, from images or contacts."""
         return (self._observed & (self._evidence > 0)) | self._bumps
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
-        """(rows, columns): cells that something is known about."""
+        """(rows, columns): known cells."""
         return self._observed | self._bumps
 
     def cells(self) -> npt.NDArray[np.uint8]:
@@ -79,7 +79,7 @@ class OccupancyMap:
         return np.where(self.occupied, OCCUPIED, np.where(self._observed, FREE, UNKNOWN)).astype(np.uint8)
 
     def grid_map(self) -> GridMap:
-        """Return the map for the record, cut to what is known."""
+        """Return the map for the record, cropped to known cells."""
         cells = self.cells()
         rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
         if rows.size == 0:
@@ -93,24 +93,24 @@ class OccupancyMap:
         )
 
     def cell_at(self, x_m: float, y_m: float) -> Cell:
-        """Return the cell of a point; it may lie outside the grid."""
+        """Return the cell of a point; it may be outside the grid."""
         return Cell(
             math.floor((y_m - self.origin_y_m) / self.resolution_m),
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
     def holds(self, cell: Cell) -> bool:
-        """Whether the cell lies in the grid."""
+        """Return whether a cell is in the grid."""
         rows, columns = self._evidence.shape
         return 0 <= cell.row < rows and 0 <= cell.column < columns
 
     def observe(self, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> None:
-        """Draw a depth image, taken at `pose`, into the map; invalid depth changes nothing.
+        """Add a depth image to the map; invalid depth changes nothing.
 
         Args:
             depth_m: (H, W) metres along the optical axis, NaN where invalid; any resolution of the camera's view.
-            camera: the camera that took it.
-            pose: odometry of the base in the frame of the start.
+            camera: camera of the image.
+            pose: odometry of the base at the image.
         """
         from vsnbench.sensing.map_kernels import carve, project, weigh
 
@@ -149,14 +149,14 @@ class OccupancyMap:
         self._clear_robot(pose)
 
     def mark_obstacle(self, x_m: float, y_m: float, robot: Pose) -> None:
-        """Mark a point that the robot ran into, for good; never a cell under the robot itself."""
+        """Mark the point of a contact permanently, unless it is under the robot."""
         self._make_room(Pose(x_m, y_m), 2 * self.resolution_m)
         cell = self.cell_at(x_m, y_m)
         self._bumps[cell.row, cell.column] = True
         self._clear_robot(robot)
 
     def _clear_robot(self, pose: Pose) -> None:
-        """Where the robot stands is free."""
+        """Mark the cells under the robot as free."""
         rows, columns = self._under(pose)
         self._evidence[rows, columns] = np.float32(-1.0)
         self._observed[rows, columns] = True
@@ -168,7 +168,7 @@ class OccupancyMap:
         rows, columns = np.mgrid[cell.row - reach : cell.row + reach + 1, cell.column - reach : cell.column + reach + 1]
         x_m = self.origin_x_m + (columns + 0.5) * self.resolution_m
         y_m = self.origin_y_m + (rows + 0.5) * self.resolution_m
-        # Cells wholly under the shell; and its own, however coarse the grid.
+        # Cells that are entirely under the robot, and the cell of its centre.
         inner_m = self._settings.robot_radius_m - self.resolution_m * math.sqrt(0.5)
         under = np.hypot(x_m - pose.x_m, y_m - pose.y_m) <= inner_m
         under |= (rows == cell.row) & (columns == cell.column)
@@ -177,7 +177,7 @@ class OccupancyMap:
         return rows[under], columns[under]
 
     def _make_room(self, pose: Pose, reach_m: float) -> None:
-        """Grow the grid so that everything within `reach_m` of a pose lies in it."""
+        """Grow the grid to contain everything within `reach_m` of a pose."""
         rows, columns = self.shape
         low, high = (
             self.cell_at(pose.x_m - reach_m, pose.y_m - reach_m),
@@ -196,5 +196,5 @@ class OccupancyMap:
 
 
 def _blocks(cells: int) -> int:
-    """Return how many cells to grow by to have at least that many more."""
+    """Return the number of cells to add, in blocks, for at least `cells` more."""
     return max(0, math.ceil(cells / _GROW_CELLS)) * _GROW_CELLS

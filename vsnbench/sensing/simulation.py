@@ -1,36 +1,37 @@
-"""What only a simulated robot has: topics and services in place of a person and a tape, and how its account is read."""
+"""Topics and services that only a simulated robot has."""
 
 from pydantic import ValidationError
 
 from vsnbench.errors import RobotError
-from vsnbench.protocol.robot_identity import SimulationAccount
+from vsnbench.values.robot_identity import SimulationAccount
 
 PLACE = "/simulation/place_robot"
-"""Put the robot down at a starting position."""
+"""Service that puts the robot at a pose."""
 GROUND_TRUTH = "/simulation/ground_truth"
-"""Odometry: where the robot truly stands, in the site's frame."""
+"""nav_msgs/Odometry: pose of the robot in the site's frame."""
 CONTACT = "/simulation/contact"
-"""A latched string: what the robot touches; empty for nothing."""
+"""Latched string: the object that the robot touches, or empty."""
 INSTANCES = "/simulation/instances/image_raw"
-"""An image 16UC1, stamped as its colour image: the 1-based index of the site's object; 0 for the building."""
+"""Image 16UC1 with the stamp of its colour image: 1-based index of the site's object; 0 for the building."""
 CATEGORIES = "/simulation/instances/categories"
-"""A latched string: a JSON object, index -> category."""
+"""Latched string: JSON object, index to category."""
 ACCOUNT = "/simulation/account"
-"""A latched string: a SimulationAccount as JSON."""
+"""Latched string: SimulationAccount as JSON."""
 
 
 def read_account(text: str) -> SimulationAccount:
-    """Read what came on ACCOUNT.
+    """Parse a message of ACCOUNT.
 
     Raises:
-        RobotError: it is no account that this version understands.
+        RobotError: the text is not an account of this version.
     """
     try:
         return SimulationAccount.model_validate_json(text)
     except ValidationError as error:
         first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or "it"
+        field = ".".join(str(part) for part in first["loc"]) or "the message"
         raise RobotError(
-            f"what the simulator says of itself on {ACCOUNT} cannot be read: {field}: {first['msg']}",
+            f"the simulator's message on {ACCOUNT} is invalid: {field}: {first['msg']}",
             advice="run the same version of vsnbench on both machines",
+            code="invalid-simulation-account",
         ) from error

@@ -1,1 +1,1 @@
-"""The embedded world: a site file becomes a scene with physics, a camera and odometry."""
+"""Simulator: turns a site file into a scene with physics, a camera and odometry."""

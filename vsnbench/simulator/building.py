@@ -1,4 +1,4 @@
-"""The building itself as primitives: floors, ceiling, walls with doorways and windows cut out, frames, skirting."""
+"""The building as primitives: floors, ceiling, walls with doorways and windows, frames, skirting."""
 
 import itertools
 import math
@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from shapely.geometry import LineString, Polygon
 
-from vsnbench.protocol.site import Door, Room, Site, Wall, Window
-from vsnbench.protocol.walls import walls_of
 from vsnbench.simulator.furniture.canvas import rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
+from vsnbench.sites.geometry.walls import walls_of
+from vsnbench.sites.site import Door, Room, Site, Wall, Window
 
 _PLASTER = Material(rgb("#e9e3d6"), "plaster")
 _TILED_WALL = Material(rgb("#cfe0e2"), "wall_tiles", 0.3)
@@ -27,7 +27,7 @@ _FLOORS = {
     "concrete": Material(rgb("#a5a39f"), "stone", 0.1),
 }
 _SKIN = 0.001
-"""Coverings lie this far apart, metres, so that no two drawn surfaces share a plane."""
+"""Distance between coverings, metres, so that no two visible surfaces share a plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class _Opening:
 
 
 def build_structure(site: Site) -> Iterator[Primitive]:
-    """Yield everything of a site that is not an object; `instance` is 0."""
+    """Yield the primitives of a site's building; `instance` is 0."""
     yield from _floors(site)
     for wall in site.walls:
         yield from _wall(site, wall)
@@ -69,7 +69,7 @@ def site_bounds(site: Site) -> tuple[float, float, float, float]:
 
 def _floors(site: Site) -> Iterator[Primitive]:
     base = _FLOORS[site.rooms[0].floor]
-    # One slab carries the robot: wheels would feel the seams between the coverings of the rooms.
+    # The robot drives on one slab: the wheels would react to seams between the rooms' floors.
     yield replace(_slab(site, (-0.1, 0.0), base, "floor"), visible=False)
     yield replace(_slab(site, (-0.1, -_SKIN), base, "floor"), solid=False)
     for room in site.rooms:
@@ -91,7 +91,7 @@ def _floors(site: Site) -> Iterator[Primitive]:
 
 
 def _ceiling_lights(room: Room, ceiling_m: float) -> Iterator[Primitive]:
-    """Flat round lights, about one for every four metres of a room."""
+    """Yield flat round lights, about one per four metres of a room."""
     bands = [(x0, y0, x1, y1) for x0, y0, x1, y1 in rectangles(room.shape, slice_m=2.0)]
     wide = [band for band in bands if min(band[2] - band[0], band[3] - band[1]) > 1.2] or bands
     for x0, y0, x1, y1 in wide:
@@ -112,9 +112,9 @@ def _ceiling_lights(room: Room, ceiling_m: float) -> Iterator[Primitive]:
 def rectangles(
     outline: Polygon, inscribed: bool = False, slice_m: float = 0.05
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Cut a polygon into rectangles (x0, y0, x1, y1): exact where its edges are square to the axes.
+    """Cut a polygon into rectangles (x0, y0, x1, y1), exact if its edges are parallel to the axes.
 
-    Slanted edges become steps of `slice_m`, halfway over the edge or, `inscribed`, inside of it.
+    Slanted edges become steps of `slice_m`, halfway across the edge or, if `inscribed`, inside it.
     """
     levels = sorted({round(y, 6) for _, y in outline.exterior.coords})
     for low, high in itertools.pairwise(levels):
@@ -133,7 +133,7 @@ def rectangles(
 
 
 def _crossings(outline: Polygon, y: float) -> list[tuple[float, float]]:
-    """Return the stretches of a horizontal line inside a polygon, from left to right."""
+    """Return the segments of a horizontal line inside a polygon, from left to right."""
     corners = list(outline.exterior.coords)
     at = sorted(
         xa + (xb - xa) * (y - ya) / (yb - ya)
@@ -145,7 +145,7 @@ def _crossings(outline: Polygon, y: float) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """A wall's own frame: distance along it, distance across it, height."""
+    """Frame of a wall: distance along it, distance across it, height."""
 
     wall: Wall
 
@@ -170,18 +170,18 @@ class _Run:
         )
 
     def point(self, along: float, across: float) -> tuple[float, float]:
-        """Return the place on the floor plan."""
+        """Return a point on the floor plan."""
         (x0, y0), (x1, y1) = self.wall.start, self.wall.end
         ux, uy = (x1 - x0) / self.wall.length_m, (y1 - y0) / self.wall.length_m
         return (x0 + ux * along - uy * across, y0 + uy * along + ux * across)
 
     def along(self, x: float, y: float) -> float:
-        """Return how far along the wall a place on the floor plan lies."""
+        """Return the coordinate along the wall of a point on the floor plan."""
         (x0, y0), (x1, y1) = self.wall.start, self.wall.end
         return ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / self.wall.length_m
 
     def place(self, site: Site, opening: Door | Window) -> tuple[float, float] | None:
-        """Return where a door or window lies along the wall, or None when it lies on another wall."""
+        """Return the ends of a door or window along the wall, or None if it is not on this wall."""
         if self.wall not in walls_of(site, opening.start, opening.end):
             return None
         reach = sorted((self.along(*opening.start), self.along(*opening.end)))
@@ -190,7 +190,7 @@ class _Run:
 
 _JAMB = 0.04
 _CLADDING_M = 2.0
-"""How high tiles reach on the walls of tiled rooms, metres."""
+"""Height of the tiles on the walls of tiled rooms, metres."""
 
 
 def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
@@ -244,7 +244,7 @@ def _stretch(
 
 
 def _door_frame(run: _Run, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
-    """The lining inside the opening's edges and the casing on both faces of the wall; the clear width stays clear."""
+    """Yield the lining inside the opening and the casing on both faces of the wall; the clear width stays free."""
     height = top + _JAMB
     for low, high in ((at[0] - _JAMB, at[0]), (at[1], at[1] + _JAMB)):
         yield run.block((low, high), (-half, half), (0.0, height), _DOOR_WOOD, "door")
@@ -258,7 +258,7 @@ def _door_frame(run: _Run, at: tuple[float, float], half: float, top: float) -> 
 
 
 def _leaf(run: _Run, door: Door, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
-    """A closed door's leaf with its panels and handles; an open one is folded out of the way and not drawn."""
+    """Yield a closed door's leaf with panels and handles; the leaf of an open door is not drawn."""
     if not door.closed:
         return
     leaf = max(half - 0.03, 0.02)
@@ -281,7 +281,7 @@ def _leaf(run: _Run, door: Door, at: tuple[float, float], half: float, top: floa
 
 
 def _cladding(site: Site, run: _Run, along: tuple[float, float], half: float, height: float) -> Iterator[Primitive]:
-    """Tiles on the sides of a stretch of wall that face a room with a tiled floor."""
+    """Yield tiles on the sides of a wall segment that face a room with a tiled floor."""
     for side in (-1, 1):
         line = LineString([run.point(distance, side * (half + 0.02)) for distance in along])
         for room in site.rooms:

@@ -1,4 +1,4 @@
-"""The one list of shapes that both the physics and the rasteriser build their world from."""
+"""Primitives from which both physics and rasterizer build their worlds."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,7 +8,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Shape(StrEnum):
-    """What a primitive is; all are centred on their origin and aligned with their own axes."""
+    """Kind of primitive; all are centred on their origin and aligned with their own axes."""
 
     BOX = "box"
     CYLINDER = "cylinder"
@@ -25,14 +25,14 @@ class Material:
     texture: str = "plain"
     """Name of a procedural texture in `textures.TEXTURES` (plain, wood, planks, tiles, fabric, ...)."""
     shininess: float = 0.0
-    """0 matt to 1 mirror-like; shiny and dark surfaces lose depth when depth noise is on."""
+    """0 matt to 1 mirror-like; with depth noise, shiny and dark surfaces lose depth."""
     glow: float = 0.0
-    """How much of the colour it gives off by itself, 0 to 1: lamp shades, screens."""
+    """Share of the colour that it emits, 0 to 1: lamp shades, screens."""
 
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """One shape in the site's frame."""
+    """A shape in the site's frame."""
 
     shape: Shape
     centre: Vector
@@ -47,12 +47,12 @@ class Primitive:
     solid: bool = True
     """Whether a robot can touch it."""
     visible: bool = True
-    """Whether the camera sees it; the outline of a surveyed footprint is solid and not drawn."""
+    """Whether the camera sees it; the outline of a surveyed footprint is solid but not visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A whole site as primitives."""
+    """A site as primitives."""
 
     primitives: tuple[Primitive, ...]
     bounds: tuple[float, float, float, float]

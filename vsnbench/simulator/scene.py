@@ -1,15 +1,15 @@
-"""From a site to the list of primitives that physics and rasteriser share."""
+"""Conversion of a site to the primitives of physics and rasterizer."""
 
 import math
 from collections.abc import Iterator
 
 from shapely import affinity
 
-from vsnbench.protocol.site import Site, SiteObject
 from vsnbench.simulator.building import build_structure, rectangles, site_bounds
-from vsnbench.simulator.furniture import furnish
-from vsnbench.simulator.furniture.canvas import multiply, turn
+from vsnbench.simulator.furniture import furnish, is_extruded, plain_color
+from vsnbench.simulator.furniture.canvas import multiply, rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Scene, Shape
+from vsnbench.sites.site import Site, SiteObject
 
 _UNSEEN = Material((1.0, 1.0, 1.0))
 _NEVER_FELT = ("rug", "picture")
@@ -18,11 +18,11 @@ _NEVER_FELT = ("rug", "picture")
 def build_scene(site: Site) -> Scene:
     """Build a site's floors, walls, doorways, windows and furniture.
 
-    What is `solid` and what is `visible` differ: coverings, skirting and casings are only seen, the slab under the
-    floors and a surveyed outline are only felt.
+    Coverings, skirting and casings are visible but not solid. The slab under the floors and surveyed outlines are solid
+    but not visible.
 
     Raises:
-        SiteError: an object's category or model is unknown.
+        SiteError: an object's model is unknown.
     """
     primitives = list(build_structure(site))
     for index, thing in enumerate(site.objects):
@@ -31,7 +31,7 @@ def build_scene(site: Site) -> Scene:
 
 
 def _stand(thing: SiteObject, instance: int) -> Iterator[Primitive]:
-    """Put an object's parts where it stands; those of a surveyed outline collide as that outline."""
+    """Yield an object's parts in the site's frame; an object with a surveyed outline collides as that outline."""
     yaw = math.radians(thing.heading_deg)
     cos, sin = math.cos(yaw), math.sin(yaw)
     heading = turn((0, 0, 1), yaw)
@@ -53,12 +53,16 @@ def _stand(thing: SiteObject, instance: int) -> Iterator[Primitive]:
             instance,
             solid=solid and not outlined,
         )
-    if outlined and solid:
-        yield from _extruded(thing, instance)
+    if is_extruded(thing):
+        yield from _extruded(thing, instance, Material(rgb(plain_color(thing))), visible=True, solid=solid)
+    elif outlined and solid:
+        yield from _extruded(thing, instance, _UNSEEN, visible=False, solid=True)
 
 
-def _extruded(thing: SiteObject, instance: int) -> Iterator[Primitive]:
-    """The surveyed outline as boxes that are felt and not seen; they never reach outside of it."""
+def _extruded(
+    thing: SiteObject, instance: int, material: Material, *, visible: bool, solid: bool
+) -> Iterator[Primitive]:
+    """Yield the surveyed outline as boxes inside the outline."""
     yaw = math.radians(thing.heading_deg)
     cos, sin = math.cos(yaw), math.sin(yaw)
     px, py = thing.position
@@ -70,9 +74,10 @@ def _extruded(thing: SiteObject, instance: int) -> Iterator[Primitive]:
             Shape.BOX,
             (px + cos * x - sin * y, py + sin * x + cos * y, thing.elevation_m + height / 2),
             ((x1 - x0) / 2, (y1 - y0) / 2, height / 2),
-            _UNSEEN,
+            material,
             turn((0, 0, 1), yaw),
             thing.category,
             instance,
-            visible=False,
+            solid=solid,
+            visible=visible,
         )

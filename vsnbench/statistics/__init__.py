@@ -1,1 +1,1 @@
-"""All inference, a file a subject, from numpy and scipy; nothing of the record."""
+"""Statistical inference with NumPy and SciPy, one method per module; independent of the record."""

@@ -1,7 +1,7 @@
-"""How far two conditions agree cell by cell, as a simulated twin with the real place: error, agreement, ranks.
+"""Agreement of two conditions, cell by cell: error, agreement and rank correlation.
 
-Sources: Spearman (1904), with the interval of Bonett and Wright (2000); Cohen's kappa (1960). Sim-to-real correlation
-of rates is what Kadian et al., "Sim2Real Predictivity" (2020), ask of a simulator.
+Sources: Spearman (1904) with the interval of Bonett and Wright (2000); Cohen's kappa (1960). Kadian et al., "Sim2Real
+Predictivity" (2020), use the correlation of success rates to assess a simulator.
 """
 
 import math
@@ -17,21 +17,21 @@ from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How two conditions agree over the cells they share; NaN where it cannot be said."""
+    """Agreement of two conditions over their shared cells; NaN where it is undefined."""
 
     cells: int
     bias: float
-    """Mean over the cells of the second's rate less the first's: how far the twin flatters, -1 to 1."""
+    """Mean over the cells of the second rate minus the first, -1 to 1."""
     error: float
-    """Root of the mean squared difference of rates, 0 to 1; with few episodes a cell chance is a part of it."""
+    """Root mean square difference of the rates, 0 to 1. With few episodes per cell, chance contributes to it."""
     same: float
-    """Chance that an episode of each in one cell have the same outcome, 0 to 1."""
+    """Probability that one episode of each condition in the same cell have the same outcome, 0 to 1."""
     kappa: float
-    """The same beyond what the two rates alone would give; 1 is perfect, 0 is chance."""
+    """`same` corrected for the agreement expected from the two rates: 1 is perfect, 0 is chance."""
 
 
 def agreement(outcomes: PairedOutcomes) -> Agreement:
-    """Return how two conditions agree; each cell weighs the same."""
+    """Return the agreement of two conditions; every cell has the same weight."""
     if not outcomes.cells:
         return Agreement(0, math.nan, math.nan, math.nan, math.nan)
     mine, theirs = arrays(outcomes.first.cells)[1], arrays(outcomes.second.cells)[1]
@@ -49,27 +49,24 @@ def agreement(outcomes: PairedOutcomes) -> Agreement:
 
 @dataclass(frozen=True, slots=True)
 class RankCorrelation:
-    """Spearman's rank correlation of two lists of the same things."""
+    """Spearman's rank correlation of two lists over the same items."""
 
     rho: float
-    """-1 to 1; NaN for fewer than three, or where one list does not vary."""
+    """-1 to 1; NaN for fewer than three items or if a list is constant."""
     interval: Interval
-    things: int
 
 
 def rank_correlation(
     first: Sequence[float], second: Sequence[float], confidence: float = CONFIDENCE
 ) -> RankCorrelation:
-    """Return Spearman's rank correlation; its interval is unknown for fewer than four things."""
+    """Return Spearman's rank correlation; the interval is unknown for fewer than four items."""
     things = len(first)
     if things < 3 or len(set(first)) < 2 or len(set(second)) < 2:
-        return RankCorrelation(math.nan, UNKNOWN, things)
+        return RankCorrelation(math.nan, UNKNOWN)
     from scipy.stats import norm, spearmanr
 
     rho = float(spearmanr(first, second).statistic)
     if things < 4 or abs(rho) >= 1 - 1e-12:
-        return RankCorrelation(rho, UNKNOWN, things)
+        return RankCorrelation(rho, UNKNOWN)
     reach = float(norm.ppf(0.5 + confidence / 2)) * math.sqrt((1 + rho * rho / 2) / (things - 3))
-    return RankCorrelation(
-        rho, Interval(math.tanh(math.atanh(rho) - reach), math.tanh(math.atanh(rho) + reach)), things
-    )
+    return RankCorrelation(rho, Interval(math.tanh(math.atanh(rho) - reach), math.tanh(math.atanh(rho) + reach)))

@@ -1,11 +1,12 @@
-"""Confidence sequences by betting: valid however often one looks, for values of 0 to 1 that come in random order.
+"""Confidence sequences by betting, valid at every look, for values from 0 to 1 in random order.
 
-A gambler who starts with 1 and can only lose on average while the mean is `m` is seldom rich: the chance that the
-capital ever reaches 1/alpha is at most alpha (Ville 1939). Here the values are drawn **without replacement** from a
-plan of known size, so what is already seen says what the rest must be: if the mean of all N is m, the next value's
-expectation is (N m - sum so far) / (N - number so far), and the bets are fair against that (Waudby-Smith and Ramdas
-2020; 2024, Section 5). With replacement the expectation stays m. The bet is a mixture over fixed fractions of the
-capital, so the capital never falls below 0, grows with every value, and the sequence for the mean is an interval.
+A bet against "the mean is `m`" starts with a capital of 1. If the mean is `m`, the capital cannot grow on average, and
+the probability that it ever reaches 1/alpha is at most alpha (Ville 1939). The values are drawn **without replacement**
+from a plan of known size, so the values seen so far determine what the rest must be: if the mean of all N is m, the
+next value's expectation is (N m - sum so far) / (N - number so far), and the bets are fair against that expectation
+(Waudby-Smith and Ramdas 2020; 2024, Section 5). With replacement the expectation stays m. The bet is a mixture over
+fixed fractions of the capital. The capital therefore stays at or above 0 and grows with every value, and the confidence
+sequence is an interval.
 """
 
 import math
@@ -16,20 +17,25 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 FRACTIONS: Floats = np.array([0.15, 0.3, 0.5, 0.7])
-"""Of the capital at stake in each bet; the capital is spread evenly over them."""
+"""Fractions of the capital staked on single outcomes; the capital is divided evenly among them."""
+MEAN_FRACTIONS: Floats = np.array([0.7, 0.95])
+"""Fractions for bets on means of several outcomes, which vary less."""
+_LIMIT = 1e200
+"""Cap of the capital. A larger capital decides nothing more, and the next product would overflow."""
 
 
-def capital(values: npt.ArrayLike, mean: npt.ArrayLike, size: int | None) -> Floats:
-    """Return the greatest capital so far of betting that the mean is greater than `mean`.
+def capital(values: npt.ArrayLike, mean: npt.ArrayLike, size: int | None, fractions: Floats = FRACTIONS) -> Floats:
+    """Return the running maximum of the capital of a bet that the mean is greater than `mean`.
 
     Args:
-        values: (..., n) of 0 to 1, in the random order in which they were drawn.
-        mean: the mean betted against, 0 to 1; broadcasts against the values' leading axes.
-        size: how many values the plan has, n or more; None for draws with replacement, from a population without end.
+        values: (..., n) values from 0 to 1, in the random order of drawing.
+        mean: mean under the null hypothesis, 0 to 1; broadcasts against the leading axes of `values`.
+        size: number of values in the plan, at least n; None for draws with replacement.
+        fractions: fractions of the capital staked in each bet, between 0 and 1.
 
     Returns:
-        (..., n) the running maximum after each value. While the mean of the plan is at most `mean`, the chance that it
-        ever reaches 1/alpha is at most alpha.
+        (..., n) the running maximum after each value. If the mean of the plan is at most `mean`, the probability that
+        it ever reaches 1/alpha is at most alpha.
     """
     drawn = np.asarray(values, np.float64)
     against = np.asarray(mean, np.float64)
@@ -37,18 +43,18 @@ def capital(values: npt.ArrayLike, mean: npt.ArrayLike, size: int | None) -> Flo
     count = drawn.shape[-1]
     if size is not None and size < count:
         raise ValueError(f"{count} values cannot come from a plan of {size}")
-    stakes = np.ones((*shape, len(FRACTIONS))) / len(FRACTIONS)
+    stakes = np.ones((*shape, len(fractions))) / len(fractions)
     grown, total = np.ones(shape), np.zeros(shape)
     path = np.ones((*shape, count))
     for step in range(count):
         value = np.broadcast_to(drawn[..., step], shape)
         expected = np.broadcast_to(against, shape) if size is None else (size * against - total) / (size - step)
         total = total + value
-        # A plan whose mean is that low cannot have gone on like this: the bet is won once and for all.
+        # The mean under test is impossible with these values: it is rejected for good.
         won = (expected < -_TIE) | ((expected <= _TIE) & (value > _TIE))
         fair = np.maximum(expected, _TIE)
         growth = np.where(expected > _TIE, value / fair, 1.0)
-        stakes = stakes * (1 - FRACTIONS + FRACTIONS * growth[..., None])
+        stakes = np.minimum(_LIMIT, stakes * (1 - fractions + fractions * growth[..., None]))
         grown = np.maximum(grown, np.where(won, np.inf, stakes.sum(-1)))
         path[..., step] = grown
     return path
@@ -57,35 +63,40 @@ def capital(values: npt.ArrayLike, mean: npt.ArrayLike, size: int | None) -> Flo
 _TIE = 1e-9
 
 
-def p_values(values: npt.ArrayLike, mean: float, size: int | None) -> tuple[Floats, Floats]:
-    """Return, after each value, the p-values of "the mean is at most `mean`" and of "it is at least `mean`".
+def p_values(
+    values: npt.ArrayLike, mean: float, size: int | None, fractions: Floats = FRACTIONS
+) -> tuple[Floats, Floats]:
+    """Return the p-values of "the mean is at most `mean`" and "at least `mean`" after each value.
 
-    Valid at every look and at all of them together: the chance that one of a true hypothesis is ever at most alpha is
-    at most alpha. Each only falls.
+    The p-values never increase and are valid at all looks together: for a true hypothesis the probability that its
+    p-value ever falls to alpha is at most alpha.
     """
     drawn = np.asarray(values, np.float64)
-    above, below = capital(drawn, mean, size), capital(1 - drawn, 1 - mean, size)
+    above, below = capital(drawn, mean, size, fractions), capital(1 - drawn, 1 - mean, size, fractions)
     return np.minimum(1.0, 1 / above), np.minimum(1.0, 1 / below)
 
 
-def sequence(values: npt.ArrayLike, size: int | None, alpha: float, steps: int = 2) -> tuple[Floats, Floats]:
-    """Return the ends of the confidence sequence for the mean after each value: all of them hold together.
+def sequence(
+    values: npt.ArrayLike, size: int | None, alpha: float, steps: int = 2, fractions: Floats = FRACTIONS
+) -> tuple[Floats, Floats]:
+    """Return the lower and upper ends of the confidence sequence for the mean after each value.
 
     Args:
-        values: (n,) multiples of 1 / `steps`, in the order in which they were drawn.
-        size: how many the plan has; None for draws with replacement.
-        alpha: chance that the mean is ever outside.
-        steps: 1 for successes and failures, 2 for differences of two (mapped from -1, 0, 1 to 0, 1/2, 1).
+        values: (n,) in the order of drawing; multiples of 1 / `steps` if `size` is given.
+        size: number of values in the plan; None for draws with replacement.
+        alpha: probability that the mean is ever outside the sequence.
+        steps: 1 for successes and failures, 2 for differences of two outcomes (mapped from -1, 0, 1 to 0, 1/2, 1).
+        fractions: fractions of the capital staked in each bet.
 
     Returns:
-        (n,) and (n,): the least and the greatest mean that is not ruled out. Of a plan they are means that it can have.
+        (n,) and (n,): the smallest and largest mean not rejected. With a plan, both are means that the plan can have.
     """
     drawn = np.asarray(values, np.float64)
     possible = size * steps if size is not None else _FINE
     means = np.arange(possible + 1) / possible
     some = np.broadcast_to(drawn, (len(means), len(drawn)))
-    low = _ends(capital(some, means, size) < 2 / alpha, means)
-    high = 1 - _ends(capital(1 - some, means, size) < 2 / alpha, means)
+    low = _ends(capital(some, means, size, fractions) < 2 / alpha, means)
+    high = 1 - _ends(capital(1 - some, means, size, fractions) < 2 / alpha, means)
     return low, high
 
 
@@ -93,12 +104,12 @@ _FINE = 2000
 
 
 def _ends(kept: npt.NDArray[np.bool_], means: Floats) -> Floats:
-    """Return the least mean that is kept after each value, (n,); the capital falls with the mean betted against."""
+    """Return the smallest mean that is not rejected after each value, (n,)."""
     first = np.argmax(kept, axis=0)
     found = np.where(kept.any(axis=0), means[first], math.nan)
     return np.asarray(found, np.float64)
 
 
 def as_share(difference: npt.ArrayLike) -> Floats:
-    """Map paired differences, -1 to 1, to 0 to 1."""
+    """Map paired differences from [-1, 1] to [0, 1]."""
     return (np.asarray(difference, np.float64) + 1) / 2

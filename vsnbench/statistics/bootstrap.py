@@ -1,4 +1,4 @@
-"""Means of a measure where episodes resemble each other: the bootstrap of whole clusters (starting positions).
+"""Bootstrap of whole clusters (starting positions) for the mean of a measure.
 
 Sources: Cameron, Gelbach and Miller (2008) for resampling whole clusters; Hesterberg, "What Teachers Should Know About
 the Bootstrap" (2015), for the expanded percentiles.
@@ -16,20 +16,21 @@ from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval
 from vsnbench.statistics.student import student_quantile
 
 Floats = npt.NDArray[np.float64]
-FEWEST_CLUSTERS = 8
-"""Of fewer there are too few different draws: with 5 the interval would cover 89 %."""
+MIN_CLUSTERS = 8
+"""With fewer there are too few distinct resamples: with 5 the interval would cover 89 %."""
+_SAME = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterSums:
-    """A measure summed within each cluster (starting position): `totals[i]` over `counts[i]` episodes."""
+    """A measure summed within each cluster: `totals[i]` over `counts[i]` episodes."""
 
     totals: Floats
     counts: npt.NDArray[np.int64]
 
     @property
     def mean(self) -> float:
-        """Mean over all episodes; NaN for none."""
+        """Mean over all episodes; NaN if there are none."""
         episodes = int(self.counts.sum())
         return float(self.totals.sum()) / episodes if episodes else math.nan
 
@@ -39,39 +40,40 @@ def clustered_bootstrap(
     second: ClusterSums,
     *,
     shared_clusters: bool,
-    confidence: float = CONFIDENCE,
     resamples: int = 10_000,
     seed: int = 0,
 ) -> Interval:
-    """Return the percentile interval of the difference of means `first - second`, resampling whole clusters.
+    """Return the percentile interval of the difference of means `first - second`, by resampling whole clusters.
 
-    Episodes from one starting position resemble each other; resampling them one by one would pretend to know more. The
-    percentiles are farther out by what a sample of so few clusters falls short of its population (Hesterberg's expanded
-    ones): as Student's t is to the normal distribution.
+    Episodes from one starting position are correlated, so resampling single episodes would give intervals that are too
+    short. The percentiles are expanded for the small number of clusters (Hesterberg), as Student's t expands the normal
+    quantile.
 
     Args:
         first: sums of one model by cluster.
-        second: sums of the other.
-        shared_clusters: the i-th cluster of both is the same starting position, and is drawn for both together.
-        confidence: of the interval.
-        resamples: how many times the clusters are drawn.
-        seed: makes the answer repeatable.
+        second: sums of the other model.
+        shared_clusters: the i-th cluster of both is the same starting position, and both are drawn together.
+        resamples: number of resamples.
+        seed: seed of the resamples.
 
     Returns:
-        The interval; unknown when either has fewer than `FEWEST_CLUSTERS` clusters with episodes.
+        The interval. Unknown if either model has fewer than `MIN_CLUSTERS` clusters with episodes, or if every
+        resample gives the same difference.
     """
     if shared_clusters and len(first.counts) != len(second.counts):
-        raise ValueError("shared clusters must be listed alike for both models")
+        raise ValueError("shared clusters must have the same length for both models")
     clusters = int(min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)))
-    if clusters < FEWEST_CLUSTERS:
+    if clusters < MIN_CLUSTERS:
         return UNKNOWN
     drawn, drawn_second = _draws(len(first.counts), None if shared_clusters else len(second.counts), resamples, seed)
     with np.errstate(invalid="ignore", divide="ignore"):
         differences = (drawn @ first.totals) / (drawn @ first.counts) - (drawn_second @ second.totals) / (
             drawn_second @ second.counts
         )
-    differences = differences[np.isfinite(differences)]  # a draw may hold no episode of one model
-    tail = _expanded_tail(clusters, confidence)
+    differences = differences[np.isfinite(differences)]  # a resample may contain no episode of one model
+    if not len(differences) or np.ptp(differences) <= _SAME:
+        return UNKNOWN
+    tail = _expanded_tail(clusters, CONFIDENCE)
     low, high = np.quantile(differences, [tail, 1 - tail])
     return Interval(float(low), float(high))
 
@@ -83,9 +85,10 @@ def _expanded_tail(clusters: int, confidence: float) -> float:
 
 @lru_cache(maxsize=1)
 def _draws(first: int, second: int | None, resamples: int, seed: int) -> tuple[Floats, Floats]:
-    """Return how often each cluster was drawn, (resamples, clusters), of two samples; None: the first's for both.
+    """Return the number of times each cluster was drawn, (resamples, clusters), for two samples.
 
-    Kept for the next measure of the same clusters: drawing takes longer than all the rest.
+    With `second` None both use the same draws. Cached for the next measure of the same clusters, because drawing takes
+    longer than the rest.
     """
     random = np.random.default_rng(seed)
 

@@ -1,13 +1,15 @@
-"""Rates and means where episodes resemble each other: several episodes of a cell, several cells of a starting position.
+"""Rates and means of correlated episodes: several episodes per cell, several cells per starting position.
 
-A **cell** is a goal from a starting position; the starting positions are the **clusters**. Five seeds of a policy that
-repeats itself are one fact five times, and an interval that takes them for five is too short. Here the variance is the
-largest of three: as if all episodes were independent, between cells, between clusters. What it is worth in independent
-trials (Kish's effective sample size) goes into Wilson's interval, with Student's t where the variance was estimated:
-wherever clusters hold several cells, also where they happen to show no more than chance (Korn and Graubard), for of few
-clusters that says little.
+A **cell** is a goal from a starting position; the starting positions are the **clusters**. Five seeds of a
+deterministic policy are one observation repeated five times, and an interval that counts them as five is too short.
+The variance here is the largest of three: assuming independent episodes, between cells, and between clusters (with the
+correction for few clusters, CR1 of Cameron and Miller 2015). The number of independent trials with that variance
+(Kish's effective sample size) enters Wilson's interval. Student's t replaces the normal quantile wherever clusters hold
+several cells, even if they happen to vary no more than by chance (Korn and Graubard), because few clusters cannot show
+that they do not vary.
 
-Coverage by simulation is in `docs/statistics.md`. Sources: Kish (1965); Korn and Graubard (1998).
+Coverage by simulation is in `docs/statistics.md`. Sources: Kish (1965); Korn and Graubard (1998); Cameron and Miller,
+"A Practitioner's Guide to Cluster-Robust Inference" (2015).
 """
 
 import math
@@ -22,12 +24,12 @@ from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval, Proportion,
 Floats = npt.NDArray[np.float64]
 _SAME = 1e-9
 _ASSUMED = 0.5
-"""How much the cells of a cluster are taken to resemble each other where all outcomes are alike: a correlation."""
+"""Correlation of the cells of a cluster that is assumed if all outcomes are the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """The outcomes of one cell: which cluster it belongs to, and its successes out of trials, at least one."""
+    """Successes and trials of one cell, and its cluster; at least one trial."""
 
     cluster: int
     successes: int
@@ -35,23 +37,23 @@ class Cell:
 
     def __post_init__(self) -> None:
         if not 0 <= self.successes <= self.trials or not self.trials:
-            raise ValueError(f"{self.successes} successes of {self.trials} trials cannot be a cell's")
+            raise ValueError(f"a cell cannot have {self.successes} successes in {self.trials} trials")
 
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """The outcomes of one condition, cell by cell."""
+    """Outcomes of one condition, by cell."""
 
     cells: tuple[Cell, ...]
 
     @property
     def proportion(self) -> Proportion:
-        """Successes of trials over all cells."""
+        """Successes and trials over all cells."""
         return Proportion(sum(cell.successes for cell in self.cells), sum(cell.trials for cell in self.cells))
 
     @property
     def clusters(self) -> int:
-        """How many clusters there are."""
+        """Number of clusters."""
         return len({cell.cluster for cell in self.cells})
 
     @property
@@ -61,55 +63,55 @@ class Outcomes:
 
     @property
     def independent(self) -> bool:
-        """Whether every trial has a cluster to itself."""
+        """Whether every trial is in a cluster of its own."""
         return self.clusters == self.proportion.trials
 
 
 def independent_outcomes(proportion: Proportion, after: int = 0) -> Outcomes:
-    """Return outcomes of which only their number is known: each trial is a cell and a cluster of its own.
+    """Return outcomes of which only the counts are known: each trial is a cell and a cluster of its own.
 
     Args:
-        proportion: successes of trials.
-        after: clusters are numbered downwards from below this, apart from starting positions, which are above 0.
+        proportion: successes and trials.
+        after: clusters are numbered downwards from below this number; starting positions have positive numbers.
     """
     return Outcomes(tuple(Cell(after - n - 1, int(n < proportion.successes), 1) for n in range(proportion.trials)))
 
 
 @dataclass(frozen=True, slots=True)
 class EffectiveSample:
-    """An estimate, and how many independent trials it is worth."""
+    """An estimate and its effective number of independent trials."""
 
     rate: float
     trials: float
-    """Not more than the episodes; need not be whole."""
+    """At most the number of episodes; may be fractional."""
     freedom: float
-    """Degrees of freedom of what was estimated; infinite where nothing had to be."""
+    """Degrees of freedom of the estimated variance; infinite if the variance was not estimated."""
 
     @property
     def variance(self) -> float:
-        """Of the rate."""
+        """Variance of the rate."""
         return self.rate * (1 - self.rate) / self.trials
 
     def interval(self, confidence: float = CONFIDENCE) -> Interval:
-        """Wilson's interval at this size."""
+        """Return Wilson's interval at the effective sample size."""
         return wilson_at(self.rate, self.trials, confidence, self.freedom)
 
 
-FEWEST_UNITS = 3
-"""An interval of a difference needs so many starting positions: of two it holds the truth in as few as 87 of 100
-experiments, and leaves 0 out in up to 12 of 100 in which there is no difference (docs/statistics.md)."""
+MIN_UNITS = 3
+"""Smallest number of starting positions for an interval of a difference. With two, the interval covers the truth in as
+few as 87 % of experiments and excludes 0 in up to 12 % of those without a difference (docs/statistics.md)."""
 
 
 def units_of(outcomes: Outcomes) -> int:
-    """Return by how many things a sample is told apart from chance: its clusters, or the cells of one alone."""
+    """Return the number of independent units: clusters, or the cells of a single cluster."""
     clusters = len({cell.cluster for cell in outcomes.cells})
     return clusters if clusters > 1 else len(outcomes.cells)
 
 
 def rate_interval(outcomes: Outcomes, confidence: float = CONFIDENCE) -> Interval:
-    """Return the interval of the success rate; with one episode a cluster it is Wilson's, exactly.
+    """Return the interval of the success rate; exactly Wilson's with one episode per cluster.
 
-    Copies of every episode, under however many seeds, leave it as it was. Unknown for no trials.
+    Repeating every episode under further seeds does not change it. Unknown without trials.
     """
     if not outcomes.cells:
         return UNKNOWN
@@ -117,30 +119,32 @@ def rate_interval(outcomes: Outcomes, confidence: float = CONFIDENCE) -> Interva
 
 
 def independent_difference(first: Outcomes, second: Outcomes, confidence: float = CONFIDENCE) -> Interval:
-    """Return the interval of `first - second` of two separate samples; Newcombe's where nothing repeats.
+    """Return the interval of `first - second` of two independent samples; Newcombe's without repetitions.
 
-    Unknown for no trials, and where both have fewer than `FEWEST_UNITS` units.
+    Unknown without trials, or if both have fewer than `MIN_UNITS` units.
     """
-    if not first.cells or not second.cells or max(units_of(first), units_of(second)) < FEWEST_UNITS:
+    if not first.cells or not second.cells or max(units_of(first), units_of(second)) < MIN_UNITS:
         return UNKNOWN
     a, b = effective_sample(first), effective_sample(second)
     return difference_interval(a.rate, a.interval(confidence), b.rate, b.interval(confidence))
 
 
 def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveSample:
-    """Return what the outcomes are worth in independent trials.
+    """Return the effective number of independent trials.
 
-    With one cluster alone its cells take the clusters' place, and one cell alone counts as one trial: how much its
-    episodes resemble each other cannot be known. Where all outcomes are the same, neither can it of the cells of a
-    cluster, and they are taken for half alike: all of 15 cells in 15 clusters are worth 15 trials, all of 75 are 25.
+    A single cluster is replaced by its cells. A single cell counts as one trial, because the correlation of its
+    episodes cannot be estimated. If all outcomes are the same, the correlation within a cluster cannot be estimated
+    either, and 0.5 is assumed: 15 cells in 15 clusters count as 15 trials, 75 cells in 15 clusters as 25.
 
-    Nor can it of few that are not. With k the cells' worth of the rarer outcome, the cells of a cluster are taken to be
-    correlated by no less than 0.5 / (1 + k), the episodes of a cell by no less than 1 / (1 + k)²: one success in 75
-    episodes of 15 cells is worth 20 trials, for its neighbour, none in 75, is worth 15.
+    Nor can it be estimated from a few deviating outcomes. With k the expected number of clusters with the rarer outcome
+    (clusters times its rate), the cells of a cluster have a correlation of at least 1 / (2 + k), and the episodes of a
+    cell one of at least 1 / (1 + k)²: one success in 75 episodes of 15 cells counts as 20 trials, none in 75 as 15. The
+    k is based on clusters rather than cells, because successes from one or two starting positions carry the same
+    information about the correlation however many cells these positions hold.
 
     Args:
         outcomes: at least one cell.
-        by_cell: every cell weighs the same, else every episode does.
+        by_cell: give every cell the same weight instead of every episode.
     """
     clusters, means, trials = arrays(outcomes.cells)
     weights = np.full(len(trials), 1 / len(trials)) if by_cell else trials / trials.sum()
@@ -150,22 +154,34 @@ def effective_sample(outcomes: Outcomes, *, by_cell: bool = False) -> EffectiveS
     rate = min(1.0, rate) if rate < 1 - _SAME else 1.0
     spread = rate * (1 - rate)
     by_cluster = np.bincount(clusters, weights=weights)
-    rarer = len(trials) * min(rate, 1 - rate)
-    alike = _ASSUMED / (1 + rarer)
-    least = 1 - alike + alike * float((by_cluster @ by_cluster) / (weights @ weights))
+    concentration = float(by_cluster @ by_cluster)
+    rarer = min(rate, 1 - rate) / concentration
+    alike = 1 / (1 / _ASSUMED + rarer)
+    least = 1 - alike + alike * concentration / float(weights @ weights)
     if spread < _SAME or len(trials) == 1:
         return EffectiveSample(rate, 1 / (least * float(weights @ weights)), math.inf)
     repeats_alike = 1 / (1 + rarer) ** 2
     alone = spread * float(weights**2 @ ((1 + (trials - 1) * repeats_alike) / trials))
     between_cells, between_clusters = residual_variances(clusters, weights, means - rate)
-    # Where each cluster is one fact, nothing had to be estimated.
+    # If every cluster is constant, the variance is not estimated.
     agree = _all_agree(np.bincount(clusters, weights=weights * means) / by_cluster)
     freedom = math.inf if agree else float(clusters.max())
+    if not agree:
+        between_clusters *= few_clusters_correction(clusters, weights)
     return EffectiveSample(rate, spread / max(least * max(alone, between_cells), between_clusters), freedom)
 
 
+def few_clusters_correction(clusters: npt.NDArray[np.int64], weights: Floats) -> float:
+    """Return the factor for the variance between clusters that accounts for the estimated mean.
+
+    G / (G - 1) for G clusters of equal weight; the effective number of clusters replaces G for unequal weights.
+    """
+    by_cluster = np.bincount(clusters, weights=weights)
+    return 1 / (1 - float(by_cluster @ by_cluster))
+
+
 def arrays(cells: Iterable[Cell]) -> tuple[npt.NDArray[np.int64], Floats, Floats]:
-    """Return the clusters' indices from 0, the cells' means and their trials."""
+    """Return the cluster index (from 0), the mean and the number of trials of each cell."""
     listed = list(cells)
     _, clusters = np.unique(np.array([cell.cluster for cell in listed]), return_inverse=True)
     trials = np.array([cell.trials for cell in listed], np.float64)
@@ -173,12 +189,12 @@ def arrays(cells: Iterable[Cell]) -> tuple[npt.NDArray[np.int64], Floats, Floats
 
 
 def residual_variances(clusters: npt.NDArray[np.int64], weights: Floats, residuals: Floats) -> tuple[float, float]:
-    """Return the variance of a weighted mean as its cells tell it, and as whole clusters tell it.
+    """Return the variance of a weighted mean from the cells and from whole clusters.
 
     Args:
-        clusters: (cells,) index of the cluster of each, from 0.
-        weights: (cells,) their sum is 1.
-        residuals: (cells,) mean of each less the weighted mean.
+        clusters: (cells,) cluster index of each cell, from 0.
+        weights: (cells,) weights that sum to 1.
+        residuals: (cells,) mean of each cell minus the weighted mean.
     """
     weighted = weights * residuals
     by_cluster = np.bincount(clusters, weights=weighted)

@@ -1,8 +1,8 @@
-"""Whether success changes with time: an exact test in which only the order within a stratum is chance's.
+"""Exact test of whether success changes with time, stratum by stratum.
 
-The statistic is the sum of the places in time of the successes, stratum by stratum (Wilcoxon 1945; Mann and Whitney
-1947). Where success has nothing to do with time, every order of a stratum's outcomes is as likely as every other; how
-likely each sum is is counted, not drawn. At most 5 % of p-values are below 0.05 then.
+The statistic is the sum of the ranks in time of the successes within each stratum (Wilcoxon 1945; Mann and Whitney
+1947). Under the null hypothesis every order of a stratum's outcomes is equally likely; the distribution of the sum is
+computed exactly.
 """
 
 import math
@@ -19,30 +19,30 @@ _TIE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """What the order of successes and failures says."""
+    """Result of the trend test."""
 
     p: float
-    """Two-sided, of success and time having nothing to do with each other."""
+    """Two-sided p-value for "success does not depend on time"."""
     least_p: float
-    """The smallest p that any order of these very outcomes would have given: above 0.05, nothing could be found."""
+    """Smallest p-value that any order of these outcomes could give; above 0.05 the test cannot reject."""
     later: float
-    """How often, of a success and a failure of one stratum, the success was the later one: 0.5 is no trend; NaN for no
-    such pair."""
+    """Share of pairs of a success and a failure in one stratum in which the success is later: 0.5 means no trend; NaN
+    without such pairs."""
     exact: bool
-    """False where there are so many trials that the normal distribution stands for the count."""
+    """False if the normal approximation was used because of the number of trials."""
 
 
 def trend(strata: Sequence[Sequence[bool]]) -> Trend:
-    """Return what the order of outcomes says of success and time.
+    """Test whether success changes with time.
 
     Args:
-        strata: the outcomes of each stratum (a goal in a session), in the order of time; none between strata counts.
+        strata: outcomes of each stratum (a goal in a session) in the order of time; strata are not compared.
     """
-    sizes = [(sum(each), len(each) - sum(each)) for each in map(list, strata)]
+    sizes = [(sum(stratum), len(stratum) - sum(stratum)) for stratum in map(list, strata)]
     pairs = sum(won * lost for won, lost in sizes)
     if not pairs:
         return Trend(1.0, 1.0, math.nan, exact=True)
-    seen = sum(_success_later(each) for each in strata)
+    seen = sum(_success_later(stratum) for stratum in strata)
     away = abs(seen - pairs / 2)
     if sum((won * lost) ** 2 for won, lost in sizes) > _MOST_WORK:
         spread = math.sqrt(sum(won * lost * (won + lost + 1) for won, lost in sizes) / 12)
@@ -56,7 +56,7 @@ def trend(strata: Sequence[Sequence[bool]]) -> Trend:
 
 
 def _success_later(outcomes: Sequence[bool]) -> int:
-    """Return in how many pairs of a success and a failure the success was the later one."""
+    """Return the number of success-failure pairs in which the success is later."""
     lost = pairs = 0
     for won in outcomes:
         pairs += lost if won else 0
@@ -65,13 +65,13 @@ def _success_later(outcomes: Sequence[bool]) -> int:
 
 
 def _chances(won: int, lost: int) -> Floats:
-    """Return how likely it is that the successes are the later ones in 0, 1, ... `won * lost` pairs."""
+    """Return the probabilities that the success is later in 0, 1, ... `won * lost` pairs."""
     row: list[Floats] = [np.ones(1)] * (lost + 1)
     for successes in range(1, won + 1):
         following: list[Floats] = [np.ones(1)]
         for failures in range(1, lost + 1):
             here = np.zeros(successes * failures + 1)
-            # The last of them all was a success, which is later than all failures, or it was a failure.
+            # The last outcome was either a success, which is later than all failures, or a failure.
             here[failures:] += successes * row[failures]
             here[: len(following[-1])] += failures * following[-1]
             following.append(here / (successes + failures))

@@ -1,4 +1,4 @@
-"""Several questions at once: corrected p-values, which models cannot be told apart, and who may be at which rank.
+"""Multiple comparisons: adjusted p-values, compact letter display and rank intervals.
 
 Sources: Holm (1979); Piepho, "An algorithm for a letter-based representation of all-pairwise comparisons" (2004);
 Mogstad, Romano, Shaikh and Wilhelm, "Inference for ranks" (2024).
@@ -10,24 +10,24 @@ from string import ascii_lowercase
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Return the p-values adjusted for being asked together, in the order given (Holm's step-down).
+    """Return the p-values adjusted by Holm's step-down method, in the given order.
 
-    If all the questions' answers are "no difference", at most 5 % of families hold one below 0.05.
+    If every null hypothesis is true, the probability of any adjusted p-value below 0.05 is at most 5 %.
     """
     adjusted = [0.0] * len(p_values)
     largest = 0.0
-    for place, question in enumerate(sorted(range(len(p_values)), key=lambda each: p_values[each])):
+    for place, question in enumerate(sorted(range(len(p_values)), key=lambda index: p_values[index])):
         largest = max(largest, min(1.0, (len(p_values) - place) * float(p_values[question])))
         adjusted[question] = largest
     return tuple(adjusted)
 
 
 def letters(models: int, differ: Callable[[int, int], bool]) -> tuple[str, ...]:
-    """Return a compact letter display: two models share a letter exactly when they cannot be told apart.
+    """Return a compact letter display: two models share a letter exactly if no difference between them was found.
 
     Args:
-        models: how many, in the order in which letters are given: the best first.
-        differ: whether the i-th and the j-th were found different, i < j.
+        models: number of models, in the order in which letters are assigned: best first.
+        differ: whether a difference between the i-th and j-th was found, i < j.
     """
     groups: list[set[int]] = [set(range(models))]
     for i in range(models):
@@ -52,17 +52,17 @@ def _letter(place: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Ranks:
-    """Between which ranks a model lies, 1 the best; all models' together at the level of the pairs' correction."""
+    """Best and worst rank of a model, 1 is the best; simultaneous for all models."""
 
     best: int
     worst: int
 
 
 def ranks(models: int, better: Callable[[int, int], bool]) -> tuple[Ranks, ...]:
-    """Return the ranks that corrected comparisons of all pairs leave open.
+    """Return the ranks that are compatible with the corrected pairwise comparisons.
 
     Args:
-        models: how many.
+        models: number of models.
         better: whether the i-th was found better than the j-th, corrected for all pairs.
     """
     everyone = range(models)

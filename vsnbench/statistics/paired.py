@@ -1,10 +1,10 @@
-"""Two models in the same cells: the difference, its interval and its test, all on the same episodes.
+"""Paired comparison of two models in the same cells: difference, interval and test.
 
-Within a cell each model's outcomes are averaged; the difference is the mean over the cells, each weighing the same. So
-no episode of a shared cell is dropped, whichever seeds either model was run under and in whatever order. The test flips
-the sign of whole starting positions' differences (Fisher's randomization of pairs; Winkler et al. 2015 for whole
-blocks); with one episode of each model a starting position it is McNemar's exact test. The interval is Newcombe's
-method 10 for paired proportions (1998) at the effective sample sizes; there it is his own.
+Each model's outcomes are averaged within a cell; the difference is the mean over the cells, with equal weights. No
+episode of a shared cell is dropped, whichever seeds the models were run with. The test flips the signs of the
+differences of whole starting positions (Fisher's randomization of pairs; Winkler et al. 2015 for whole blocks); with
+one episode of each model per starting position it is McNemar's exact test. The interval is Newcombe's method 10 for
+paired proportions (1998) at the effective sample sizes.
 """
 
 import math
@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsnbench.statistics.clustered import (
-    FEWEST_UNITS,
+    MIN_UNITS,
     Cell,
     Outcomes,
     arrays,
     effective_sample,
+    few_clusters_correction,
     residual_variances,
     units_of,
 )
@@ -27,19 +28,19 @@ from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval, difference_
 
 @dataclass(frozen=True, slots=True)
 class PairedCell:
-    """One cell in which both models were tried; both belong to the same cluster."""
+    """One cell that both models were tested in; both sides belong to the same cluster."""
 
     first: Cell
     second: Cell
 
     def __post_init__(self) -> None:
         if self.first.cluster != self.second.cluster:
-            raise ValueError("the two sides of a cell must lie in one cluster")
+            raise ValueError("both sides of a paired cell must belong to the same cluster")
 
 
 @dataclass(frozen=True, slots=True)
 class PairedOutcomes:
-    """The cells that two models share."""
+    """Cells that two models share."""
 
     cells: tuple[PairedCell, ...]
 
@@ -55,32 +56,32 @@ class PairedOutcomes:
 
     @property
     def difference(self) -> float:
-        """Mean over the cells of the first's rate less the second's; NaN for no cells."""
+        """Mean over the cells of the first rate minus the second; NaN without cells."""
         if not self.cells:
             return math.nan
         return float(np.mean(arrays(self.first.cells)[1] - arrays(self.second.cells)[1]))
 
     def cluster_differences(self) -> list[float]:
-        """Return, for each cluster, the sum over its cells of the first's rate less the second's."""
+        """Return the sum of the differences of each cluster's cells."""
         if not self.cells:
             return []
         clusters, mine, _ = arrays(self.first.cells)
         theirs = arrays(self.second.cells)[1]
-        return [float(each) for each in np.bincount(clusters, weights=mine - theirs)]
+        return [float(total) for total in np.bincount(clusters, weights=mine - theirs)]
 
 
 def paired_test(outcomes: PairedOutcomes) -> float:
-    """Return the two-sided p-value of "the models do equally well wherever they start"; 1 for no cells.
+    """Return the two-sided p-value of "the models are equally good at every starting position"; 1 without cells.
 
-    At most 5 % of equal models are found different at 0.05, however much the episodes of a position resemble each
-    other: which model is which is then a coin's toss for each position.
+    The test holds its level whatever the correlation of the episodes of a starting position, because under the null
+    hypothesis the two models are exchangeable at each position.
     """
     return sign_flip(outcomes.cluster_differences())
 
 
 def paired_interval(outcomes: PairedOutcomes, confidence: float = CONFIDENCE) -> Interval:
-    """Return the interval of `PairedOutcomes.difference`; unknown for fewer than `clustered.FEWEST_UNITS` units."""
-    if units_of(outcomes.first) < FEWEST_UNITS:
+    """Return the interval of `PairedOutcomes.difference`; unknown with fewer than `clustered.MIN_UNITS` units."""
+    if units_of(outcomes.first) < MIN_UNITS:
         return UNKNOWN
     first = effective_sample(outcomes.first, by_cell=True)
     second = effective_sample(outcomes.second, by_cell=True)
@@ -94,10 +95,10 @@ def paired_interval(outcomes: PairedOutcomes, confidence: float = CONFIDENCE) ->
 
 
 def _correlation(outcomes: PairedOutcomes) -> float:
-    """Return the correlation of the two rates, with the correction that method 10 makes towards 0.
+    """Return the correlation of the two rates, shrunk towards 0 as in Newcombe's method 10.
 
-    From the variances of the rates and of their difference, each the larger of what cells and clusters tell; for one
-    episode a cell it is the phi coefficient.
+    It is computed from the variances of the rates and of their difference, each the larger of the values from cells and
+    clusters. With one episode per cell it is the phi coefficient.
     """
     first = effective_sample(outcomes.first, by_cell=True)
     second = effective_sample(outcomes.second, by_cell=True)
@@ -109,7 +110,10 @@ def _correlation(outcomes: PairedOutcomes) -> float:
     weights = np.full(len(differences), 1 / len(differences))
     if clusters.max() == 0:
         clusters = np.arange(len(differences))
-    apart = max(residual_variances(clusters, weights, differences - differences.mean()))
+    between_cells, between_clusters = residual_variances(clusters, weights, differences - differences.mean())
+    if math.isfinite(first.freedom) or math.isfinite(second.freedom):
+        between_clusters *= few_clusters_correction(clusters, weights)
+    apart = max(between_cells, between_clusters)
     correlation = (first.variance + second.variance - apart) / (2 * math.sqrt(product))
     if correlation > 0:
         spread = math.sqrt(first.rate * (1 - first.rate) * second.rate * (1 - second.rate))

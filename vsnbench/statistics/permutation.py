@@ -1,9 +1,9 @@
-"""Tests that exchange whole clusters: they hold their level however much the episodes of a cluster resemble each other.
+"""Permutation tests that exchange whole clusters and hold their level for correlated episodes.
 
 Sources: Fisher (1935); Gail et al., "On design considerations and randomization-based inference for community
-intervention trials" (1996), for whole clusters; Cochran (1950) for more than two matched samples. An exact p-value is
-counted, not drawn, where that is cheap; else the draws are seeded, and the observed arrangement is one of them (Phipson
-and Smyth 2010), so that no p-value is too small. At most 5 % are below 0.05 where nothing differs.
+intervention trials" (1996), for whole clusters; Cochran (1950) for more than two matched samples. p-values are exact
+where that is cheap; otherwise the permutations are drawn with a fixed seed and include the observed one (Phipson and
+Smyth 2010).
 """
 
 import math
@@ -26,18 +26,18 @@ _TIE = 1e-9
 
 
 def sign_flip(differences: Sequence[float]) -> float:
-    """Return the two-sided p-value of flipping the sign of each difference: is their sum further from 0 than chance?
+    """Return the two-sided sign-flip p-value of the sum of the differences.
 
-    Exact for up to 20 differences that are not 0, and for any number of them that are multiples of a common fraction.
+    Exact for up to 20 nonzero differences, and for any number that are multiples of a common fraction.
     """
-    apart = np.array([each for each in differences if abs(each) > _TIE])
+    apart = np.array([difference for difference in differences if abs(difference) > _TIE])
     if not len(apart):
         return 1.0
     observed = abs(float(apart.sum()))
     if len(apart) <= _EXACT_UP_TO:
-        sums = np.array([apart[0]])  # the first sign stands: the other half mirrors this one
-        for each in apart[1:]:
-            sums = np.concatenate((sums + each, sums - each))
+        sums = np.array([apart[0]])  # the first sign is fixed: the other half is the mirror image
+        for difference in apart[1:]:
+            sums = np.concatenate((sums + difference, sums - difference))
         return float(np.mean(np.abs(sums) >= observed - _TIE))
     if steps := _whole_steps(apart):
         return _counted(steps)
@@ -47,38 +47,38 @@ def sign_flip(differences: Sequence[float]) -> float:
 
 
 def _whole_steps(apart: Floats) -> list[int] | None:
-    """Return the differences in units of their common fraction; None where it is too fine."""
-    fractions = [Fraction(float(each)).limit_denominator(1000) for each in apart]
-    unit = math.lcm(*(each.denominator for each in fractions))
+    """Return the differences as multiples of a common fraction; None if the fraction is too small."""
+    fractions = [Fraction(float(difference)).limit_denominator(1000) for difference in apart]
+    unit = math.lcm(*(fraction.denominator for fraction in fractions))
     if unit > _FINEST or any(abs(float(f) - d) > _TIE for f, d in zip(fractions, apart, strict=True)):
         return None
-    steps = [int(each * unit) for each in fractions]
-    return steps if sum(abs(each) for each in steps) <= _FINEST else None
+    steps = [int(fraction * unit) for fraction in fractions]
+    return steps if sum(abs(step) for step in steps) <= _FINEST else None
 
 
 def _counted(steps: Sequence[int]) -> float:
-    reach = sum(abs(each) for each in steps)
+    reach = sum(abs(step) for step in steps)
     chances: Floats = np.zeros(2 * reach + 1)
     chances[reach] = 1.0
-    for each in steps:
-        chances = (np.roll(chances, each) + np.roll(chances, -each)) / 2
+    for step in steps:
+        chances = (np.roll(chances, step) + np.roll(chances, -step)) / 2
     return float(min(1.0, chances[np.abs(np.arange(-reach, reach + 1)) >= abs(sum(steps))].sum()))
 
 
-def exchange_clusters(first: Outcomes, second: Outcomes, seed: int = 0, draws: int = DRAWS) -> float:
-    """Return the two-sided p-value of dealing the clusters of two separate samples anew between them.
+def exchange_clusters(first: Outcomes, second: Outcomes, draws: int = DRAWS) -> float:
+    """Return the two-sided p-value of permuting the clusters of two independent samples between them.
 
-    The statistic is the difference of the success rates. Fisher's exact test where every episode has a cluster to
-    itself; else so many seeded deals. 1 where either has no trials.
+    The statistic is the difference of the success rates. Fisher's exact test if every episode is a cluster of its own,
+    else seeded permutations. 1 if either sample is empty.
     """
     if not first.cells or not second.cells:
         return 1.0
     if first.independent and second.independent:
         return fisher(first.proportion, second.proportion)
-    sides = [_cluster_counts(each) for each in (first, second)]
+    sides = [_cluster_counts(outcomes) for outcomes in (first, second)]
     successes, trials = (np.concatenate([side[which] for side in sides]) for which in (0, 1))
     size = len(sides[0][0])
-    order = np.argsort(np.random.default_rng(seed).random((draws, len(trials))), axis=1)[:, :size]
+    order = np.argsort(np.random.default_rng(0).random((draws, len(trials))), axis=1)[:, :size]
     mine, tried = successes[order].sum(1), trials[order].sum(1)
     apart = np.abs(mine / tried - (successes.sum() - mine) / (trials.sum() - tried))
     observed = abs(first.proportion.rate - second.proportion.rate)
@@ -86,16 +86,16 @@ def exchange_clusters(first: Outcomes, second: Outcomes, seed: int = 0, draws: i
 
 
 def fisher_effective(first: Outcomes, second: Outcomes) -> float:
-    """Return the p-value of Fisher's exact test on what two samples are worth in independent trials, rounded down.
+    """Return the p-value of Fisher's exact test on the effective sample sizes, rounded down (Rao and Scott 1992).
 
-    For a sample of which only the counts are known, laid beside a clustered one: nothing can be exchanged there. After
-    Rao and Scott (1992). Fisher's own p-value where nothing repeats.
+    For the comparison of a clustered sample with published counts, whose clusters are unknown. Fisher's exact p-value
+    without repetitions.
     """
     if not first.cells or not second.cells:
         return 1.0
     worth = []
-    for each in (first, second):
-        sample = effective_sample(each)
+    for outcomes in (first, second):
+        sample = effective_sample(outcomes)
         trials = max(1, math.floor(sample.trials + _TIE))
         worth.append(Proportion(round(sample.rate * trials), trials))
     return fisher(*worth)
@@ -107,20 +107,19 @@ def _cluster_counts(outcomes: Outcomes) -> tuple[Floats, Floats]:
     return np.asarray(successes, np.float64), np.asarray(tried, np.float64)
 
 
-def exchange_models(rates: npt.ArrayLike, seed: int = 0) -> float:
-    """Return the p-value of dealing the models anew within each cluster: does any model differ from the others?
+def exchange_models(rates: npt.ArrayLike) -> float:
+    """Return the p-value of permuting the models within each cluster: does any model differ from the others?
 
-    Cochran's Q as a randomization test: the statistic is the spread of the models' totals, and each cluster's row of
-    outcomes is shuffled as a whole. Exact where there are at most 20,000 arrangements, else 19,999 seeded ones.
+    Cochran's Q as a randomization test: the statistic is the variance of the models' totals, and each cluster's row is
+    permuted as a whole. Exact for up to 20,000 arrangements, else 19,999 seeded ones.
 
     Args:
-        rates: (clusters, models) sum of the rates of a cluster's cells, of each model.
-        seed: makes the answer repeatable.
+        rates: (clusters, models) sum of the rates of a cluster's cells for each model.
     """
     from itertools import permutations, product
 
     rows = np.asarray(rates, np.float64)
-    rows = rows[np.ptp(rows, axis=1) > _TIE]  # where all models do alike nothing can be dealt
+    rows = rows[np.ptp(rows, axis=1) > _TIE]  # rows in which all models are equal do not change the statistic
     if not len(rows):
         return 1.0
     observed = float(np.var(rows.sum(0)))
@@ -129,7 +128,7 @@ def exchange_models(rates: npt.ArrayLike, seed: int = 0) -> float:
         ways = [list(permutations(row)) for row in rows.tolist()]
         totals = np.array([np.sum(deal, axis=0) for deal in product(*ways)])
         return float(np.mean(totals.var(axis=1) >= observed - _TIE))
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     totals = np.zeros((DRAWS, models))
     for row in rows:
         totals += row[np.argsort(random.random((DRAWS, models)), axis=1)]
@@ -138,21 +137,20 @@ def exchange_models(rates: npt.ArrayLike, seed: int = 0) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Stratum:
-    """The outcomes of two models in one stratum (one starting position)."""
+    """Outcomes of two models in one stratum (starting position)."""
 
     first: Proportion
     second: Proportion
 
 
 def stratified_permutation(strata: Sequence[Stratum]) -> float:
-    """Return the exact two-sided p-value of permuting which model an episode belongs to, within each stratum.
+    """Return the exact two-sided p-value of permuting the model labels of the episodes within each stratum.
 
-    The statistic is the first model's number of successes. Within a stratum it is hypergeometric, and the sum over
-    the strata is their convolution: no random permutations are drawn. How hard a starting position is cancels out;
-    that a model may be good at one position and not at another does not: with several episodes a position it finds
-    too many differences, and is given beside, not read.
+    The statistic is the first model's number of successes. It is hypergeometric within a stratum, and its distribution
+    over all strata is the convolution of these. Differences in difficulty between strata cancel out. With several
+    correlated episodes of a model per stratum the test rejects too often.
     """
-    most = max((each.first.trials + each.second.trials for each in strata), default=0)
+    most = max((stratum.first.trials + stratum.second.trials for stratum in strata), default=0)
     log_factorials = np.concatenate(([0.0], np.cumsum(np.log(np.arange(1, most + 1)))))
     distribution: Floats = np.ones(1)
     observed, expected = 0, 0.0
@@ -160,7 +158,7 @@ def stratified_permutation(strata: Sequence[Stratum]) -> float:
         total = stratum.first.trials + stratum.second.trials
         successes = stratum.first.successes + stratum.second.successes
         if not stratum.first.trials or not stratum.second.trials:
-            continue  # nobody to exchange with
+            continue  # one model has no episodes in this stratum
         here = _hypergeometric(total, successes, stratum.first.trials, log_factorials)
         distribution = np.clip(_sum_of_two(distribution, here), 0.0, 1.0)
         observed += stratum.first.successes
@@ -170,7 +168,7 @@ def stratified_permutation(strata: Sequence[Stratum]) -> float:
 
 
 def _hypergeometric(total: int, successes: int, drawn: int, log_factorials: Floats) -> Floats:
-    """Return the probability of 0 to `drawn` successes among those drawn; scipy's takes forty times as long."""
+    """Return the hypergeometric probabilities of 0 to `drawn` successes; 40 times as fast as SciPy's."""
     there = np.arange(drawn + 1)
     possible = (there <= successes) & (drawn - there <= total - successes)
     k = there[possible]
@@ -185,7 +183,7 @@ def _hypergeometric(total: int, successes: int, drawn: int, log_factorials: Floa
 
 
 def _sum_of_two(first: Floats, second: Floats) -> Floats:
-    """Return the distribution of the sum of two independent counts; importing scipy.signal would take longer."""
+    """Return the distribution of the sum of two independent counts, without importing scipy.signal."""
     if min(len(first), len(second)) <= _FFT_FROM:
         return np.convolve(first, second)
     length = len(first) + len(second) - 1

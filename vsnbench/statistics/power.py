@@ -1,13 +1,13 @@
-"""What a design can show: its power, the difference it would find, the starting positions or repetitions it lacks.
+"""Power of paired designs: detectable difference, starting positions and repetitions needed.
 
-Never the "observed power" of the difference that was seen, which only restates its p-value (Hoenig and Heisey 2001).
-For paired designs the test in use, flipping the signs of whole starting positions, is run on simulated outcomes at the
-level in force. Two independent samples are in `vsnbench.statistics.power_independent`.
+This is never the "observed power" of the observed difference, which only restates its p-value (Hoenig and Heisey 2001).
+The decision rule (sign-flip test and interval together) is applied to simulated outcomes at the level in force. Two
+independent samples are in `vsnbench.statistics.power_independent`.
 
-Simulated outcomes follow a threshold model: an episode succeeds where a normal variable exceeds what its rate asks for,
-made up of a part common to the starting position, one common to the cell, and chance; both common parts are correlated
-between the models. Correlations of outcomes become those of the normal variables by sin(pi phi / 2), exact at a rate of
-one half (Sheppard 1899).
+Simulated outcomes follow a threshold model: an episode succeeds if a normal variable exceeds the threshold of its rate.
+The variable is the sum of a part common to the starting position, a part common to the cell and an independent part;
+both common parts are correlated between the models. Correlations of outcomes become those of the normal variables by
+sin(pi phi / 2), which is exact at a rate of one half (Sheppard 1899).
 """
 
 import math
@@ -17,13 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.clustered import Outcomes, arrays
+from vsnbench.statistics.balanced import paired_intervals
+from vsnbench.statistics.clustered import MIN_UNITS, Outcomes, arrays
+from vsnbench.statistics.conclusion import winner_signs
 from vsnbench.statistics.paired import PairedOutcomes
-from vsnbench.statistics.rates import POWER
+from vsnbench.statistics.rates import CONFIDENCE, POWER
 
 Floats = npt.NDArray[np.float64]
-MOST_STARTS = 1000
-MOST_TRIALS = 20
+MAX_STARTS = 1000
+MAX_TRIALS = 20
 SAMPLES = 600
 _FLIPS = 1999
 _ASSUMED = 0.5
@@ -31,42 +33,42 @@ _ASSUMED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Resemblance:
-    """How outcomes resemble each other: correlations, 0 to 1."""
+    """Correlations of outcomes, 0 to 1."""
 
     start: float
     """Of one model's episodes from one starting position in different cells."""
     cell: float
     """Of one model's episodes in one cell; not below `start`."""
     models: float
-    """Of what is common to a cell, between the two models."""
+    """Of the part common to a cell, between the two models."""
     assumed: bool = False
-    """`cell` is a guess: no cell was tried twice."""
+    """`cell` is assumed because no cell has repetitions."""
 
     @property
     def of_normals(self) -> tuple[float, float]:
-        """Correlations of the normal variables behind the outcomes, of a starting position and of a cell."""
+        """Correlations of the underlying normal variables for a starting position and a cell."""
         of_cell = math.sin(math.pi / 2 * self.cell)
         return min(of_cell, math.sin(math.pi / 2 * self.start)), of_cell
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A paired comparison as it was or could be run."""
+    """Design of a paired comparison."""
 
     starts: int
     cells: int
-    """Goals from each starting position."""
+    """Goals per starting position."""
     trials: int
-    """Episodes of each model in each cell."""
+    """Episodes of each model per cell."""
     rate: float
     """Mean of the two success rates."""
     resemblance: Resemblance
     level: float = 0.05
-    """Below which a p-value counts: 0.05 divided by the questions asked together."""
+    """Significance level: 0.05 divided by the number of comparisons."""
 
 
 def design_of(outcomes: PairedOutcomes, level: float) -> Design:
-    """Return the design that paired outcomes came from, with the resemblance that they show; at least one cell."""
+    """Return the design of recorded paired outcomes, with the estimated correlations; at least one cell."""
     clusters, mine, trials = arrays(outcomes.first.cells)
     _, theirs, other_trials = arrays(outcomes.second.cells)
     starts = int(clusters.max()) + 1
@@ -82,7 +84,7 @@ def design_of(outcomes: PairedOutcomes, level: float) -> Design:
 
 
 def resemblance(outcomes: PairedOutcomes) -> Resemblance:
-    """Estimate the correlations of outcomes by their moments; where no cell was tried twice, one half is assumed."""
+    """Estimate the correlations of outcomes by moments; without repetitions 0.5 is assumed for a cell."""
     alone = own_resemblance(outcomes.first, outcomes.second)
     mine, theirs = (arrays(side.cells)[1] for side in (outcomes.first, outcomes.second))
     total = sum(float(side.mean()) * (1 - float(side.mean())) for side in (mine, theirs)) / 2
@@ -93,7 +95,7 @@ def resemblance(outcomes: PairedOutcomes) -> Resemblance:
 
 
 def own_resemblance(*sides: Outcomes) -> Resemblance:
-    """Estimate how each model's outcomes resemble its own, averaged over the models; between them it says nothing."""
+    """Estimate the correlations within each model's outcomes, averaged over the models."""
     cell, start, spread = [], [], []
     for side in sides:
         clusters, means, times = arrays(side.cells)
@@ -111,15 +113,15 @@ def own_resemblance(*sides: Outcomes) -> Resemblance:
 
 
 def _within(means: Floats, trials: Floats, rate: float) -> Floats:
-    """Return the products of deviations of two episodes of one cell, averaged within each cell tried twice or more."""
+    """Return the mean product of deviations of two episodes of one cell, for each cell with repetitions."""
     some = trials > 1
     n, p = trials[some], means[some]
-    pairs = n * p * (n * p - 1) / (n * (n - 1))  # in which both succeeded
+    pairs = n * p * (n * p - 1) / (n * (n - 1))  # pairs of which both succeeded
     return np.asarray(pairs - 2 * rate * p + rate * rate, np.float64)
 
 
 def _across(clusters: npt.NDArray[np.int64], means: Floats, rate: float) -> Floats:
-    """Return the products of deviations of two cells of one cluster, averaged within each cluster of several cells."""
+    """Return the mean product of deviations of two cells of one cluster, for each cluster with several cells."""
     apart = means - rate
     sums, squares = np.bincount(clusters, weights=apart), np.bincount(clusters, weights=apart**2)
     cells = np.bincount(clusters)
@@ -127,43 +129,61 @@ def _across(clusters: npt.NDArray[np.int64], means: Floats, rate: float) -> Floa
     return np.asarray((sums[some] ** 2 - squares[some]) / (cells[some] * (cells[some] - 1)), np.float64)
 
 
-def power(design: Design, difference: float, seed: int = 0) -> float:
-    """Return how often the paired test finds a true difference of success rates, by 600 simulated experiments."""
+def power(
+    design: Design, difference: float, seed: int = 0, *, margin: float = 0.0, confidence: float = CONFIDENCE
+) -> float:
+    """Return the power for a true difference of success rates, from 600 simulated experiments.
+
+    A difference is found if `vsnbench.statistics.conclusion` names the better model, by test and interval together.
+
+    Args:
+        design: design of the comparison.
+        difference: true difference, 0 to 1.
+        seed: seed of the simulation.
+        margin: difference that a winner must exceed.
+        confidence: confidence level of the interval.
+    """
+    if (design.starts if design.starts > 1 else design.cells) < MIN_UNITS:
+        return 0.0  # the interval is unknown
     random = np.random.default_rng(seed)
     first = min(0.999, max(0.001, design.rate + difference / 2))
     second = min(0.999, max(0.001, first - difference))
-    sums = _simulate(random, design, min(0.999, second + difference), second)
-    return float(np.mean(_p_values(random, sums) <= design.level))
+    sides = _simulate(random, design, min(0.999, second + difference), second)
+    p = _p_values(random, (sides[0] - sides[1]).sum(2))
+    if design.starts == 1:
+        sides = sides.swapaxes(2, 3)  # a single position is replaced by its cells
+    found = paired_intervals(sides[0], sides[1], design.trials, confidence)
+    return float(np.mean(winner_signs(found.estimate, found.low, found.high, p, design.level, margin) > 0))
 
 
-def detectable(design: Design, wanted: float = POWER) -> float | None:
-    """Return the smallest difference of rates that the design shows with this power, to a point; None for none."""
-    points = least(lambda step: power(design, step / 100) >= wanted, 1, 99)
+def detectable(design: Design) -> float | None:
+    """Return the smallest difference found with 80 % power, in steps of 0.01; None if there is none."""
+    points = least(lambda step: power(design, step / 100) >= POWER, 1, 99)
     return None if points is None else points / 100
 
 
-def starts_needed(design: Design, difference: float, wanted: float = POWER) -> int | None:
-    """Return how many starting positions in all would show the difference; None beyond 1,000."""
-    return least(lambda starts: power(replace(design, starts=starts), difference) >= wanted, 2, MOST_STARTS)
+def starts_needed(design: Design, difference: float) -> int | None:
+    """Return the total number of starting positions needed for 80 % power; None above 1,000."""
+    return least(lambda starts: power(replace(design, starts=starts), difference) >= POWER, 2, MAX_STARTS)
 
 
-def trials_needed(design: Design, difference: float, wanted: float = POWER) -> int | None:
-    """Return how many episodes a cell, of each model, would show it; None where 20 would not: new starts would."""
-    return least(lambda trials: power(replace(design, trials=trials), difference) >= wanted, 1, MOST_TRIALS)
+def trials_needed(design: Design, difference: float) -> int | None:
+    """Return the episodes per cell and model needed for 80 % power; None above 20."""
+    return least(lambda trials: power(replace(design, trials=trials), difference) >= POWER, 1, MAX_TRIALS)
 
 
 def least_p(starts: int) -> float:
-    """Return the least two-sided p-value that flipping the signs of so many starting positions can reach."""
+    """Return the smallest two-sided sign-flip p-value with this number of starting positions."""
     return float(min(1.0, 2.0 ** (1 - starts)))
 
 
-def fewest_starts(level: float) -> int:
-    """Return how many starting positions it takes for a p-value below this level at all."""
+def min_starts(level: float) -> int:
+    """Return the smallest number of starting positions that allows a p-value below this level."""
     return next(starts for starts in range(1, 1100) if least_p(starts) < level)
 
 
 def least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
-    """Return the least whole number of low to high that is enough, by doubling and halving."""
+    """Return the smallest integer in [low, high] that is enough, by doubling and bisection."""
     top = low
     while not enough(top):
         if top >= high:
@@ -176,44 +196,49 @@ def least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
 
 
 def _simulate(random: np.random.Generator, design: Design, first: float, second: float) -> Floats:
-    """Return (samples, starts): sum over the cells of the first's rate less the second's."""
+    """Return (2, samples, starts, cells): success rate of each model in each cell."""
     alike = design.resemblance
     shape = (SAMPLES, design.starts, design.cells)
     of_start, of_cell = alike.of_normals
     models = math.sin(math.pi / 2 * alike.models)
     shared = common_parts(random, shape, of_start, of_cell)
-    sums = np.zeros(shape[:2])
-    for rate, sign in ((first, 1), (second, -1)):
+    sides = []
+    for rate in (first, second):
         own = common_parts(random, shape, of_start, of_cell)
         common = math.sqrt(models) * shared + math.sqrt(1 - models) * own
-        sums += sign * drawn_rates(random, rate, common, of_cell, design.trials)
-    return sums
+        sides.append(_drawn_cells(random, rate, common, of_cell, design.trials))
+    return np.asarray(sides, np.float64)
 
 
 def drawn_rates(random: np.random.Generator, rate: float, common: Floats, of_cell: float, trials: int) -> Floats:
-    """Return (samples, starts): the sum over the cells of one model's success rate.
+    """Return (samples, starts): sum over the cells of one model's simulated success rates.
 
     Args:
-        random: where the chances come from.
-        rate: the true success rate.
-        common: (samples, starts, cells) what is common to a cell, of variance `of_cell`.
+        random: random generator.
+        rate: true success rate.
+        common: (samples, starts, cells) part common to each cell, with variance `of_cell`.
         of_cell: correlation of the normal variables of two episodes of a cell.
-        trials: episodes a cell.
+        trials: episodes per cell.
     """
+    return np.asarray(_drawn_cells(random, rate, common, of_cell, trials).sum(2), np.float64)
+
+
+def _drawn_cells(random: np.random.Generator, rate: float, common: Floats, of_cell: float, trials: int) -> Floats:
+    """Return (samples, starts, cells): one model's simulated success rate in each cell."""
     from scipy.special import ndtr, ndtri
 
     chance = ndtr((common + ndtri(rate)) / math.sqrt(max(1e-9, 1 - of_cell)))
-    return np.asarray(random.binomial(trials, chance).sum(2) / trials, np.float64)
+    return np.asarray(random.binomial(trials, chance) / trials, np.float64)
 
 
 def common_parts(random: np.random.Generator, shape: tuple[int, int, int], of_start: float, of_cell: float) -> Floats:
-    """Return what is common to each cell of (samples, starts, cells), part of it common to the starting position."""
+    """Draw the part common to each cell of (samples, starts, cells), including that of the starting position."""
     start = math.sqrt(of_start) * random.standard_normal((*shape[:2], 1))
     return np.asarray(start + math.sqrt(of_cell - of_start) * random.standard_normal(shape), np.float64)
 
 
 def _p_values(random: np.random.Generator, sums: Floats) -> Floats:
-    """Return the p-value of each sample, (samples,): by random sign flips, or Student's t where there are many."""
+    """Return the p-value of each sample, (samples,): random sign flips, or Student's t above 40 positions."""
     starts = sums.shape[1]
     observed = np.abs(sums.sum(1))
     if starts > 40:

@@ -1,7 +1,7 @@
-"""What two independent samples can show: where nothing repeats Fisher's test, counted out exactly; else by simulation.
+"""Power of two independent samples: exact for Fisher's test, by simulation for clustered samples.
 
-Where several episodes share a starting position, whole positions are exchanged between the samples, and that test is
-run on simulated outcomes as `vsnbench.statistics.power` draws them.
+If several episodes share a starting position, the test that exchanges whole positions is applied to outcomes simulated
+as in `vsnbench.statistics.power`.
 """
 
 import itertools
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from vsnbench.statistics.clustered import Outcomes, arrays
 from vsnbench.statistics.power import (
-    MOST_STARTS,
+    MAX_STARTS,
     SAMPLES,
     Resemblance,
     common_parts,
@@ -31,13 +31,13 @@ _TIE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ExchangeDesign:
-    """Two separate samples of starting positions, each tried by one model."""
+    """Design of two independent samples of starting positions, one per model."""
 
     starts: tuple[int, int]
     cells: int
-    """Goals from each starting position."""
+    """Goals per starting position."""
     trials: int
-    """Episodes in each cell."""
+    """Episodes per cell."""
     rate: float
     """Mean of the two success rates."""
     resemblance: Resemblance
@@ -45,9 +45,9 @@ class ExchangeDesign:
 
 
 def exchange_design_of(first: Outcomes, second: Outcomes, level: float) -> ExchangeDesign:
-    """Return the design that two separate samples came from; each of at least one cell."""
+    """Return the design of two recorded independent samples; each has at least one cell."""
     cells = len(first.cells) + len(second.cells)
-    means = [float(arrays(each.cells)[1].mean()) for each in (first, second)]
+    means = [float(arrays(outcomes.cells)[1].mean()) for outcomes in (first, second)]
     return ExchangeDesign(
         starts=(first.clusters, second.clusters),
         cells=max(1, round(cells / (first.clusters + second.clusters))),
@@ -59,20 +59,20 @@ def exchange_design_of(first: Outcomes, second: Outcomes, level: float) -> Excha
 
 
 def least_exchange_p(first: int, second: int) -> float:
-    """Return the least two-sided p-value of dealing so many clusters, or single trials, anew between two samples.
+    """Return the smallest two-sided p-value of permuting this many clusters between two samples.
 
-    One deal of all separates them completely, or two where the samples are of one size and its mirror does so too.
+    One permutation separates them completely, or two if the samples have the same size.
     """
     return min(1.0, (1 + (first == second)) / math.comb(first + second, first))
 
 
-def fewest_exchanged(level: float) -> int:
-    """Return how many clusters each of two samples must have for a p-value below this level at all."""
-    return next(each for each in range(1, 600) if least_exchange_p(each, each) < level)
+def min_exchanged_starts(level: float) -> int:
+    """Return the clusters that each sample needs for a p-value below this level to be possible."""
+    return next(episodes for episodes in range(1, 600) if least_exchange_p(episodes, episodes) < level)
 
 
 def exchange_power(design: ExchangeDesign, difference: float, seed: int = 0) -> float:
-    """Return how often exchanging whole positions finds a true difference of rates, by 600 simulated experiments."""
+    """Return the power of exchanging whole positions for a true difference, from 600 simulated experiments."""
     random = np.random.default_rng(seed)
     first = min(0.999, max(0.001, design.rate + difference / 2))
     second = min(0.999, max(0.001, first - difference))
@@ -90,21 +90,21 @@ def exchange_power(design: ExchangeDesign, difference: float, seed: int = 0) -> 
     return float(np.mean(_exchange_p_values(random, *sums) <= design.level))
 
 
-def exchange_detectable(design: ExchangeDesign, wanted: float = POWER) -> float | None:
-    """Return the smallest difference of rates that the design shows with this power, to a point; None for none."""
-    points = least(lambda step: exchange_power(design, step / 100) >= wanted, 1, 99)
+def exchange_detectable(design: ExchangeDesign) -> float | None:
+    """Return the smallest difference found with 80 % power, in steps of 0.01; None if there is none."""
+    points = least(lambda step: exchange_power(design, step / 100) >= POWER, 1, 99)
     return None if points is None else points / 100
 
 
-def exchange_starts_needed(design: ExchangeDesign, difference: float, wanted: float = POWER) -> int | None:
-    """Return how many starting positions each model needs to show the difference; None beyond 1,000."""
+def exchange_starts_needed(design: ExchangeDesign, difference: float) -> int | None:
+    """Return the starting positions that each model needs for 80 % power; None above 1,000."""
     return least(
-        lambda starts: exchange_power(replace(design, starts=(starts, starts)), difference) >= wanted, 2, MOST_STARTS
+        lambda starts: exchange_power(replace(design, starts=(starts, starts)), difference) >= POWER, 2, MAX_STARTS
     )
 
 
 def _exchange_p_values(random: np.random.Generator, first: Floats, second: Floats) -> Floats:
-    """Return the p-value of each sample, (samples,); Student's t where there are many positions."""
+    """Return the p-value of each sample, (samples,); Student's t above 40 positions."""
     mine, everyone = first.shape[1], np.concatenate([first, second], axis=1).T
     size = len(everyone)
     total = everyone.sum(0)
@@ -122,7 +122,7 @@ def _exchange_p_values(random: np.random.Generator, first: Floats, second: Float
             student = np.where(spread > 0, observed / spread, np.where(observed > _TIE, np.inf, 0.0))
         return np.asarray(2 * stdtr(size - 2, -student), np.float64)
     if math.comb(size, mine) <= _DEALS + 1:
-        chosen = [list(each) for each in itertools.combinations(range(size), mine)]
+        chosen = [list(members) for members in itertools.combinations(range(size), mine)]
         dealt, extra = np.zeros((len(chosen), size)), 0
         for row, members in zip(dealt, chosen, strict=True):
             row[members] = 1
@@ -133,37 +133,30 @@ def _exchange_p_values(random: np.random.Generator, first: Floats, second: Float
     return np.asarray((extra + beyond.sum(0)) / (extra + len(dealt)), np.float64)
 
 
-def independent_power(first_trials: int, second_trials: int, first: float, second: float, level: float) -> float:
-    """Return the exact power of Fisher's test for two independent samples of these sizes and true rates."""
-    return _fisher_power(_fisher_rejects(first_trials, second_trials, level), first, second)
-
-
-def independent_detectable(
-    first_trials: int, second_trials: int, rate: float, level: float, wanted: float = POWER
-) -> float | None:
-    """Return the smallest difference around a mean rate that Fisher's test shows with this power, to a point."""
+def independent_detectable(first_trials: int, second_trials: int, rate: float, level: float) -> float | None:
+    """Return the smallest difference around a mean rate that Fisher's test finds with 80 % power, in steps of 0.01."""
     rejects = _fisher_rejects(first_trials, second_trials, level)
 
     def enough(points: int) -> bool:
         first = min(1.0, max(points / 100, rate + points / 200))
-        return _fisher_power(rejects, first, first - points / 100) >= wanted
+        return _fisher_power(rejects, first, first - points / 100) >= POWER
 
     points = least(enough, 1, 100)
     return None if points is None else points / 100
 
 
-def independent_trials_needed(first: float, second: float, level: float, wanted: float = POWER) -> int | None:
-    """Return the trials that each of two independent samples needs for Fisher's test to tell the rates apart.
+def independent_trials_needed(first: float, second: float, level: float) -> int | None:
+    """Return the trials per sample that Fisher's test needs to separate two rates with 80 % power.
 
-    Normal approximation with the correction for continuity (Casagrande, Pike and Smith 1978), which follows the exact
-    power closely. None for equal rates.
+    Normal approximation with continuity correction (Casagrande, Pike and Smith 1978), close to the exact power. None
+    for equal rates.
     """
     if not (math.isfinite(first) and math.isfinite(second)) or first == second:
         return None
     from scipy.stats import norm
 
     mean, apart = (first + second) / 2, abs(first - second)
-    spread = float(norm.isf(level / 2)) * math.sqrt(2 * mean * (1 - mean)) + float(norm.ppf(wanted)) * math.sqrt(
+    spread = float(norm.isf(level / 2)) * math.sqrt(2 * mean * (1 - mean)) + float(norm.ppf(POWER)) * math.sqrt(
         first * (1 - first) + second * (1 - second)
     )
     plain = (spread / apart) ** 2
@@ -171,7 +164,7 @@ def independent_trials_needed(first: float, second: float, level: float, wanted:
 
 
 def _fisher_rejects(first: int, second: int, level: float) -> npt.NDArray[np.bool_]:
-    """Return (first + 1, second + 1): whether Fisher's test rejects these successes."""
+    """Return (first + 1, second + 1): whether Fisher's test rejects for these numbers of successes."""
     from scipy.stats import hypergeom
 
     rejects = np.zeros((first + 1, second + 1), bool)
@@ -180,7 +173,7 @@ def _fisher_rejects(first: int, second: int, level: float) -> npt.NDArray[np.boo
         chances = hypergeom(first + second, successes, first).pmf(mine)
         order = np.argsort(chances)
         summed = np.cumsum(chances[order])
-        # As likely as this one counts as extreme too: take the sum at the last of the ties.
+        # Tables as likely as the observed one count as extreme: use the sum at the last tie.
         last = np.searchsorted(chances[order], chances * (1 + 1e-7), side="right") - 1
         rejects[mine, successes - mine] = summed[last] <= level
     return rejects

@@ -1,13 +1,13 @@
-"""The real success rate from few real trials and all simulated ones of the same cells: prediction-powered, tuned.
+"""Prediction-powered estimate of the real success rate from few real and many simulated trials of the same cells.
 
-Angelopoulos, Duchi and Zrnic, "PPI++: Efficient Prediction-Powered Inference" (2023): the simulator's outcome of a cell
-predicts the real one; its mean over the cells without real trials is corrected by how wrong it was where there are
-some, and `tuning`, 0 to 1, is how much it is trusted, chosen to make the variance least. Whatever the simulator is
-worth, the estimate is right on average. Never the headline: it stands beside the plain estimate, with what it saved.
+Angelopoulos, Duchi and Zrnic, "PPI++: Efficient Prediction-Powered Inference" (2023): the simulated outcome of a cell
+predicts the real one. The mean prediction over the cells without real trials is corrected by the prediction error in
+the cells with real trials. `tuning`, 0 to 1, is the weight of the predictions and minimizes the variance. The estimate
+is unbiased however poor the simulator is.
 
-The point and the tuning are those of the paper. The interval is not its normal one, which is short for few trials and
-rates near 0 or 1: the variance is that of whole starting positions, never less than if every cell had been driven for
-real, and goes into Wilson's interval with Student's t. Coverage by simulation is in `docs/statistics.md`.
+The point estimate and the tuning are those of the paper. The paper's normal interval is too short for few trials and
+rates near 0 or 1. This one uses the variance of whole starting positions, never less than if every cell had real
+trials, in Wilson's interval with Student's t. Coverage by simulation is in `docs/statistics.md`.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PredictedCell:
-    """A cell that was driven for real, and the simulator's success rate in it, 0 to 1."""
+    """A cell with real trials, and its simulated success rate, 0 to 1."""
 
     real: Cell
     predicted: float
@@ -32,7 +32,7 @@ class PredictedCell:
 
 @dataclass(frozen=True, slots=True)
 class OnlyPredicted:
-    """A cell with simulated trials alone: its starting position, and the simulator's success rate in it."""
+    """A cell with simulated trials only: its starting position and simulated success rate."""
 
     cluster: int
     predicted: float
@@ -40,59 +40,55 @@ class OnlyPredicted:
 
 @dataclass(frozen=True, slots=True)
 class Powered:
-    """What the simulator makes of few real trials, beside what they say alone; rates are means over cells."""
+    """Prediction-powered and plain estimates of a success rate; rates are means over cells."""
 
     rate: float
     interval: Interval
     plain_rate: float
     plain_interval: Interval
     tuning: float
-    """How far the simulator is trusted: 0 not at all, 1 fully."""
+    """Weight of the simulated outcomes, 0 to 1."""
     cells: int
-    """With real trials."""
+    """Number of cells with real trials."""
     worth: float
-    """How many such cells, driven for real alone, would give as small a variance; at least about `cells`."""
+    """Effective number of cells with real trials."""
 
     @property
     def saved(self) -> float:
-        """Cells that did not have to be driven for real; never below 0."""
+        """Number of real cells saved by the simulation; at least 0."""
         return max(0.0, self.worth - self.cells)
 
 
-def powered(
-    driven: Sequence[PredictedCell], others: Sequence[OnlyPredicted], confidence: float = CONFIDENCE
-) -> Powered | None:
-    """Return the prediction-powered success rate over all cells, real and not.
+def powered(driven: Sequence[PredictedCell], others: Sequence[OnlyPredicted]) -> Powered | None:
+    """Return the prediction-powered success rate over all cells.
 
     Args:
-        driven: the cells with real trials, chosen without looking at the simulator's outcomes.
-        others: the cells with simulated trials alone.
-        confidence: of the intervals.
+        driven: cells with real trials, chosen independently of the simulated outcomes.
+        others: cells with simulated trials only.
 
     Returns:
-        None with fewer than three real cells, of fewer than three positions, or none left to predict: there is nothing
-        to tune by, or to gain.
+        None with fewer than three real cells or starting positions, or if no cell has simulated trials only.
     """
-    if len(driven) < 3 or not others or len({each.real.cluster for each in driven}) < 3:
+    if len(driven) < 3 or not others or len({pair.real.cluster for pair in driven}) < 3:
         return None
-    outcomes = Outcomes(tuple(each.real for each in driven))
+    outcomes = Outcomes(tuple(pair.real for pair in driven))
     _, real, _ = arrays(outcomes.cells)
-    predicted = np.array([each.predicted for each in driven])
-    elsewhere = np.array([each.predicted for each in others])
-    starts = [*(each.real.cluster for each in driven), *(each.cluster for each in others)]
+    predicted = np.array([pair.predicted for pair in driven])
+    elsewhere = np.array([cell.predicted for cell in others])
+    starts = [*(pair.real.cluster for pair in driven), *(cell.cluster for cell in others)]
     _, clusters = np.unique(starts, return_inverse=True)
     plain = effective_sample(outcomes, by_cell=True)
     tuning = best_tuning(real, predicted, elsewhere)
     left = _variance_left(real, predicted, elsewhere, clusters, tuning)
     everything = len(driven) + len(others)
-    # As if each cell had been driven is the most that any simulator can be worth.
+    # The gain cannot exceed that of real trials in every cell.
     gain = min(everything / len(driven), 1 / left) if left > 0 else everything / len(driven)
     freedom = min(plain.freedom, float(len(driven) - 1))
 
     def at(rate: float) -> Interval:
-        return wilson_at(rate, plain.trials * gain, confidence, freedom)
+        return wilson_at(rate, plain.trials * gain, CONFIDENCE, freedom)
 
-    plain_interval, shorter = plain.interval(confidence), at(plain.rate)
+    plain_interval, shorter = plain.interval(CONFIDENCE), at(plain.rate)
     if shorter.high - shorter.low >= plain_interval.high - plain_interval.low:
         return Powered(plain.rate, plain_interval, plain.rate, plain_interval, 0.0, len(driven), len(driven))
     rate = min(1.0, max(0.0, point(real, predicted, elsewhere, tuning)))
@@ -103,16 +99,16 @@ def point(real: Floats, predicted: Floats, elsewhere: Floats, tuning: float) -> 
     """Return the tuned estimate of the mean (PPI++, Section 2).
 
     Args:
-        real: (n,) outcomes of the driven cells.
-        predicted: (n,) the simulator's in the same cells.
-        elsewhere: (N,) the simulator's in the other cells.
-        tuning: 0 to 1.
+        real: (n,) outcomes of the cells with real trials.
+        predicted: (n,) simulated outcomes of the same cells.
+        elsewhere: (N,) simulated outcomes of the other cells.
+        tuning: weight of the simulated outcomes, 0 to 1.
     """
     return float(tuning * elsewhere.mean() + (real - tuning * predicted).mean())
 
 
 def best_tuning(real: Floats, predicted: Floats, elsewhere: Floats) -> float:
-    """Return the tuning that makes the variance least (PPI++, Section 6), held between 0 and 1; 0 without variation."""
+    """Return the tuning that minimizes the variance (PPI++, Section 6), in [0, 1]; 0 without variation."""
     everywhere = np.concatenate([predicted, elsewhere])
     spread = float(np.var(everywhere, ddof=1))
     if spread <= 0:
@@ -124,16 +120,16 @@ def best_tuning(real: Floats, predicted: Floats, elsewhere: Floats) -> float:
 def _variance_left(
     real: Floats, predicted: Floats, elsewhere: Floats, clusters: npt.NDArray[np.int64], tuning: float
 ) -> float:
-    """Return the share of the plain estimate's variance that is left, each the larger of what cells and clusters tell.
+    """Return the share of the plain estimate's variance that remains, the larger of the cell and cluster values.
 
-    What fitting the tuning to so few clusters (or cells) hides is added, as to an adjusted R squared: a simulator that
-    is worth nothing leaves 1 on average.
+    The degrees of freedom used by the tuning are corrected as in an adjusted R squared: a useless simulator leaves 1 on
+    average.
     """
     mine = clusters[: len(real)]
     plain = _variance(_parts(real), mine)
     if plain <= 0 or tuning <= 0:
         return 1.0
-    # Cells with and without real trials may lie at one position: what they add is summed up before it is squared.
+    # Cells with and without real trials can share a starting position: sum their parts before squaring.
     parts = np.concatenate([_parts(real - tuning * predicted), _parts(tuning * elsewhere)])
     whole_clusters = plain > _variance(_parts(real), np.arange(len(real)))
     facts = len(set(mine.tolist())) if whole_clusters else len(real)
@@ -141,11 +137,11 @@ def _variance_left(
 
 
 def _parts(values: Floats) -> Floats:
-    """Return what each value adds to the deviation of their mean."""
+    """Return the contribution of each value to the deviation of their mean."""
     return np.asarray((values - values.mean()) / len(values), np.float64)
 
 
 def _variance(parts: Floats, clusters: npt.NDArray[np.int64]) -> float:
-    """Return the variance of a sum of such parts, the larger of what cells and clusters tell."""
+    """Return the variance of a sum of contributions, the larger of the cell and cluster values."""
     sums = np.bincount(clusters, weights=parts)
     return max(float(parts @ parts), float(sums @ sums))

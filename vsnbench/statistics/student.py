@@ -1,4 +1,4 @@
-"""Student's t distribution without SciPy, whose special functions take as long to import as a report to read."""
+"""Student's t distribution without SciPy, which is slow to import."""
 
 import math
 from functools import lru_cache
@@ -7,19 +7,19 @@ _STEPS = 300
 
 
 def student_tail(freedom: float, t: float) -> float:
-    """Return the chance of a larger value than `t`, t >= 0, under Student's t with `freedom` degrees of freedom.
+    """Return the probability of a value above `t`, t >= 0, with `freedom` degrees of freedom.
 
-    By the regularised incomplete beta function (Abramowitz and Stegun 26.7.1), its continued fraction after Lentz.
-    Agrees with SciPy within 1e-9, and within 1e-13 up to 1,000 degrees of freedom.
+    Uses the regularised incomplete beta function (Abramowitz and Stegun 26.7.1) as Lentz's continued fraction. Agrees
+    with SciPy within 1e-9, and within 1e-13 up to 1,000 degrees of freedom.
     """
     return 0.5 * _incomplete_beta(freedom / 2, 0.5, freedom / (freedom + t * t), t * t / (freedom + t * t))
 
 
 @lru_cache(maxsize=4096)
 def student_quantile(freedom: float, chance: float) -> float:
-    """Return the value that Student's t exceeds with a chance of `1 - chance`; freedom > 0, chance from 0.5 below 1.
+    """Return the value that Student's t exceeds with probability `1 - chance`; chance in [0.5, 1).
 
-    By bisection of the tail down to the last bits of a float. Agrees with SciPy within 1e-8.
+    By bisection down to the last bits of a float. Agrees with SciPy within 1e-8.
     """
     beyond = 1.0 - chance
     low, high = 0.0, 1.0
@@ -31,7 +31,7 @@ def student_quantile(freedom: float, chance: float) -> float:
 
 
 def _incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
-    """Return the regularised incomplete beta function I_x(a, b), where `rest` is 1 - x to full precision."""
+    """Return the regularised incomplete beta function I_x(a, b); `rest` is 1 - x to full precision."""
     if x <= 0:
         return 0.0
     if rest <= 0:

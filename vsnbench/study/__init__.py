@@ -1,1 +1,1 @@
-"""The plan of an experiment: its file, its lock, its schedule and codes, and when it is decided."""
+"""Study plans: file, lock, schedule, codes and stopping rules."""

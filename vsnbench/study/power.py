@@ -1,108 +1,137 @@
-"""What a study's design can show: its power over true differences, by simulating the design and its own test.
+"""Power of a study's design, by simulation of its own test.
 
-Two arms are simulated on the plan's cells: one succeeds at the rate assumed and half the difference, the other at half
-the difference less; how much cells and models resemble each other is assumed or taken from a record
-(`vsnbench.statistics.power.Resemblance`). All pairs are corrected for as in the study; with more than two arms the
-power is that of one pair with the others equal, at Holm's strictest step, and so a lower bound.
+One simulated arm succeeds at the assumed rate plus half the difference, the other at the rate minus half. Correlations
+between cells and models are assumed or estimated from a record (`vsnbench.statistics.power.Resemblance`). The
+correction for all pairs is that of the study. With more than two arms the power is that of one pair with the others
+equal, at Holm's strictest step, and therefore a lower bound.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import as_share, capital
-from vsnbench.statistics.clustered import Cell
-from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
+from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share, capital
 from vsnbench.statistics.power import Design, Resemblance, common_parts, power
 from vsnbench.study.file import Rate, StudyFile
 
 Floats = npt.NDArray[np.float64]
 DIFFERENCES = (0.05, 0.10, 0.15, 0.20, 0.30, 0.40)
 ASSUMED = Resemblance(start=0.1, cell=0.3, models=0.5, assumed=True)
-"""Cells differ in how hard they are, and what is hard for one model is somewhat hard for another."""
+"""Assumed correlations without data."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedPower:
-    """What the design makes of one true difference."""
+    """Power of a design for one true difference."""
 
     difference: float
     power: float
     """Share of simulated studies in which the primary test finds the better arm."""
     blocks: float
-    """Mean number of blocks of the shared goals that are run."""
+    """Mean number of completed blocks of the shared goals."""
+    decided_at: float | None
+    """Median number of units until the better arm is found; None for a whole plan, or if it is never found."""
 
 
 def pairs_of(study: StudyFile) -> int:
-    """Return how many questions the primary analysis asks together."""
+    """Return the number of comparisons of the primary analysis."""
     return 1 if isinstance(study.primary, Rate) else comb(len(study.arms), 2)
 
 
-def design_of_study(study: StudyFile, starts: int, rate: float, resemblance: Resemblance = ASSUMED) -> Design:
-    """Return the paired design of a study with so many starting positions."""
+def design_of_study(study: StudyFile, starts: int, rate: float) -> Design:
+    """Return the paired design of a study with this number of starting positions."""
     return Design(
         starts=starts,
         cells=len(study.goals),
         trials=study.repetitions,
         rate=rate,
-        resemblance=resemblance,
+        resemblance=ASSUMED,
         level=study.alpha / pairs_of(study),
     )
 
 
 def planned_power(
-    study: StudyFile, design: Design, differences: Sequence[float] = DIFFERENCES, seed: int = 0
+    study: StudyFile, design: Design, differences: Sequence[float] = DIFFERENCES
 ) -> tuple[PlannedPower, ...]:
-    """Return the power of a design over true differences: 600 simulated studies each, 200 where there is a margin."""
+    """Return the power of a design for several true differences, from 600 simulated studies each."""
     if study.stopping == "decided":
-        return tuple(_decided(study, design, each, seed) for each in differences)
-    find = partial(_beyond, study.margin) if study.margin else power
+        return tuple(_decided(study, design, difference) for difference in differences)
     blocks = design.starts * design.cells * design.trials
-    return tuple(PlannedPower(each, find(design, each, seed), blocks) for each in differences)
-
-
-def _beyond(margin: float, design: Design, difference: float, seed: int) -> float:
-    """Return how often the first arm is found better by more than a margin: by the test and by the whole interval."""
-    arms = simulated_arms(np.random.default_rng(seed), design, difference, samples=200).sum(-1)
-    found = 0
-    for first, second in zip(arms[0], arms[1], strict=True):
-        outcomes = PairedOutcomes(
-            tuple(
-                PairedCell(Cell(start, int(first[at]), design.trials), Cell(start, int(second[at]), design.trials))
-                for at in np.ndindex(first.shape)
-                for start in at[:1]
-            )
+    return tuple(
+        PlannedPower(
+            difference, power(design, difference, margin=study.margin, confidence=1 - design.level), blocks, None
         )
-        found += paired_interval(outcomes, 1 - design.level).low > margin and paired_test(outcomes) <= design.level
-    return float(found / arms.shape[1])
+        for difference in differences
+    )
 
 
-def _decided(study: StudyFile, design: Design, difference: float, seed: int) -> PlannedPower:
-    random = np.random.default_rng(seed)
-    blocks = simulated_blocks(random, design, difference)
-    size = blocks.shape[1] if study.of_these_cells else None
-    best = capital(as_share(blocks), float(as_share(study.margin)), size)
-    over = best >= 2 / design.level
-    first = np.where(over.any(1), over.argmax(1), blocks.shape[1] - 1)
-    bet = over.any(1) & np.isfinite(best[np.arange(len(best)), first])
-    return PlannedPower(difference, float(bet.mean()), float(first.mean() + 1))
+def _decided(study: StudyFile, design: Design, difference: float) -> PlannedPower:
+    random = np.random.default_rng(0)
+    arms = simulated_arms(random, design, difference, samples=600)
+    by_start = study.by_starting_position
+    values = random.permuted(unit_differences(arms, by_start=by_start), axis=1)
+    found = decided_studies(values, design.level, study.margin, by_start=by_start)
+    blocks_each = design.cells * design.trials if by_start else 1
+    right = found.signs > 0
+    return PlannedPower(
+        difference,
+        float(right.mean()),
+        float(found.units.mean()) * blocks_each,
+        float(np.median(found.units[right])) if right.any() else None,
+    )
 
 
-def simulated_blocks(random: np.random.Generator, design: Design, difference: float, samples: int = 600) -> Floats:
-    """Return (samples, blocks): paired differences of single trials, -1, 0 or 1, block by block in random order."""
-    first, second = simulated_arms(random, design, difference, samples).reshape(2, samples, -1)
-    return np.asarray(random.permuted(first - second, axis=1), np.float64)
+@dataclass(frozen=True, slots=True)
+class DecidedStudies:
+    """Ends of simulated studies with `stopping: decided`."""
+
+    signs: npt.NDArray[np.int8]
+    """(samples,) 1 if the first arm is found better, -1 if the second is, 0 otherwise."""
+    units: npt.NDArray[np.int64]
+    """(samples,) number of completed units (starting positions or blocks)."""
+
+
+def unit_differences(arms: Floats, *, by_start: bool) -> Floats:
+    """Return (samples, units) paired differences of two simulated arms, -1 to 1.
+
+    Args:
+        arms: (2, samples, starts, cells, trials) 1 for each success.
+        by_start: units are starting positions; otherwise blocks.
+    """
+    apart = arms[0] - arms[1]
+    return np.asarray(apart.mean((2, 3)) if by_start else apart.reshape(len(apart), -1), np.float64)
+
+
+def decided_studies(differences: Floats, level: float, margin: float, *, by_start: bool) -> DecidedStudies:
+    """Simulate the stopping rule of `vsnbench.study.stopping` for two arms, evaluated after every unit.
+
+    Args:
+        differences: (samples, units) in running order.
+        level: alpha divided by the number of comparisons.
+        margin: difference that a winner must exceed.
+        by_start: units are starting positions from an infinite population; otherwise blocks of this plan.
+    """
+    shares = as_share(differences)
+    size, fractions = (None, MEAN_FRACTIONS) if by_start else (shares.shape[1], FRACTIONS)
+    beyond = float(as_share(margin))
+    wealth = [capital(share, beyond, size, fractions) for share in (shares, 1 - shares)]
+    over = np.maximum(*wealth) >= 2 / level
+    last = np.where(over.any(1), over.argmax(1), shares.shape[1] - 1)
+    above, below = (values[np.arange(len(last)), last] for values in wealth)
+    # An infinite capital means a lead that the remaining plan cannot reverse: counted, not inferred.
+    inferred = over.any(1) & np.isfinite(np.maximum(above, below))
+    signs = np.where(inferred, np.where(above >= below, 1, -1), 0)
+    return DecidedStudies(signs.astype(np.int8), last + 1)
 
 
 def simulated_arms(random: np.random.Generator, design: Design, difference: float, samples: int) -> Floats:
     """Return (2, samples, starts, cells, trials): 1 for each success of two arms, the first better by `difference`.
 
-    After the threshold model of `vsnbench.statistics.power`.
+    Uses the threshold model of `vsnbench.statistics.power`.
     """
     from scipy.special import ndtr, ndtri
 

@@ -1,6 +1,6 @@
-"""The schedule of a study and its codes: who is tried where, and when, drawn from the plan and its seed alone.
+"""Schedule and codes of a study, drawn from the plan and its seed.
 
-Whatever is drawn follows from SHA-256, so that the same plan gives the same schedule on every machine and Python.
+All random choices use SHA-256, so that a plan gives the same schedule on every machine and Python version.
 """
 
 import hashlib
@@ -17,12 +17,12 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class ScheduledTrial:
-    """One trial of a study, in its place."""
+    """A scheduled trial."""
 
     rank: int
     """From 0."""
     block: int
-    """From 0: every arm once on one cell; what is not in blocks has the number of its cell all the same."""
+    """From 0: every arm once on one cell; in other orders the number of the cell."""
     arm: str
     goal: str
     start: int
@@ -30,21 +30,21 @@ class ScheduledTrial:
 
     @property
     def words(self) -> str:
-        """Where it is, for people."""
+        """Goal, starting position and repetition as text."""
         return f"{self.goal} from {self.start}" + (f", repetition {self.repetition}" if self.repetition > 1 else "")
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Everything that was drawn."""
+    """A drawn schedule with the arms' codes."""
 
     trials: tuple[ScheduledTrial, ...]
     codes: dict[str, str]
-    """Arm -> its letter while people are blind."""
+    """Arm -> letter shown in a blinded study."""
 
     @property
     def fingerprint(self) -> str:
-        """Hash of the whole schedule."""
+        """Hash of the schedule and codes."""
         rows = [f"{t.rank}/{t.block}/{t.arm}/{t.goal}/{t.start}/{t.repetition}" for t in self.trials]
         return hashlib.sha256("\n".join([*rows, *(f"{a}={c}" for a, c in self.codes.items())]).encode()).hexdigest()
 
@@ -60,14 +60,45 @@ class _Cell:
 def draw_schedule(study: StudyFile, starts: Sequence[int], excluded: Container[tuple[str, int]] = ()) -> Schedule:
     """Draw the order of the trials and the arms' codes.
 
+    A study that is evaluated after every starting position runs them one after another in random order. Within each,
+    and in every other study with `order: blocks`, the blocks are in random order.
+
     Args:
         study: the plan.
-        starts: the numbers of its starting positions.
-        excluded: goals with a starting position that is not for them (`Site.excluded`).
+        starts: numbers of its starting positions.
+        excluded: excluded combinations of goal and starting position (`Site.excluded`).
 
     Raises:
-        StudyError: nothing of the shared goals is left.
+        StudyError: all combinations of the shared goals are excluded.
     """
+    return _draw(study, starts, excluded, start_by_start=study.by_starting_position)
+
+
+def schedules_of(
+    study: StudyFile, starts: Sequence[int], excluded: Container[tuple[str, int]] = ()
+) -> tuple[Schedule, ...]:
+    """Return all schedules that a lock of this study can have; the currently drawn one is first.
+
+    Earlier versions drew all studies with `order: blocks` in random order of all blocks, and an amendment may change
+    the stopping rule but not the schedule.
+
+    Args:
+        study: the plan.
+        starts: numbers of its starting positions.
+        excluded: excluded combinations of goal and starting position (`Site.excluded`).
+
+    Raises:
+        StudyError: all combinations of the shared goals are excluded.
+    """
+    if study.order != "blocks":
+        return (draw_schedule(study, starts, excluded),)
+    now = study.by_starting_position
+    return tuple(_draw(study, starts, excluded, start_by_start=by_start) for by_start in (now, not now))
+
+
+def _draw(
+    study: StudyFile, starts: Sequence[int], excluded: Container[tuple[str, int]], *, start_by_start: bool
+) -> Schedule:
     goals = list(dict.fromkeys(goal for arm in study.arms for goal in study.goals_of(arm)))
     cells = [
         _Cell(goal, start, repetition, tuple(arm for arm in study.arms if goal in study.goals_of(arm)))
@@ -77,9 +108,15 @@ def draw_schedule(study: StudyFile, starts: Sequence[int], excluded: Container[t
         if (goal, start) not in excluded
     ]
     if not any(cell.goal in study.goals for cell in cells):
-        raise StudyError("the site excludes every shared goal from every starting position of the study (not_for)")
+        raise StudyError(
+            "the site excludes every shared goal from every starting position of the study "
+            "(not_for of the start, or starts of the goal)"
+        )
     if study.order == "blocks":
         cells = _shuffled(cells, f"{study.seed}/blocks")
+    if start_by_start:
+        place = {start: rank for rank, start in enumerate(_shuffled(starts, f"{study.seed}/starts"))}
+        cells = sorted(cells, key=lambda cell: place[cell.start])  # keeps the random order within each
     number = {cell: block for block, cell in enumerate(cells)}
     pairs = [(cell, arm) for cell in cells for arm in _shuffled(cell.arms, f"{study.seed}/{number[cell]}/arms")]
     if study.order == "shuffled":
@@ -95,6 +132,6 @@ def draw_schedule(study: StudyFile, starts: Sequence[int], excluded: Container[t
 
 
 def _shuffled(items: Iterable[Item], key: str) -> list[Item]:
-    """Return the items in an order that follows from the key: each draws a number, and they line up by it."""
+    """Return the items in a pseudo-random order determined by the key."""
     drawn = [(hashlib.sha256(f"{key}/{place}".encode()).digest(), item) for place, item in enumerate(items)]
-    return [item for _, item in sorted(drawn, key=lambda one: one[0])]
+    return [item for _, item in sorted(drawn, key=lambda pair: pair[0])]

@@ -1,11 +1,11 @@
-"""When a study is decided: the question of each pair after every block, who is beaten, and whether more could tell.
+"""Sequential decisions of a study: results of each pair after every unit, dropped arms, and when to stop.
 
-Each pair of arms (or one arm and its fixed rate) has an anytime-valid p-value (`vsnbench.statistics.betting`). They are
-read together after Holm (1979): at every look, the smallest against alpha over the number of pairs, the next against
-alpha over one less, and so on. That keeps the family-wise error at every look and all of them together: the event that
-some true hypothesis among the k that are true ever falls to alpha/k has a chance of at most alpha, and outside of it
-Holm rejects no true one, at no look (Bartroff and Song 2014). An arm that is beaten is run no more; what its pairs
-have shown until then stands, and they still count among the pairs.
+Each pair of arms (or an arm and its fixed rate) has an anytime-valid p-value (`vsnbench.statistics.betting`) from the
+independent units of the study (`vsnbench.study.units`). At every look the p-values are compared after Holm (1979): the
+smallest with alpha over the number of pairs, the next with alpha over one less, and so on. This controls the
+family-wise error over all looks: the probability that any of the k true hypotheses ever falls to alpha/k is at most
+alpha, and otherwise Holm rejects no true hypothesis at any look (Bartroff and Song 2014). A beaten arm is dropped; its
+pairs keep their results and still count among the pairs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,125 +16,149 @@ import numpy as np
 
 from vsnbench.statistics.betting import as_share, p_values, sequence
 from vsnbench.study.file import Rate, StudyFile
-
-Outcomes = Mapping[str, bool]
-"""Of one block: arm -> whether it succeeded, for the arms whose result is there."""
+from vsnbench.study.units import Block, UnitRule, UnitSeries, unit_rule, unit_series
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One pair of arms, or one arm and a rate, and what is known of it."""
+    """One pair of arms, or an arm and a rate, with its current result."""
 
     first: str
     second: str | None
     """None for a fixed rate."""
-    blocks: int
-    """Blocks it rests on: the scheduled ones up to the first that is not complete."""
+    units: int
+    """Number of complete units, up to the first incomplete one."""
+    trials: int
+    """Trials of each arm in these units."""
+    cells: int
+    """Number of different cells of these blocks, without repetitions."""
     successes: tuple[int, int]
-    """In these blocks; the second is 0 for a fixed rate."""
+    """Successes in these blocks; the second is 0 for a fixed rate."""
     difference: float
-    """Of the rates, first less second, or the first's rate; NaN before the first block."""
+    """Mean over the units of the first minus the second, or of the first's rate; NaN without units."""
     low: float
     high: float
-    """The confidence sequence, 1 - alpha for this question alone."""
+    """Confidence sequence, 1 - alpha for this question alone."""
     p: float
-    """Two-sided, valid at every look."""
+    """Two-sided p-value, valid at every look."""
     winner: str | None
-    """Who is better, after Holm over all questions; for a fixed rate the arm itself where its rate is above."""
+    """Better arm after Holm over all questions; for a fixed rate the arm if its rate is above."""
     decided: bool
     decided_at: int | None
-    """After how many blocks."""
-
+    """Number of units at the decision."""
     counted: bool
-    """It was no inference that decided: what was left of the plan could not take the lead away any more. No evidence
-    beyond these cells."""
+    """The remaining plan cannot reverse the lead: decided by counting, without inference beyond these cells."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Where a study with `stopping: decided` stands."""
+    """State of a study with `stopping: decided`."""
 
     questions: tuple[Question, ...]
     dropped: Mapping[str, int]
-    """Arm that is beaten -> after how many blocks."""
+    """Beaten arm -> number of units when it was dropped."""
     over: str
-    """Why nothing more need be run; empty while something does."""
+    """Reason to stop, or an empty string."""
+    unit: str = ""
+    """Kind of unit: block or starting position."""
+    planned_units: int = 0
 
     @property
-    def standing(self) -> frozenset[str]:
-        """Arms that nobody has beaten, of those that are asked about."""
-        asked = {name for one in self.questions for name in (one.first, one.second) if name}
+    def remaining(self) -> frozenset[str]:
+        """Compared arms that have not been beaten."""
+        asked = {name for question in self.questions for name in (question.first, question.second) if name}
         return frozenset(asked - set(self.dropped))
 
 
 @dataclass(slots=True)
-class _Course:
-    """The two one-sided p-values of a question, block by block."""
+class _SequentialTest:
+    """One-sided p-values of a question after each unit."""
 
     first: str
     second: str | None
-    shares: list[float]
+    series: UnitSeries
     above: list[float]
     below: list[float]
 
-    def p_at(self, blocks: int) -> float:
-        known = min(blocks, len(self.above))
-        return min(1.0, 2 * min(self.above[known - 1], self.below[known - 1])) if known else 1.0
+    @property
+    def units(self) -> int:
+        return len(self.above)
+
+    def p_at(self, units: int) -> float:
+        known = min(units, self.units)
+        return two_sided(self.above[known - 1], self.below[known - 1]) if known else 1.0
 
 
-def decide(study: StudyFile, blocks: Sequence[Outcomes]) -> Decision:
-    """Say what the blocks so far decide.
+def two_sided(above: float, below: float) -> float:
+    """Return the two-sided p-value of two one-sided ones."""
+    return min(1.0, 2 * min(above, below))
+
+
+def decide(study: StudyFile, blocks: Sequence[Block]) -> Decision:
+    """Return the decisions that the results so far support.
 
     Args:
         study: the plan.
-        blocks: every planned block of the shared goals, in the order of the schedule, with the results that are there.
+        blocks: all planned blocks of the shared goals in the order of the schedule, with the available results.
     """
-    size = len(blocks) if study.of_these_cells else None
-    courses = [_course(study, pair, blocks, size) for pair in _asked(study)]
-    longest = max((len(course.shares) for course in courses), default=0)
+    rule = unit_rule(study, blocks)
+    tests = [_sequential_test(study, pair, blocks, rule) for pair in _pairs(study)]
+    longest = max((test.units for test in tests), default=0)
     dropped: dict[str, int] = {}
     found: dict[int, tuple[str | None, int]] = {}
     for looked in range(1, longest + 1):
-        for place in _rejected([course.p_at(looked) for course in courses], study.alpha):
+        for place in _rejected([test.p_at(looked) for test in tests], study.alpha):
             if place not in found:
-                winner, loser = _who(courses[place], looked)
+                winner, loser = _winner_and_loser(tests[place], looked)
                 found[place] = winner, looked
                 if loser is not None:
                     dropped.setdefault(loser, looked)
     questions = tuple(
-        _question(study, course, blocks, size, found.get(place, (None, None)), decided=place in found)
-        for place, course in enumerate(courses)
+        _question(study, test, rule, found.get(place, (None, None)), decided=place in found)
+        for place, test in enumerate(tests)
     )
-    return Decision(questions, dropped, _why_over(study, courses, questions, dropped, len(blocks), size))
+    over = _stop_reason(study, tests, questions, dropped, rule)
+    return Decision(questions, dropped, over, rule.name, rule.planned)
 
 
-def _asked(study: StudyFile) -> list[tuple[str, str | None]]:
+def min_units(study: StudyFile, blocks: Sequence[Block]) -> int | None:
+    """Return the smallest number of units for a decision; None if no outcome leads to one.
+
+    This assumes that one arm wins every block, or that all trials against a fixed rate succeed or all fail.
+
+    Args:
+        study: the plan.
+        blocks: all planned blocks of the shared goals; results are ignored.
+    """
+    rule = unit_rule(study, blocks)
+    _, second = _pairs(study)[0]
+    low, high = _bounds(study, second)
+    above, _ = p_values(np.ones(rule.planned), high, rule.size, rule.fractions)
+    _, below = p_values(np.zeros(rule.planned), low, rule.size, rule.fractions)
+    level = study.alpha / len(_pairs(study))
+    enough = np.flatnonzero((2 * np.minimum(above, below) <= level) & (np.minimum(above, below) > 0))
+    return int(enough[0]) + 1 if len(enough) else None
+
+
+def _pairs(study: StudyFile) -> list[tuple[str, str | None]]:
     if isinstance(study.primary, Rate):
         return [(study.primary.arm, None)]
     return [(first, second) for first, second in combinations(study.arms, 2)]
 
 
-def _course(study: StudyFile, pair: tuple[str, str | None], blocks: Sequence[Outcomes], size: int | None) -> _Course:
+def _sequential_test(
+    study: StudyFile, pair: tuple[str, str | None], blocks: Sequence[Block], rule: UnitRule
+) -> _SequentialTest:
     first, second = pair
-    shares: list[float] = []
-    for outcomes in blocks:
-        if first not in outcomes or (second is not None and second not in outcomes):
-            break  # what comes after would be looked at in an order that is not the random one
-        shares.append(_share(outcomes, first, second))
+    series = unit_series(study, blocks, first, second)
     low, high = _bounds(study, second)
-    above, _ = p_values(shares, high, size)
-    _, below = p_values(shares, low, size)
-    return _Course(first, second, shares, above.tolist(), below.tolist())
-
-
-def _share(outcomes: Outcomes, first: str, second: str | None) -> float:
-    if second is None:
-        return float(outcomes[first])
-    return float(as_share(float(outcomes[first]) - float(outcomes[second])))
+    above, _ = p_values(series.values, high, rule.size, rule.fractions)
+    _, below = p_values(series.values, low, rule.size, rule.fractions)
+    return _SequentialTest(first, second, series, above.tolist(), below.tolist())
 
 
 def _bounds(study: StudyFile, second: str | None) -> tuple[float, float]:
-    """Return the means between which nobody is better, as shares."""
+    """Return the interval of means in which neither is better, mapped to 0 to 1."""
     if second is not None:
         return float(as_share(-study.margin)), float(as_share(study.margin))
     rate = study.primary.rate if isinstance(study.primary, Rate) else 0.5
@@ -142,85 +166,80 @@ def _bounds(study: StudyFile, second: str | None) -> tuple[float, float]:
 
 
 def _rejected(p: Sequence[float], alpha: float) -> list[int]:
-    """Return the places of the hypotheses that Holm rejects."""
+    """Return the indices of the hypotheses that Holm rejects."""
     rejected: list[int] = []
-    for rank, place in enumerate(sorted(range(len(p)), key=lambda one: p[one])):
+    for rank, place in enumerate(sorted(range(len(p)), key=lambda index: p[index])):
         if p[place] > alpha / (len(p) - rank):
             break
         rejected.append(place)
     return rejected
 
 
-def _who(course: _Course, blocks: int) -> tuple[str | None, str | None]:
-    known = min(blocks, len(course.above)) - 1
-    better = course.above[known] <= course.below[known]
-    if course.second is None:
-        return (course.first if better else None), None
-    return (course.first, course.second) if better else (course.second, course.first)
+def _winner_and_loser(test: _SequentialTest, blocks: int) -> tuple[str | None, str | None]:
+    known = min(blocks, len(test.above)) - 1
+    better = test.above[known] <= test.below[known]
+    if test.second is None:
+        return (test.first if better else None), None
+    return (test.first, test.second) if better else (test.second, test.first)
 
 
 def _question(
-    study: StudyFile,
-    course: _Course,
-    blocks: Sequence[Outcomes],
-    size: int | None,
-    found: tuple[str | None, int | None],
-    *,
-    decided: bool,
+    study: StudyFile, test: _SequentialTest, rule: UnitRule, found: tuple[str | None, int | None], *, decided: bool
 ) -> Question:
-    count = len(course.shares)
-    seen = blocks[:count]
-    mine = sum(outcomes[course.first] for outcomes in seen)
-    theirs = sum(outcomes[course.second] for outcomes in seen) if course.second else 0
-    low, high = 0.0, 1.0
-    if count:
-        lows, highs = sequence(course.shares, size, study.alpha, 2 if course.second else 1)
-        low, high = float(lows[-1]), float(highs[-1])
-    if course.second:
-        low, high = 2 * low - 1, 2 * high - 1
+    series = test.series
+    mine = sum(block.succeeded[test.first] for block in series.blocks)
+    theirs = sum(block.succeeded[test.second] for block in series.blocks) if test.second else 0
+    difference, low, high = float("nan"), 0.0, 1.0
+    if series.values:
+        steps = 2 if test.second else 1
+        lows, highs = sequence(series.values, rule.size, study.alpha, steps, rule.fractions)
+        difference, low, high = float(np.mean(series.values)), float(lows[-1]), float(highs[-1])
+    if test.second:
+        difference, low, high = 2 * difference - 1, 2 * low - 1, 2 * high - 1
     return Question(
-        first=course.first,
-        second=course.second,
-        blocks=count,
+        first=test.first,
+        second=test.second,
+        units=test.units,
+        trials=len(series.blocks),
+        cells=len({(block.goal, block.start) for block in series.blocks}),
         successes=(mine, theirs),
-        difference=(mine - theirs) / count if count else float("nan"),
+        difference=difference,
         low=low,
         high=high,
-        p=course.p_at(count),
+        p=test.p_at(test.units),
         winner=found[0],
         decided=decided,
         decided_at=found[1],
-        counted=found[1] is not None and course.p_at(found[1]) == 0,
+        counted=found[1] is not None and test.p_at(found[1]) == 0,
     )
 
 
-def _why_over(
+def _stop_reason(
     study: StudyFile,
-    courses: Sequence[_Course],
+    tests: Sequence[_SequentialTest],
     questions: Sequence[Question],
     dropped: Mapping[str, int],
-    planned: int,
-    size: int | None,
+    rule: UnitRule,
 ) -> str:
     still = [
-        course
-        for course, one in zip(courses, questions, strict=True)
-        if not one.decided and one.first not in dropped and one.second not in dropped
+        test
+        for test, question in zip(tests, questions, strict=True)
+        if not question.decided and question.first not in dropped and question.second not in dropped
     ]
     if not still:
         return "the primary analysis is decided"
-    if all(len(course.shares) == planned for course in still):
+    if all(test.units == rule.planned for test in still):
         return "every block is run"
     # Alpha is Holm's mildest threshold: what cannot fall to it whatever comes can never be decided.
-    if all(_hopeless(study, course, planned, size) for course in still):
+    if all(_undecidable(study, test, rule) for test in still):
         return "what is left could not change the answer"
     return ""
 
 
-def _hopeless(study: StudyFile, course: _Course, planned: int, size: int | None) -> bool:
-    """Whether neither side would be found better if every block to come spoke for it."""
-    left = planned - len(course.shares)
-    low, high = _bounds(study, course.second)
-    above, _ = p_values(np.concatenate((course.shares, np.ones(left))), high, size)
-    _, below = p_values(np.concatenate((course.shares, np.zeros(left))), low, size)
+def _undecidable(study: StudyFile, test: _SequentialTest, rule: UnitRule) -> bool:
+    """Whether neither side could be found better even if all remaining units favoured it."""
+    left, values = rule.planned - test.units, test.series.values
+    low, high = _bounds(study, test.second)
+    above, _ = p_values(np.concatenate((values, np.ones(left))), high, rule.size, rule.fractions)
+    _, below = p_values(np.concatenate((values, np.zeros(left))), low, rule.size, rule.fractions)
     return bool(2 * min(above[-1], below[-1]) > study.alpha)

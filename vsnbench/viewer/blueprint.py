@@ -1,9 +1,11 @@
-"""How the viewer lays an episode out, so that nobody has to click."""
+"""The layout of an episode in the viewer."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from vsnbench.record.entries import EpisodeHeader
-from vsnbench.viewer.still_entities import StillEntities, still_entities
+from vsnbench.results.files.episode_entries import EpisodeHeader
+from vsnbench.viewer.rerun_internals import convert_blueprint, send_blueprint
+from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -17,25 +19,17 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
     """Return the layout of one episode.
 
     Args:
-        header: the episode; the floor plan is framed to its site.
-        with_scores: whether the policy gave numbers worth a plot of their own.
+        header: the episode; the floor plan fits its site.
+        with_scores: whether to plot scores of the policy.
     """
     import rerun.blueprint as rrb
     from rerun.blueprint import encodings
 
-    x_m = [x for room in header.site.rooms for x, _ in room.polygon]
-    y_m = [y for room in header.site.rooms for _, y in room.polygon]
-    bounds = rrb.VisualBounds2D(
-        x_range=(min(x_m) - FLOOR_MARGIN_M, max(x_m) + FLOOR_MARGIN_M),
-        y_range=(-max(y_m) - FLOOR_MARGIN_M, -min(y_m) + FLOOR_MARGIN_M),
-    )
+    bounds = _bounds(header)
     whole_episode = rrb.VisibleTimeRange(
         TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()
     )
-    so_far = rrb.VisibleTimeRange(
-        TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-    )
-    seen = rrb.Vertical(
+    images = rrb.Vertical(
         rrb.TextDocumentView(origin="status", name="Now"),
         rrb.Spatial2DView(origin="camera/rgb", name="RGB"),
         rrb.Spatial2DView(origin="camera/depth", name="Depth"),
@@ -47,9 +41,9 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
         name="Floor plan",
         visual_bounds=bounds,
         background=[250, 250, 248],
-        overrides={"plan/trajectory": [rrb.VisibleTimeRanges([so_far])]},
+        overrides={"plan/trajectory": _until_now()},
     )
-    # The free corner of a curve that falls towards the goal.
+    # A curve that falls towards the goal leaves this corner free.
     legend = rrb.PlotLegend(corner="righttop")
     middle = rrb.Vertical(
         plan,
@@ -74,7 +68,66 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
     documents.append(rrb.TextLogView(origin="events", name="Events", columns=columns))
     texts = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
     return rrb.Blueprint(
-        rrb.Horizontal(seen, middle, texts, column_shares=[5, 7, 5]),
+        rrb.Horizontal(images, middle, texts, column_shares=[5, 7, 5]),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _until_now() -> "rrb.VisibleTimeRanges":
+    """Show everything from the beginning to the cursor."""
+    import rerun.blueprint as rrb
+
+    until_now = rrb.VisibleTimeRange(
+        TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    return rrb.VisibleTimeRanges([until_now])
+
+
+def _bounds(header: EpisodeHeader) -> "rrb.VisualBounds2D":
+    """Return the part of the plan that shows all rooms."""
+    import rerun.blueprint as rrb
+
+    x_m = [x for room in header.site.rooms for x, _ in room.polygon]
+    y_m = [y for room in header.site.rooms for _, y in room.polygon]
+    return rrb.VisualBounds2D(
+        x_range=(min(x_m) - FLOOR_MARGIN_M, max(x_m) + FLOOR_MARGIN_M),
+        y_range=(-max(y_m) - FLOOR_MARGIN_M, -min(y_m) + FLOOR_MARGIN_M),
+    )
+
+
+def pair_blueprint(headers: Sequence[EpisodeHeader], sides: Sequence[str]) -> "rrb.Blueprint":
+    """Return the layout of several episodes side by side on one timeline.
+
+    Args:
+        headers: the episodes.
+        sides: prefix of the entities of each.
+    """
+    import rerun.blueprint as rrb
+
+    columns = [
+        rrb.Vertical(
+            rrb.TextDocumentView(origin=f"{side}/status", name=f"#{header.episode_id} {header.model}"),
+            rrb.Spatial2DView(origin=f"{side}/camera/rgb", name="RGB"),
+            rrb.Spatial2DView(
+                origin="/",
+                contents=f"{side}/plan/**",
+                name="Floor plan",
+                visual_bounds=_bounds(header),
+                background=[250, 250, 248],
+                overrides={f"{side}/plan/trajectory": _until_now()},
+            ),
+            rrb.StateTimelineView(origin=f"{side}/actions", name="Actions"),
+            rrb.TextDocumentView(origin=f"{side}/verdict", name="Verdict"),
+            row_shares=[3, 8, 7, 3, 4],
+        )
+        for header, side in zip(headers, sides, strict=True)
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(*columns),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -84,27 +137,9 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
 
 
 def send_layout(recording: "rr.RecordingStream", header: EpisodeHeader, *, with_scores: bool) -> None:
-    """Send an episode's layout into its recording and let go of it; arguments as for `episode_blueprint`.
+    """Send an episode's layout to its recording. Arguments as for `episode_blueprint`."""
 
-    Rerun's own `send_blueprint` passes the layout through a stream in memory that it never disconnects: two threads
-    and a megabyte for each call, for as long as the process lives.
-    """
-    import rerun as rr
-    import rerun_bindings as bindings
+    def draw(layout: StaticEntities) -> None:
+        convert_blueprint(episode_blueprint(header, with_scores=with_scores), layout)
 
-    def draw(layout: StillEntities) -> None:
-        episode_blueprint(header, with_scores=with_scores)._log_to_stream(layout)  # noqa: SLF001
-
-    stream = rr.RecordingStream._from_native(  # noqa: SLF001 - there is no public way to disconnect it
-        bindings.new_blueprint(
-            application_id=recording.get_application_id() or "",
-            make_default=False,
-            make_thread_default=False,
-            default_enabled=True,
-        )
-    )
-    stream.set_time("blueprint", sequence=0)
-    still_entities(("layout", header.site.sha256, with_scores), draw).send(stream)
-    in_memory = stream.memory_recording()
-    bindings.send_blueprint(in_memory.storage, True, True, recording=recording.to_native())
-    stream.disconnect()
+    send_blueprint(recording, cached_entities(("layout", header.site.sha256, with_scores), draw))

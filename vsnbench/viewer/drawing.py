@@ -1,7 +1,7 @@
-"""What of an episode goes to which Rerun entity, entry by entry.
+"""Logs the entries of an episode to Rerun entities.
 
 Entities: `camera/rgb` (with `detections`), `camera/depth`, `plan/**`, `actions/**` (state lanes), `distance/**`,
-`decision/**`, `status`, `events`, `verdict`. Timelines: `step` (the action's number) and `robot_time`.
+`decision/**`, `status`, `events`, `verdict`. Timelines: `step` (number of the action) and `robot_time`.
 """
 
 import collections
@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Box
-from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.protocol.distance_text import distance_text
+from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Box
+from vsnbench.values.movement import movement_text
 from vsnbench.viewer.blueprint import send_layout
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
-from vsnbench.viewer.still_entities import StillEntities, still_entities
+from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -27,6 +29,12 @@ ACTION_RGBA = {
     Action.TURN_RIGHT: 0x8E6FC1FF,
     Action.MOVE_BACKWARD: 0x5FB3A8FF,
     Action.STOP: 0xD43F3AFF,
+    Action.NOOP: 0x9A9A9AFF,
+    Action.WAYPOINT: 0x2F9E8FFF,
+    Action.MOVE: 0x3C8DD9FF,
+    Action.TRAJECTORY: 0x7A9E2FFF,
+    Action.VELOCITY: 0xB86FC1FF,
+    Action.PIXEL: 0xC77D3BFF,
 }
 OUTCOME_RGBA = {
     "moved": 0x9CCC9CFF,
@@ -35,24 +43,32 @@ OUTCOME_RGBA = {
     "collision": 0xCE2C28FF,
     "failed": 0x7A1F1BFF,
 }
-ALARMING = frozenset(
+WARNING_KINDS = frozenset(
     {"collision", "motion_failed", "sensor_lost", "model_error", "model_lost", "aborted", "interrupted"}
 )
 DEPTH_UNITS_PER_METRE = 1000.0
 
 
 class EpisodeDrawing:
-    """Logs the entries of one episode in their order."""
+    """Logs the entries of one episode, in order."""
 
-    def __init__(self, log: EntityLog, header: EpisodeHeader) -> None:
+    def __init__(self, log: EntityLog, header: EpisodeHeader, *, with_layout: bool = True) -> None:
+        """Log what is known before the first step.
+
+        Args:
+            log: receives the entities.
+            header: the episode.
+            with_layout: also send the layout and the name of the recording; not for one of several episodes in it.
+        """
         self._log = log
         self._header = header
+        self._with_layout = with_layout
         self._plan = FloorPlan(log, header)
         self._counts: collections.Counter[str] = collections.Counter()
         self._blocked = 0
         self._first_stamp_s: float | None = None
         self._with_scores = False
-        self._boxes_shown = False
+        self._has_boxes = False
         self._begin()
 
     def draw(self, entry: Entry) -> None:
@@ -67,40 +83,41 @@ class EpisodeDrawing:
 
     def _begin(self) -> None:
         header, recording = self._header, self._log.stream
-        recording.send_recording_name(
-            f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
-        )
-        send_layout(recording, header, with_scores=False)
+        if self._with_layout:
+            recording.send_recording_name(
+                f"episode {header.episode_id}: {header.model}, {header.goal}, start {header.start_number}"
+            )
+            send_layout(recording, header, with_scores=False)
         self._plan.draw_site()
         limit_m = header.parameters.success_distance_m
-        still_entities(("curves", limit_m), lambda entities: _draw_curves(entities, limit_m)).send(recording)
+        cached_entities(("curves", limit_m), lambda entities: _draw_curves(entities, limit_m)).send(recording)
         self._set_time(0, None)
         recording.log("verdict", _markdown(_running_text(header)))
 
     def finish(self) -> None:
-        """Hand over what is still held back."""
-        self._log.send()
+        """Send buffered values."""
+        self._log.flush()
 
     def _set_time(self, step: int, stamp_s: float | None) -> None:
         if stamp_s is not None and self._first_stamp_s is None:
             self._first_stamp_s = stamp_s
         first_s = self._first_stamp_s
-        self._log.at(step, None if stamp_s is None or first_s is None else stamp_s - first_s)
+        self._log.set_time(step, None if stamp_s is None or first_s is None else stamp_s - first_s)
 
     def _step(self, entry: StepEntry) -> None:
         import rerun as rr
 
-        put = self._log.put
+        log = self._log.log
         stamp_s = entry.step.stamp_s
         self._set_time(entry.step.number, float(entry.step.number) if stamp_s is None else stamp_s)
         diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
         self._blocked += entry.step.blocked
         if entry.rgb_jpeg is not None:
-            put("camera/rgb", rr.EncodedImage, blob=[entry.rgb_jpeg], media_type=["image/jpeg"])
+            log("camera/rgb", rr.EncodedImage, blob=[entry.rgb_jpeg], media_type=["image/jpeg"])
         self._detections(diagnostics.boxes)
         if entry.depth_png is not None:
-            put(
+            log(
                 "camera/depth",
                 rr.EncodedDepthImage,
                 blob=[entry.depth_png],
@@ -108,25 +125,25 @@ class EpisodeDrawing:
                 meter=[DEPTH_UNITS_PER_METRE],
                 depth_range=[[0, 6000]],
             )
-        put("actions/action", rr.StateChange, state=[entry.decision.action.value])
-        put("actions/outcome", rr.StateChange, state=[_outcome(entry)])
+        log("actions/action", rr.StateChange, state=[entry.decision.action.value])
+        log("actions/outcome", rr.StateChange, state=[_outcome(entry)])
         distance = self._plan.draw_step(entry)
         if distance is not None:
-            put("distance/to_goal", rr.Scalars, scalars=[distance])
-            put("distance/success_under", rr.Scalars, scalars=[self._header.parameters.success_distance_m])
+            log("distance/to_goal", rr.Scalars, scalars=[distance])
+            log("distance/success_under", rr.Scalars, scalars=[self._header.parameters.success_distance_m])
         self._decision(entry)
-        self._say("status", self._status_text(entry, distance))
+        self._log_text("status", self._status_text(entry, distance))
 
-    def _say(self, entity: str, text: str) -> None:
+    def _log_text(self, entity: str, text: str) -> None:
         import rerun as rr
 
-        self._log.put(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])
+        self._log.log(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])
 
     def _detections(self, boxes: tuple[Box, ...]) -> None:
         import rerun as rr
 
-        if boxes or self._boxes_shown:
-            self._log.put(
+        if boxes or self._has_boxes:
+            self._log.log(
                 "camera/rgb/detections",
                 rr.Boxes2D,
                 centers=[((box.left + box.right) / 2, (box.top + box.bottom) / 2) for box in boxes],
@@ -134,7 +151,7 @@ class EpisodeDrawing:
                 labels=[f"{box.label} {box.score:.2f}" for box in boxes],
                 colors=[SUCCESS_RGB if box.label == self._header.goal else (90, 130, 200) for box in boxes],
             )
-        self._boxes_shown = bool(boxes)
+        self._has_boxes = bool(boxes)
 
     def _decision(self, entry: StepEntry) -> None:
         import rerun as rr
@@ -143,36 +160,39 @@ class EpisodeDrawing:
         numbers = {f"p({name})": value for name, value in diagnostics.probabilities.items()} | dict(diagnostics.scalars)
         if numbers and not self._with_scores:
             self._with_scores = True
-            send_layout(self._log.stream, self._header, with_scores=True)
+            if self._with_layout:
+                send_layout(self._log.stream, self._header, with_scores=True)
         for name, value in numbers.items():
-            self._log.put(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars, scalars=[float(value)])
-        self._say("decision/text", _decision_text(entry))
+            self._log.log(f"decision/scores/{rr.escape_entity_path_part(name)}", rr.Scalars, scalars=[float(value)])
+        self._log_text("decision/text", _decision_text(entry))
 
     def _status_text(self, entry: StepEntry, distance_m: float | None) -> str:
         header = self._header
         action = entry.decision.action.value
-        said = "" if entry.decision.raw_action == action else f" (model: {entry.decision.raw_action})"
-        far = "" if distance_m is None else f" · {distance_m:.2f} m away"
+        raw = "" if entry.decision.raw_action == action else f" (model: {entry.decision.raw_action})"
+        distance = (
+            "" if distance_m is None else f" · {distance_text(distance_m, header.parameters.success_distance_m)} m away"
+        )
         return (
-            f"### Looking for: {header.goal}{far}\n"
-            f"action {entry.step.number} of {header.parameters.max_actions}: **{action}**{said} — {_outcome(entry)}"
+            f"### Looking for: {header.goal}{distance}\n"
+            f"action {entry.step.number} of {header.parameters.max_actions}: **{action}**{raw} — {_outcome(entry)}"
         )
 
     def _event(self, entry: EventEntry) -> None:
         import rerun as rr
 
         self._set_time(entry.step, None)
-        level = rr.TextLogLevel.WARN if entry.kind in ALARMING else rr.TextLogLevel.INFO
-        who = f", by {entry.author}" if entry.author else ""
-        self._log.stream.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{who}", level=level))
+        level = rr.TextLogLevel.WARN if entry.kind in WARNING_KINDS else rr.TextLogLevel.INFO
+        author = f", by {entry.author}" if entry.author else ""
+        self._log.stream.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{author}", level=level))
 
     def _end(self, entry: EndEntry) -> None:
         import rerun as rr
 
-        # One past the last action: that one gets its width in the lanes, and the plan shows where it ended.
+        # One step after the last action, so that this action has a width in the lanes.
         self._set_time(entry.actions + 1, None)
         for lane in ("actions/action", "actions/outcome"):
-            self._log.put(lane, rr.StateChange, state=[None])
+            self._log.log(lane, rr.StateChange, state=[None])
         self._plan.draw_end(entry.verdict)
         failed = entry.verdict.success is False
         self._log.stream.log(
@@ -193,9 +213,10 @@ class EpisodeDrawing:
             ("end", verdict.end_reason.value.replace("_", " ")),
         ]
         if verdict.distance is not None:
-            near = verdict.distance
-            rows.append(("distance", f"{near.distance_m:.3f} m from {near.instance} ({near.source.value})"))
-        rows.append(("actions", f"{entry.actions}: {self._counted()}"))
+            goal = verdict.distance
+            distance = distance_text(goal.distance_m, header.parameters.success_distance_m, 3)
+            rows.append(("distance", f"{distance} m from {goal.instance} ({goal.source.value})"))
+        rows.append(("actions", f"{entry.actions}: {self._counts_text()}"))
         if entry.path_length_m is not None:
             rows.append(("path", f"{entry.path_length_m:.2f} m"))
         if entry.duration_s is not None:
@@ -204,13 +225,13 @@ class EpisodeDrawing:
             rows.append(("error", entry.error))
         return f"# {word}: {header.goal}\n\n{verdict.text}\n\n" + _table([("episode", str(header.episode_id)), *rows])
 
-    def _counted(self) -> str:
-        counted = [f"{count} {name.lower().replace('_', ' ')}" for name, count in self._counts.most_common()]
-        return ", ".join([*counted, f"{self._blocked} blocked"] if self._blocked else counted)
+    def _counts_text(self) -> str:
+        parts = [f"{count} {name.lower().replace('_', ' ')}" for name, count in self._counts.most_common()]
+        return ", ".join([*parts, f"{self._blocked} blocked"] if self._blocked else parts)
 
 
-def _draw_curves(entities: StillEntities, limit_m: float) -> None:
-    """Log how the lanes of actions and the curves of the distance look."""
+def _draw_curves(entities: StaticEntities, limit_m: float) -> None:
+    """Log the style of the action lanes and of the distance curves."""
     import rerun as rr
 
     for entity, colors in (
@@ -254,6 +275,8 @@ def _decision_text(entry: StepEntry) -> str:
     diagnostics = entry.decision.diagnostics
     infer_s = entry.step.timings.infer_s
     lines = [f"**{entry.decision.raw_action}**" + (f" in {infer_s * 1e3:.0f} ms" if infer_s is not None else "")]
+    if entry.step.movement is not None:
+        lines.append(movement_text(entry.step.movement))
     if diagnostics.note:
         lines.append(diagnostics.note)
     if diagnostics.probabilities:
@@ -264,7 +287,7 @@ def _decision_text(entry: StepEntry) -> str:
 
 
 def _table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Return a Markdown table; its first row serves as the heading that Markdown insists on."""
+    """Return a Markdown table. The first row becomes the heading that Markdown requires."""
     lines = [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
 

@@ -1,61 +1,53 @@
-"""Two ways into a Rerun stream for what changes with every step: as it happens, or many steps at a time.
+"""Logging to a Rerun stream, immediately or in columns of many steps.
 
-A value of one entity at one moment costs Rerun's Python some 0.1 ms, a column of 60 of them little more. So a file that
-nobody reads yet is written in columns, and only a viewer that shows an episode live is told of each step.
+Logging one value takes about 0.1 ms, a column of 60 values little more. A file is therefore written in columns, and
+only a live viewer gets every step at once.
 """
 
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from vsnbench.viewer.blueprint import TIMELINE
 
 if TYPE_CHECKING:
     import rerun as rr
 
-ROBOT_TIME = "robot_time"
-ROWS_AT_ONCE = 64
-"""Steps that are held back at most: some 6 MB of images."""
+ROBOT_TIME: Final = "robot_time"
+STEPS_PER_COLUMN: Final = 64
+"""Steps that are buffered at most, about 6 MB of images."""
 
 
-class EntityLog(Protocol):
-    """A Rerun stream, at one moment of an episode after another."""
-
-    @property
-    def stream(self) -> "rr.RecordingStream":
-        """For what is said once, outside time."""
-        ...
-
-    def at(self, step: int, robot_time_s: float | None) -> None:
-        """Set the moment of what follows; the robot's time stays what it was when None."""
-        ...
-
-    def put(self, entity: str, archetype: type["rr.AsComponents"], **components: Sequence[Any]) -> None:
-        """Say what an entity looks like from this moment on, each component as a list of its instances."""
-        ...
-
-    def send(self) -> None:
-        """Hand over everything that was put."""
-        ...
-
-
-class AsItHappens:
-    """Logs every value at once."""
+class EntityLog(ABC):
+    """Logs the entities of an episode, step after step."""
 
     def __init__(self, stream: "rr.RecordingStream") -> None:
         self.stream = stream
+        """For what is logged once, outside time."""
 
-    def at(self, step: int, robot_time_s: float | None) -> None:
-        """Set the moment of what follows."""
-        _set_time(self.stream, step, robot_time_s)
+    def set_time(self, step: int, robot_time_s: float | None) -> None:
+        """Set the time of the following values. With None the robot's time stays the same."""
+        self.stream.set_time(TIMELINE, sequence=step)
+        if robot_time_s is not None:
+            self.stream.set_time(ROBOT_TIME, duration=robot_time_s)
 
-    def put(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
-        """Log."""
+    @abstractmethod
+    def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
+        """Log an entity, with each component as a list of its instances."""
+
+    def flush(self) -> None:
+        """Send buffered values; nothing by default."""
+        return
+
+
+class ImmediateLog(EntityLog):
+    """Logs every value at once."""
+
+    def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
+        """Log an entity."""
         self.stream.log(entity, archetype.from_fields(**components))
-
-    def send(self) -> None:
-        """Do nothing: nothing is held back."""
 
 
 @dataclass(slots=True)
@@ -65,27 +57,27 @@ class _Rows:
     components: dict[str, list[Sequence[Any]]] = field(default_factory=lambda: defaultdict(list))
 
 
-class InColumns:
-    """Holds values back, and sends them as columns of `ROWS_AT_ONCE` steps."""
+class ColumnLog(EntityLog):
+    """Buffers values, and sends them as columns of `STEPS_PER_COLUMN` steps."""
 
     def __init__(self, stream: "rr.RecordingStream") -> None:
-        self.stream = stream
+        super().__init__(stream)
         self._step = 0
         self._robot_time_s: float | None = None
         self._rows: dict[tuple[str, Any, tuple[str, ...]], _Rows] = defaultdict(_Rows)
-        self._held = 0
+        self._buffered_steps = 0
 
-    def at(self, step: int, robot_time_s: float | None) -> None:
-        """Set the moment of what follows."""
-        if self._held >= ROWS_AT_ONCE:
-            self.send()
-        self._held += 1
+    def set_time(self, step: int, robot_time_s: float | None) -> None:
+        """Set the time of the following values."""
+        if self._buffered_steps >= STEPS_PER_COLUMN:
+            self.flush()
+        self._buffered_steps += 1
         self._step = step
         self._robot_time_s = self._robot_time_s if robot_time_s is None else robot_time_s
-        _set_time(self.stream, step, robot_time_s)
+        super().set_time(step, robot_time_s)
 
-    def put(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
-        """Hold a value back; without a robot's time there is no row for it, and it is logged."""
+    def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
+        """Buffer an entity. Before the first robot time there are no columns, and it is logged at once."""
         if self._robot_time_s is None:
             self.stream.log(entity, archetype.from_fields(**components))
             return
@@ -95,8 +87,8 @@ class InColumns:
         for name, instances in components.items():
             rows.components[name].append(instances)
 
-    def send(self) -> None:
-        """Send what is held back."""
+    def flush(self) -> None:
+        """Send buffered values."""
         import rerun as rr
 
         for (entity, archetype, _), rows in self._rows.items():
@@ -109,15 +101,9 @@ class InColumns:
             ]
             self.stream.send_columns(entity, times, columns)
         self._rows.clear()
-        self._held = 0
+        self._buffered_steps = 0
 
 
 def _columns(archetype: Any, name: str, rows: Sequence[Sequence[Any]]) -> "list[rr.ComponentColumn]":
     columns = archetype.columns(**{name: [instance for row in rows for instance in row]})
     return list(columns.partition([len(row) for row in rows]))
-
-
-def _set_time(stream: "rr.RecordingStream", step: int, robot_time_s: float | None) -> None:
-    stream.set_time(TIMELINE, sequence=step)
-    if robot_time_s is not None:
-        stream.set_time(ROBOT_TIME, duration=robot_time_s)

@@ -1,4 +1,4 @@
-"""The Rerun copies that a run makes of its episodes, and with `--live` the viewer that shows them as they happen."""
+"""Rerun recordings of a run's episodes, and the live viewer of `--live`."""
 
 import logging
 import sys
@@ -6,17 +6,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from vsnbench.end_signals import EndAsked
 from vsnbench.errors import UsageError
-from vsnbench.record.entries import EpisodeHeader
+from vsnbench.results.files.episode_entries import EpisodeHeader
+from vsnbench.runtime.signals import EndAsked
 from vsnbench.viewer.recording import FILE_NAME, EpisodeRecording
-from vsnbench.viewer.viewers import Viewer, WebViewer, has_display, open_window, require_rerun
+from vsnbench.viewer.viewers import Viewer, has_display, open_window, require_rerun
 
 logger = logging.getLogger(__name__)
 
 
 class RerunEpisodes:
-    """Copies every episode into its `episode.rrd`, and shows it live where that was asked for; a context manager."""
+    """Writes the `episode.rrd` of each episode, and shows episodes live if requested; a context manager."""
 
     def __init__(self, *, live: bool) -> None:
         self._live = live
@@ -33,11 +33,11 @@ class RerunEpisodes:
 
     @property
     def is_live(self) -> bool:
-        """Whether somebody is shown the episodes as they happen."""
+        """Whether episodes are shown live."""
         return self._live
 
     def prepare(self) -> None:
-        """With `--live`, open Rerun's window, or serve it to a browser where there is no display.
+        """With `--live`, open Rerun's window, or the web viewer on a machine without a display.
 
         Raises:
             VsnbenchError: Rerun's program is missing or does not start.
@@ -48,25 +48,26 @@ class RerunEpisodes:
         if has_display():
             self._viewer = open_window()
             return
+        from vsnbench.viewer.web_viewer import WebViewer
+
         try:
-            served = WebViewer()
-        except UsageError:  # the usual port is taken, perhaps by another robot's run
-            served = WebViewer(0)
-        self._viewer = served
-        logger.warning("no display here: watch live at %s", served.address)
+            viewer = WebViewer()
+        except UsageError:  # the default port may belong to the run of another robot
+            viewer = WebViewer(0)
+        self._viewer = viewer
+        logger.warning("no display: watch live at %s", viewer.address)
 
     def open_episode(self, header: EpisodeHeader, directory: Path) -> EpisodeRecording:
-        """Return the copy of an episode whose files lie in `directory`."""
+        """Return the recording of an episode with its files in `directory`."""
         return EpisodeRecording(header, directory / FILE_NAME, self._viewer.grpc_url if self._viewer else None)
 
     def linger(self) -> None:
-        """Let a person look at the last episode for as long as they like; a script does not wait."""
+        """Keep the viewer open after the last episode until the user closes it; without a terminal, return."""
         if self._viewer is None or not sys.stderr.isatty():
             return
-        how = "press Ctrl-C" if isinstance(self._viewer, WebViewer) else "close its window or press Ctrl-C"
         asked = EndAsked()
-        with asked.listening():  # the viewer is ended with this process
-            sys.stderr.write(f"The run is over and Rerun stays open: {how} to end.\n")
+        with asked.listening():  # the viewer ends with this process
+            sys.stderr.write(f"The run has ended. Rerun stays open: {self._viewer.how_to_end} to end.\n")
             while self._viewer.is_open and not asked.wait(0.2):
                 pass
         sys.stderr.write("\n")

@@ -1,7 +1,7 @@
-"""The floor plan of an episode in Rerun: the site, the goal's success zone, the robot, and what the policy believes.
+"""The floor plan of an episode in Rerun: site, success zone, robot, and diagnostics of the policy.
 
-Everything under `plan` is logged in the site's frame (metres, y up). The entity itself carries the flip that makes
-up be up, because a 2D view of Rerun draws y downwards.
+Entities under `plan` use the site's frame, metres with y up. The entity `plan` flips y, because Rerun's 2D views draw
+y downwards.
 """
 
 import math
@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site
-from vsnbench.record.entries import EpisodeHeader, StepEntry
+from vsnbench.results.files.episode_entries import EpisodeHeader, StepEntry
+from vsnbench.sites.site import Site
+from vsnbench.sites.targets import targets_of
+from vsnbench.values.pose import Pose
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
-from vsnbench.viewer.still_entities import StillEntities, still_entities
+from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -37,22 +38,24 @@ _UNIT_CIRCLE = np.stack([np.cos(_ANGLES_RAD), np.sin(_ANGLES_RAD)], axis=1)
 
 
 class FloorPlan:
-    """Draws one episode's plan into a recording."""
+    """Logs the plan of one episode."""
 
     def __init__(self, log: EntityLog, header: EpisodeHeader) -> None:
         self._log = log
         self._header = header
-        self._here = header.begin
-        self._showing: frozenset[str] = frozenset()
+        self._robot = header.begin
+        """Where the robot is."""
+        self._present: frozenset[str] = frozenset()
+        """Diagnostics that are shown now."""
 
     def draw_site(self) -> None:
-        """Log everything that stands still: the site with the goal's instances and their zone, and the start."""
+        """Log the static parts: site, goal instances, success zone and start."""
         import rerun as rr
 
         header, stream = self._header, self._log.stream
         site, goal, parameters = header.site, header.goal, header.parameters
         key = ("site", site.sha256, goal, parameters)
-        still_entities(key, lambda entities: _draw_site(entities, site, goal, parameters)).send(stream)
+        cached_entities(key, lambda entities: _draw_site(entities, site, goal, parameters)).send(stream)
         stream.log(
             "plan/start",
             rr.Arrows2D.from_fields(
@@ -62,39 +65,39 @@ class FloorPlan:
         )
 
     def draw_step(self, entry: StepEntry) -> float | None:
-        """Log the robot where the image was taken, the way it then went, and the policy's picture of the world.
+        """Log the robot before the action, its path during the action, and the policy's diagnostics.
 
         Returns:
-            The distance from there to the goal, metres; None when the site has none.
+            Distance to the goal before the action in metres, or None if the site has no instance of it.
         """
         import rerun as rr
 
         header = self._header
-        here = self._here.pose
+        here = self._robot.pose
         self._draw_robot(here)
         if entry.step.world is not None:
             there = entry.step.world.pose
             progress = min(1.0, entry.step.number / header.parameters.max_actions)
             if here.distance_to(there) > 1e-4:
-                self._log.put(
+                self._log.log(
                     "plan/trajectory",
                     rr.LineStrips2D,
                     strips=[[here.position, there.position]],
-                    colors=[_warming(progress)],
+                    colors=[_progress_color(progress)],
                     radii=[0.03],
                 )
-        self._mark_trouble(entry)
-        self._draw_beliefs(entry)
-        distance = distance_to_goal(header.site, header.goal, self._here, header.parameters).distance_m
+        self._log_contact(entry)
+        self._log_diagnostics(entry)
+        distance = distance_to_goal(header.site, header.goal, self._robot, header.parameters).distance_m
         if entry.step.world is not None:
-            self._here = entry.step.world
+            self._robot = entry.step.world
         return distance
 
     def draw_end(self, verdict: Verdict) -> None:
-        """Log where it ended, in the colour of the verdict."""
+        """Log the end position in the colour of the verdict."""
         import rerun as rr
 
-        here = self._here.pose
+        here = self._robot.pose
         self._draw_robot(here)
         color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
         label = verdict.end_reason.value.replace("_", " ")
@@ -106,18 +109,18 @@ class FloorPlan:
         import rerun as rr
 
         shell = _circle(here, self._header.robot_radius_m)
-        self._log.put("plan/robot/shell", rr.LineStrips2D, strips=[shell], colors=[ROBOT_RGB], radii=[0.025])
-        self._log.put("plan/robot/heading", rr.Arrows2D, **_heading_arrow(here, ROBOT_RGB, 0.45))
+        self._log.log("plan/robot/shell", rr.LineStrips2D, strips=[shell], colors=[ROBOT_RGB], radii=[0.025])
+        self._log.log("plan/robot/heading", rr.Arrows2D, **_heading_arrow(here, ROBOT_RGB, 0.45))
 
-    def _mark_trouble(self, entry: StepEntry) -> None:
+    def _log_contact(self, entry: StepEntry) -> None:
         import rerun as rr
 
         collided = entry.step.result is not None and entry.step.result.collision is not None
         if not (entry.step.blocked or collided):
             return
-        pose = entry.step.world.pose if entry.step.world is not None and collided else self._here.pose
+        pose = entry.step.world.pose if entry.step.world is not None and collided else self._robot.pose
         nose = pose.compose(Pose(self._header.robot_radius_m, 0.0)).position
-        self._log.put(
+        self._log.log(
             f"plan/{'collision' if collided else 'blocked'}",
             rr.Points2D,
             positions=[nose],
@@ -125,8 +128,8 @@ class FloorPlan:
             radii=[0.08 if collided else 0.05],
         )
 
-    def _draw_beliefs(self, entry: StepEntry) -> None:
-        """Log the policy's map, nodes, path and sub-goal, carried from the start's frame into the site's."""
+    def _log_diagnostics(self, entry: StepEntry) -> None:
+        """Log the policy's map, nodes, path and sub-goal, transformed from the start's frame to the site's."""
         import rerun as rr
 
         begin = self._header.begin.pose
@@ -149,24 +152,24 @@ class FloorPlan:
                 rr.SegmentationImage(diagnostics.map.cells, opacity=0.55, draw_order=-5.0),
             )
         points = [begin.compose(Pose(*point)).position for point in diagnostics.nodes]
-        self._show("plan/policy/nodes", rr.Points2D, positions=points, radii=[0.04])
-        way = (
+        self._log_optional("plan/policy/nodes", rr.Points2D, positions=points, radii=[0.04])
+        path = (
             [[begin.compose(Pose(*point)).position for point in diagnostics.path]] if len(diagnostics.path) > 1 else []
         )
-        self._show("plan/policy/path", rr.LineStrips2D, strips=way, radii=[0.02])
+        self._log_optional("plan/policy/path", rr.LineStrips2D, strips=path, radii=[0.02])
         target = [] if diagnostics.sub_goal is None else [begin.compose(Pose(*diagnostics.sub_goal)).position]
-        self._show("plan/policy/sub_goal", rr.Points2D, positions=target, radii=[0.08])
+        self._log_optional("plan/policy/sub_goal", rr.Points2D, positions=target, radii=[0.08])
 
-    def _show(self, entity: str, archetype: "type[rr.AsComponents]", **components: Sequence[object]) -> None:
-        """Put what there is, and nothing at all for a policy that never has any."""
-        is_there = all(components.values())
-        if is_there or entity in self._showing:
-            self._log.put(entity, archetype, **components, colors=[POLICY_RGB])
-        self._showing = self._showing | {entity} if is_there else self._showing - {entity}
+    def _log_optional(self, entity: str, archetype: "type[rr.AsComponents]", **components: Sequence[object]) -> None:
+        """Log an entity, or its removal if it was there before."""
+        is_present = all(components.values())
+        if is_present or entity in self._present:
+            self._log.log(entity, archetype, **components, colors=[POLICY_RGB])
+        self._present = self._present | {entity} if is_present else self._present - {entity}
 
 
-def _draw_site(entities: StillEntities, site: Site, goal: str, parameters: ProtocolParameters) -> None:
-    """Log rooms, walls, furniture, the goal's instances and from where STOP succeeds at them."""
+def _draw_site(entities: StaticEntities, site: Site, goal: str, parameters: ProtocolParameters) -> None:
+    """Log the plan, the goal's targets and the zone in which STOP succeeds."""
     import rerun as rr
 
     log = entities.log
@@ -174,24 +177,34 @@ def _draw_site(entities: StillEntities, site: Site, goal: str, parameters: Proto
     log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)
     picture, corner = paint_site(site, goal)
     height = picture.shape[0] * PLAN_PIXEL_M
-    # The picture's rows run down: flipped back, its corner is the upper left one.
+    # Image rows run downwards, so the image is flipped about its upper left corner.
     log(
         "plan/site",
         rr.Transform3D(translation=[corner[0], corner[1] + height, 0.0], scale=[PLAN_PIXEL_M, -PLAN_PIXEL_M, 1.0]),
         rr.Image(picture, draw_order=-10.0).compress(jpeg_quality=95),
         static=True,
     )
-    goals = site.instances(goal)
+    from shapely import Polygon
+
+    targets = targets_of(site, goal)
+    centres = [target.shape.centroid for target in targets]
     log(
         "plan/goal/instances",
-        rr.LineStrips2D([outline(thing.shape) for thing in goals], colors=GOAL_EDGE_RGB, radii=0.02),
+        rr.LineStrips2D(
+            [outline(target.shape) for target in targets if isinstance(target.shape, Polygon)],
+            colors=GOAL_EDGE_RGB,
+            radii=0.02,
+        ),
         static=True,
     )
     log(
         "plan/goal/labels",
         rr.Points2D(
-            [thing.position for thing in goals],
-            labels=[thing.id for thing in goals],
+            [
+                target.thing.position if target.thing is not None else (centre.x, centre.y)
+                for target, centre in zip(targets, centres, strict=True)
+            ],
+            labels=[target.id for target in targets],
             colors=GOAL_EDGE_RGB,
             radii=0.03,
         ),
@@ -223,8 +236,8 @@ def _heading_arrow(pose: Pose, rgb: tuple[int, int, int], length_m: float) -> di
     return {"origins": [pose.position], "vectors": [vector], "colors": [rgb], "radii": [0.03]}
 
 
-def _warming(progress: float) -> tuple[int, int, int]:
-    """Blue at the start of an episode, red at the action cap."""
+def _progress_color(progress: float) -> tuple[int, int, int]:
+    """Return a colour from blue at the start of an episode to red at the action limit."""
     cold, warm = np.array([30, 100, 220]), np.array([225, 60, 40])
     red, green, blue = (cold + (warm - cold) * progress).round().astype(int)
     return int(red), int(green), int(blue)

@@ -1,4 +1,4 @@
-"""Brings an episode's Rerun file to what the record says: kept when it is whole and current, else built anew."""
+"""Rebuilds an episode's Rerun file if it is missing, damaged or outdated."""
 
 import logging
 import warnings
@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RecordError
-from vsnbench.record.entries import EndEntry
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.files.disk_cache import cache_directory, can_write, key_of
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.episode_entries import EndEntry
 from vsnbench.viewer.recording import APPLICATION, FILE_NAME, EpisodeRecording
 from vsnbench.viewer.replay import EpisodeReplay, read_episode
 from vsnbench.viewer.viewers import require_rerun
@@ -19,35 +20,57 @@ logger = logging.getLogger(__name__)
 
 VERDICT_ENTITY = "/verdict"
 _MAGIC = b"RRF2"
+_MAX_CACHED = 20
+"""Number of Rerun files in the cache, for episodes of read-only results."""
 
 
 def current_recording(results: ResultsDirectory, episode_id: int) -> Path:
-    """Return an episode's Rerun file, built from the record when it is missing, broken, foreign or out of date.
+    """Return an episode's Rerun file, and build it if necessary.
 
     Raises:
         UsageError: there is no such episode, or Rerun is not installed.
-        RecordError: the record cannot be read or the file cannot be written.
+        RecordError: the results cannot be read, or the file cannot be written.
     """
     require_rerun()
     replay = read_episode(results, episode_id)
-    if replay.keeps_no_images:
+    if faults := replay.image_faults:
         logger.warning(
-            "episode %d keeps no images: it shows where the robot went, what it did and why, and not what it saw",
+            "episode %d: images missing or damaged: %d (%s%s); `vsnbench db merge` with an intact copy repairs them",
+            *(episode_id, len(faults), ", ".join(map(str, faults[:3])), ", ..." if len(faults) > 3 else ""),
+        )
+    elif replay.has_no_images:
+        logger.warning(
+            "episode %d has no recorded images; the plan, actions and decisions are shown",
             episode_id,
         )
     path = replay.directory / FILE_NAME
     fault = recording_fault(path, replay.header.uuid, replay.end)
+    if fault and not can_write(replay.directory):
+        path = cached_path(replay.header.uuid)
+        fault = recording_fault(path, replay.header.uuid, replay.end)
     if fault:
         logger.info("building %s: %s", path, fault)
         rebuild(replay, path)
     return path
 
 
+def cached_path(key: str) -> Path:
+    """Return the path of a Rerun file in the cache, and remove the least recently used files.
+
+    The file name is a hash of the key, so untrusted results cannot choose it.
+    """
+    folder = cache_directory() / "recordings"
+    used = sorted(folder.glob("*.rrd"), key=lambda file: file.stat().st_mtime)
+    for old in used[: -_MAX_CACHED + 1]:
+        old.unlink(missing_ok=True)
+    return folder / f"{key_of(key)}.rrd"
+
+
 def rebuild(replay: EpisodeReplay, path: Path) -> None:
-    """Write an episode's Rerun file from its record; one that still runs is written as far as it is.
+    """Write an episode's Rerun file; of a running episode, the part until now.
 
     Raises:
-        RecordError: it cannot be written.
+        RecordError: the file cannot be written.
     """
     with EpisodeRecording(replay.header, path, rebuilding=True) as recording:
         for entry in replay.entries:
@@ -58,40 +81,40 @@ def rebuild(replay: EpisodeReplay, path: Path) -> None:
 
 
 def recording_fault(path: Path, uuid: str, end: EndEntry | None) -> str:
-    """Return, in words, why a Rerun file cannot be shown for an episode; empty when it can.
+    """Return why a Rerun file cannot be shown for an episode, or an empty string.
 
     Args:
         path: the file.
-        uuid: the episode that it should hold.
-        end: the standing verdict that it should show; None for an episode that still runs.
+        uuid: the episode that it must contain.
+        end: the verdict that it must show; None for a running episode.
     """
     import rerun as rr
     from rerun.chunk import RrdReader
     from rerun.error_utils import RerunWarning
 
     if not path.is_file():
-        return "there is no such file"
+        return "the file does not exist"
     if end is None:
-        return "the episode goes on"
+        return "the episode still runs"
     with path.open("rb") as file:
         head = file.read(8)
     if len(head) < 8 or head[:4] != _MAGIC:
         return "it is not a Rerun recording"
     if tuple(head[4:6]) != tuple(int(part) for part in rr.__version__.split(".")[:2]):
-        return f"it was written by Rerun {head[4]}.{head[5]}, and this is {rr.__version__}"
+        return f"it was written by Rerun {head[4]}.{head[5]}; {rr.__version__} is installed"
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", RerunWarning)  # it warns of a missing footer
+            warnings.simplefilter("error", RerunWarning)  # a missing footer is a warning
             reader = RrdReader(path)
         recordings = reader.recordings()
         known = {(entry.application_id, entry.recording_id) for entry in recordings}
         verdicts = [_document(chunk) for chunk in reader.stream().to_chunks() if chunk.entity_path == VERDICT_ENTITY]
     except (RuntimeError, ValueError, OSError, RerunWarning) as error:
-        return f"it is broken: {error}"
+        return f"it is damaged: {error}"
     if (APPLICATION, uuid) not in known:
-        return "it holds another episode"
+        return "it contains another episode"
     if not any(end.verdict.text in text for text in verdicts):
-        return "it does not show the verdict that stands"
+        return "it does not show the current verdict"
     return ""
 
 

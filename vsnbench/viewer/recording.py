@@ -1,9 +1,8 @@
-"""One episode as one Rerun recording: written off the control path, through a bounded queue, by one thread.
+"""Writes the Rerun recording of an episode in a thread of its own.
 
-The recording is a copy for looking at; the database and the image files are the record. So nothing that goes wrong
-here may end an episode or hold up a robot: when the queue is full the caller waits `PATIENCE_S` at most and then this
-step's copy is dropped, and an error of Rerun is logged once and ends the copy. A recording that is not whole never
-gets its final name; `vsnbench view` then builds it from the record.
+The recording is a copy of the results for display, so its errors must not end an episode or delay a robot. If the
+queue is full, the caller waits `ADD_TIMEOUT_S` and the step is dropped. An error of Rerun is logged and ends the
+recording. An incomplete recording never gets its final name; `vsnbench view` rebuilds it.
 """
 
 import contextlib
@@ -17,9 +16,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, StepEntry
+from vsnbench.files.atomic import part_path, sweep_parts
+from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, StepEntry
 from vsnbench.viewer.viewers import is_listening, rerun_is_installed
-from vsnbench.whole_files import part_path, sweep_parts
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -29,30 +28,29 @@ logger = logging.getLogger(__name__)
 APPLICATION = "vsnbench"
 FILE_NAME = "episode.rrd"
 QUEUE_ENTRIES = 64
-PATIENCE_S = 0.005
+ADD_TIMEOUT_S = 0.005
 CLOSE_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingSummary:
-    """What became of a recording."""
+    """Result of a recording."""
 
     path: Path | None
-    """The finished file; None when it is not whole and has to be rebuilt."""
+    """The finished file; None if it is incomplete and must be rebuilt."""
     steps: int
     dropped: int
     error: str = ""
 
 
 class EpisodeRecording:
-    """Writes `episode.rrd` while an episode runs, or from its record afterwards; a context manager.
+    """Writes `episode.rrd` during an episode, or rebuilds it; a context manager.
 
     Args:
-        header: what is known before the first step.
-        path: the final file; it is hidden until it is whole.
-        viewer_url: gRPC address of a viewer that shows the episode as it happens.
-        rebuilding: no robot waits, so nothing is dropped however full the queue; and an episode that has not ended is
-            kept as far as it is.
+        header: data that is known before the first step.
+        path: the final file; it appears when it is complete.
+        viewer_url: gRPC address of a live viewer.
+        rebuilding: drop no steps, and accept an episode that has not ended.
     """
 
     def __init__(
@@ -63,7 +61,7 @@ class EpisodeRecording:
         self._rebuilding = rebuilding
         self._part = part_path(path)
         self._viewer_url = viewer_url
-        self._patience_s = None if rebuilding else PATIENCE_S
+        self._add_timeout_s = None if rebuilding else ADD_TIMEOUT_S
         self._entries: queue.Queue[Entry | None] = queue.Queue(QUEUE_ENTRIES)
         self._steps = 0
         self._dropped = 0
@@ -83,39 +81,43 @@ class EpisodeRecording:
         self.close()
 
     def add(self, entry: Entry) -> None:
-        """Hand over a step, an event or the end; never raises, returns within `PATIENCE_S`."""
+        """Add a step, an event or the end. Never raises, and returns within `ADD_TIMEOUT_S`."""
         if self._closed is not None or self._error:
             return
         try:
-            self._entries.put(entry, timeout=self._patience_s)
+            self._entries.put(entry, timeout=self._add_timeout_s)
         except queue.Full:
             self._dropped += 1
 
     def close(self) -> RecordingSummary:
-        """Write what is queued and finish the file; it gets its name only when it is whole. May be called again.
+        """Write the queued entries and finish the file. Further calls return the same result.
 
-        A worker that is stuck in Rerun or on a disk is left behind after `CLOSE_TIMEOUT_S`.
+        A thread that hangs in Rerun or on a disk is abandoned after `CLOSE_TIMEOUT_S`.
         """
         if self._closed is None:
-            give_up_s = time.monotonic() + CLOSE_TIMEOUT_S
+            deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
             with contextlib.suppress(queue.Full):
                 self._entries.put(None, timeout=None if self._rebuilding else CLOSE_TIMEOUT_S)
-            self._worker.join(None if self._rebuilding else max(give_up_s - time.monotonic(), 0))
+            self._worker.join(None if self._rebuilding else max(deadline_s - time.monotonic(), 0))
             if self._worker.is_alive():
                 self._abandoned = True
                 self._error = f"the recording was not finished after {CLOSE_TIMEOUT_S:g} s"
                 logger.warning("episode %d: %s", self._header.episode_id, self._error)
-            whole = (self._ended or self._rebuilding) and not self._dropped and not self._error
+            is_complete = (self._ended or self._rebuilding) and not self._dropped and not self._error
             try:
-                if whole:
+                if is_complete:
                     self._part.replace(self._path)
                 else:
                     self._part.unlink(missing_ok=True)
             except OSError as error:
-                whole, self._error = False, self._error or str(error)
+                is_complete, self._error = False, self._error or str(error)
             if self._dropped:
-                logger.info("episode %d: %d entries not in Rerun", self._header.episode_id, self._dropped)
-            self._closed = RecordingSummary(self._path if whole else None, self._steps, self._dropped, self._error)
+                logger.info(
+                    "episode %d: %d entries are missing in the Rerun recording", self._header.episode_id, self._dropped
+                )
+            self._closed = RecordingSummary(
+                self._path if is_complete else None, self._steps, self._dropped, self._error
+            )
         return self._closed
 
     def _work(self) -> None:
@@ -124,34 +126,33 @@ class EpisodeRecording:
                 self._write()
                 return
             self._error = "Rerun is not installed"
-        except Exception as error:  # whatever Rerun or the disk does, the episode goes on
+        except Exception as error:  # no error of Rerun or the disk may end the episode
             self._error = f"{type(error).__name__}: {error}"
-            logger.warning("episode %d: its Rerun recording stopped: %s", self._header.episode_id, self._error)
+            logger.warning("episode %d: the Rerun recording stopped: %s", self._header.episode_id, self._error)
         while not self._abandoned and self._entries.get() is not None:
             pass
 
     def _write(self) -> None:
-        import rerun_bindings
+        from vsnbench.viewer.rerun_internals import free_unused_streams
 
         try:
             self._log()
         finally:
-            # A stream that nobody refers to any more keeps its threads and buffers until it is cleaned up by name.
-            rerun_bindings.flush_and_cleanup_orphaned_recordings()
+            free_unused_streams()
 
     def _log(self) -> None:
         from vsnbench.viewer.drawing import EpisodeDrawing
-        from vsnbench.viewer.entity_log import AsItHappens, InColumns
+        from vsnbench.viewer.entity_log import ColumnLog, ImmediateLog
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
         sweep_parts(self._path.parent, self._path.name)
-        self._part.unlink(missing_ok=True)  # whatever waits there, a link included, is not written through
+        self._part.unlink(missing_ok=True)  # not written through, as it may be a link
         recording = open_recording(self._header, self._part)
         live = _open_live(self._header, self._viewer_url)
         try:
-            drawings = [EpisodeDrawing(InColumns(recording), self._header)]
+            drawings = [EpisodeDrawing(ColumnLog(recording), self._header)]
             if live is not None:
-                drawings.append(EpisodeDrawing(AsItHappens(live), self._header))
+                drawings.append(EpisodeDrawing(ImmediateLog(live), self._header))
             while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
                     drawing.draw(entry)
@@ -161,15 +162,15 @@ class EpisodeRecording:
                 drawing.finish()
         finally:
             if live is not None:
-                # A viewer that was closed keeps its stream waiting for seconds: nobody else has to.
+                # Disconnecting from a viewer that was closed takes seconds.
                 threading.Thread(target=live.disconnect, name="rerun-live-end", daemon=True).start()
             recording.flush(timeout_sec=CLOSE_TIMEOUT_S / 2)
             recording.disconnect()
 
 
 def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
-    """Return a stream into a file."""
-    # Rerun's own words on stderr would break into the console; what went wrong is logged in ours.
+    """Return a stream to a file."""
+    # Keeps Rerun's own log messages off stderr.
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
@@ -179,7 +180,7 @@ def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
 
 
 def _open_live(header: EpisodeHeader, viewer_url: str | None) -> "rr.RecordingStream | None":
-    """Return a stream of its own into a viewer, so that the file does not depend on it; None when it is not there."""
+    """Return a separate stream to a live viewer, or None if it does not listen."""
     import rerun as rr
 
     if viewer_url is None or not is_listening(viewer_url):

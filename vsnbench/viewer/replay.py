@@ -1,23 +1,27 @@
-"""An episode read back from the record, as the entries that a viewer was, or would have been, given live."""
+"""Reads a recorded episode as the entries that a live viewer receives."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsnbench.database.migrate import open_record
-from vsnbench.database.queries import episode_details, episode_steps
-from vsnbench.database.read_shapes import EpisodeDetails
-from vsnbench.protocol.codec import decision_from_record
-from vsnbench.protocol.fix import Fix, PoseSource
+from vsnbench.errors import RecordError
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.robot_profile import RobotProfile
-from vsnbench.protocol.site import Site
-from vsnbench.protocol.step_record import StepRecord
-from vsnbench.record.confined import read_confined
-from vsnbench.record.entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
-from vsnbench.record.images import depth_path, rgb_path
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.confined_paths import read_confined
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.image_set import ImageFault, image_faults
+from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.reading.queries import episode_details, episode_steps
+from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.writing.imports import IMPORTED
+from vsnbench.sites.site import Site
+from vsnbench.values.encoding.codec import decision_from_record
+from vsnbench.values.encoding.image_digest import StepDigests
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.step import StepRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,19 +30,21 @@ class EpisodeReplay:
 
     header: EpisodeHeader
     entries: tuple[Entry, ...]
-    """Steps, each followed by its events; the end comes last, where the episode has ended."""
+    """Steps, each followed by its events, and the end if the episode has ended."""
     directory: Path
-    """Where its files lie."""
+    """Directory of its files."""
+    image_faults: tuple[ImageFault, ...] = ()
+    """Images that are missing or damaged."""
 
     @property
-    def keeps_no_images(self) -> bool:
-        """Whether there are steps, and of none of them an image."""
+    def has_no_images(self) -> bool:
+        """Whether there are steps, but no image of any of them."""
         steps = [entry for entry in self.entries if isinstance(entry, StepEntry)]
         return bool(steps) and all(step.rgb_jpeg is None for step in steps)
 
     @property
     def end(self) -> EndEntry | None:
-        """The standing verdict; None while the episode runs."""
+        """The current verdict; None while the episode runs."""
         last = self.entries[-1] if self.entries else None
         return last if isinstance(last, EndEntry) else None
 
@@ -55,22 +61,43 @@ def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
     images = details.summary.images_directory
     directory = results.episode_directory(images or f"episodes/{episode_id:06d}")
     entries = [*_steps_and_events(details, steps, directory if images else None), *_end(details)]
-    return EpisodeReplay(_header(details), tuple(entries), directory)
+    faults: list[ImageFault] = []
+    if images:
+        digests = [StepDigests(step.number, step.rgb_digest, step.depth_digest) for step in steps]
+        faults = image_faults(directory, digests, decode=False)
+    return EpisodeReplay(_header(details), tuple(entries), directory, tuple(faults))
 
 
 def _header(details: EpisodeDetails) -> EpisodeHeader:
-    episode, given = details.summary, details.provenance
-    site, robot = Site.model_validate(given.site_content), RobotProfile.model_validate(given.robot_profile)
+    episode, provenance = details.summary, details.provenance
+    try:
+        site, robot = (
+            Site.model_validate(provenance.site_content),
+            RobotProfile.model_validate(provenance.robot_profile),
+        )
+        parameters = ProtocolParameters.from_record(provenance.protocol)
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        if episode.origin == IMPORTED:
+            raise RecordError(
+                f"the site or robot of the imported episode {episode.id} is unknown, so it cannot be drawn",
+                advice=f"`vsnbench episodes show {episode.id}` prints what is recorded",
+                code="imported-episode",
+            ) from error
+        raise RecordError(
+            f"the site, robot or protocol of episode {episode.id} cannot be read",
+            advice="the results are damaged; restore a backup",
+            code="damaged-record",
+        ) from error
     return EpisodeHeader(
         episode_id=episode.id,
         uuid=episode.uuid,
         goal=episode.goal,
-        model=f"{episode.model} ({given.weights_label})" if given.weights_label else episode.model,
+        model=f"{episode.model} ({provenance.weights_label})" if provenance.weights_label else episode.model,
         robot=robot.title,
         site=site,
         start_number=episode.start,
         begin=details.placement or Fix(site.start(episode.start).pose, PoseSource.SURVEYED),
-        parameters=ProtocolParameters.from_record(given.protocol),
+        parameters=parameters,
         robot_radius_m=robot.base.radius_m,
     )
 
@@ -100,8 +127,8 @@ def _end(details: EpisodeDetails) -> Iterator[EndEntry]:
     distance = None
     if episode.distance_to_goal_m is not None and episode.distance_source is not None:
         source = PoseSource(episode.distance_source)
-        hidden = details.standing is not None and details.standing.goal_in_sight is False
-        distance = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "", not hidden)
-    words = details.standing.reason if details.standing else "not judged yet"
-    verdict = Verdict(EndReason(episode.end_reason), episode.success, words, distance)
+        is_hidden = details.current_verdict is not None and details.current_verdict.goal_in_sight is False
+        distance = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "", not is_hidden)
+    text = details.current_verdict.reason if details.current_verdict else "not judged yet"
+    verdict = Verdict(EndReason(episode.end_reason), episode.success, text, distance)
     yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, details.error)

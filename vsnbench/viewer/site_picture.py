@@ -1,4 +1,4 @@
-"""A site painted as a floor plan: rooms, walls, furniture, and the goal's instances in a colour of their own."""
+"""Paints a site as a floor plan, with the goal's instances highlighted."""
 
 import math
 from collections.abc import Iterable
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.protocol.site import Site
-from vsnbench.protocol.walls import lowest_first, wall_area
+from vsnbench.sites.geometry.walls import lowest_first, wall_area
+from vsnbench.sites.site import Site
+from vsnbench.sites.targets import targets_of
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -25,21 +26,25 @@ GOAL_EDGE_RGB = (22, 110, 52)
 
 
 def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
-    """Paint rooms, walls and furniture; returns (H, W, 3) uint8, rows down, and the lower-left corner in metres."""
+    """Paint rooms, walls and furniture.
+
+    Returns:
+        An RGB image, (H, W, 3) uint8, and the position of its lower left corner in metres.
+    """
     import cv2
     from shapely import union_all
 
-    whole = union_all([wall_area(site), *(room.shape for room in site.rooms)])
-    left, bottom, right, top = whole.buffer(0.05).bounds
+    area = union_all([wall_area(site), *(room.shape for room in site.rooms)])
+    left, bottom, right, top = area.buffer(0.05).bounds
     width, height = math.ceil((right - left) / PLAN_PIXEL_M), math.ceil((top - bottom) / PLAN_PIXEL_M)
     corner = (left, top - height * PLAN_PIXEL_M)
     picture = np.full((height, width, 3), 250, np.uint8)
 
     def pixels(points: Iterable[tuple[float, float]]) -> npt.NDArray[np.int32]:
-        inside = [
+        scaled = [
             ((x - corner[0]) / PLAN_PIXEL_M * 16, (height - (y - corner[1]) / PLAN_PIXEL_M) * 16) for x, y in points
         ]
-        return np.array(inside).round().astype(np.int32)
+        return np.array(scaled).round().astype(np.int32)
 
     def fill(points: Iterable[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
         cv2.fillPoly(picture, [pixels(points)], rgb, lineType=cv2.LINE_AA, shift=4)
@@ -50,10 +55,11 @@ def paint_site(site: Site, goal: str) -> tuple[npt.NDArray[np.uint8], tuple[floa
 
     for room in site.rooms:
         fill(room.polygon, ROOM_RGB[room.floor])
-    for thing in lowest_first(site):
-        is_goal = thing.category == goal
-        edge = outline(thing.shape)
-        fill(edge, GOAL_RGB if is_goal else FURNITURE_RGB if thing.solid else (228, 220, 212))
+    searched = {target.id for target in targets_of(site, goal)}
+    for item in lowest_first(site):
+        is_goal = item.id in searched
+        edge = outline(item.shape)
+        fill(edge, GOAL_RGB if is_goal else FURNITURE_RGB if item.solid else (228, 220, 212))
         trace(edge, GOAL_EDGE_RGB if is_goal else FURNITURE_EDGE_RGB, True, 0.02)
     for wall in site.walls:
         fill(outline(wall.shape), WALL_RGB)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from tests.models.pirlnav.checkpoints import SMALL, weights, write_archive, write_checkpoint, write_forged
 from vsnbench.errors import ModelError
-from vsnbench.models.pickle_inspection import declared_storages
+from vsnbench.models.checkpoints.pickle_inspection import declared_storages
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES, read_checkpoint
 
 MARKER = "was-run"
@@ -157,7 +157,7 @@ def test_a_compression_bomb_is_refused(tmp_path: Path) -> None:
 
 def test_nested_tuples_that_would_be_hashed_for_ever_are_refused(tmp_path: Path) -> None:
     nest = b"\x80\x02)" + b"".join(b"q\x00h\x00\x86" for _ in range(80)) + b"."
-    assert "nested without end" in refusal(write_archive(tmp_path / "nest.ckpt", nest))
+    assert "nested too deeply" in refusal(write_archive(tmp_path / "nest.ckpt", nest))
 
 
 def test_a_pickle_that_does_what_no_checkpoint_does_is_refused(tmp_path: Path) -> None:
@@ -196,7 +196,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path, number: float) 
     state = weights(SMALL)
     state["net.visual_encoder.compression.0.weight"][0, 0, 0, 0] = number
     line = refusal(write_checkpoint(tmp_path / "nan.ckpt", state=state))
-    assert "net.visual_encoder.compression.0.weight holds NaN or infinite" in line
+    assert "net.visual_encoder.compression.0.weight contains NaN or infinite" in line
 
 
 def test_a_configuration_of_absurd_size_is_refused(tmp_path: Path) -> None:

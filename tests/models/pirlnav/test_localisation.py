@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.settings import CompassSource, PIRLNavSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose, wrap_angle
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose, wrap_angle
 
 STEP = Pose(0.25, 0.0)
 LEFT, RIGHT = Pose(0, 0, math.pi / 2), Pose(0, 0, -math.pi / 2)

@@ -15,9 +15,9 @@ from vsnbench.models.pirlnav.policy import ACTIONS, GOALS, PIRLNav
 from vsnbench.models.pirlnav.preprocessing import preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
 

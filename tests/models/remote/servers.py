@@ -17,12 +17,14 @@ from websockets.sync.server import serve as serve_websocket
 
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.vsnbench_policy import pack, unpack
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 ROOT = Path(__file__).resolve().parents[3]
 STUB = Path(vsnbench_policy.__file__)
+STUB_OF_VERSION_1 = ROOT / "tests" / "data" / "wire" / "vsnbench_policy_1.txt"
+"""The stub as it was before version 2 of the protocol."""
 PATIENCE_S = 120.0
 CARD = {"name": "scripted", "goals": None, "sensors": ["rgb"], "settings": {}, "deterministic": True}
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.5)
@@ -49,17 +51,24 @@ def await_port(port: int, process: subprocess.Popen[bytes] | None = None) -> Non
 
 @contextmanager
 def stub_server(
-    source: str, directory: Path, *arguments: str, port: int | None = None, token: str = "", name: str = "Model"
+    source: str,
+    directory: Path,
+    *arguments: str,
+    port: int | None = None,
+    token: str = "",
+    name: str = "Model",
+    python: Path | None = None,
+    stub: Path = STUB,
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """Serve the class `Model` of some source by the stub, alone in its directory; yields address and process."""
     (directory / "served_model.py").write_text(source, encoding="utf-8")
-    (directory / STUB.name).write_bytes(STUB.read_bytes())
+    (directory / STUB.name).write_bytes(stub.read_bytes())
     number = port or free_port()
     environment = {**os.environ, "VSNBENCH_TOKEN": token, "PYTHONPATH": ""}
     with (directory / "server.log").open("ab") as log:
         process = subprocess.Popen(
             [
-                sys.executable,
+                str(python or sys.executable),
                 STUB.name,
                 *arguments,
                 *([] if arguments else [f"served_model:{name}"]),
@@ -84,7 +93,7 @@ Answer = Callable[[ServerConnection, dict[str, Any]], None]
 @contextmanager
 def scripted_server(answer: Answer, greeting: dict[str, Any] | bytes | None = None) -> Iterator[str]:
     """Serve what a function answers to each message after a card (or another greeting)."""
-    first = {"type": "card", "wire": 1, "card": CARD, "jpeg": False} if greeting is None else greeting
+    first = {"type": "card", "wire": 2, "card": CARD, "jpeg": False} if greeting is None else greeting
 
     def handle(connection: ServerConnection) -> None:
         connection.recv()

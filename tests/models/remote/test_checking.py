@@ -6,7 +6,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from tests.models.remote.servers import stub_server
-from vsnbench.cli.models import app
+from vsnbench.cli.models.models import app
 from vsnbench.models.remote.checking import check_server
 
 GOOD = """
@@ -38,7 +38,7 @@ def test_a_good_server_passes_everything(tmp_path: Path) -> None:
     with stub_server(GOOD, tmp_path) as (url, _):
         findings = {finding.what: finding for finding in check_server(url)}
     assert [what for what, finding in findings.items() if not finding.passed] == []
-    assert "only chairs" in findings["a goal that it does not know"].seen
+    assert "only chairs" in findings["unknown goal"].seen
 
 
 def test_a_model_that_ignores_its_seed_and_goal_is_told_so(tmp_path: Path) -> None:
@@ -46,8 +46,8 @@ def test_a_model_that_ignores_its_seed_and_goal_is_told_so(tmp_path: Path) -> No
         answer = CliRunner().invoke(app, ["check", url, "--json"])
     assert answer.exit_code == 1
     failed = {finding["what"]: finding["seen"] for finding in json.loads(answer.output) if not finding["passed"]}
-    assert set(failed) == {"one seed, one answer", "a goal that it does not know"}
-    assert "deterministic: False" in failed["one seed, one answer"]
+    assert set(failed) == {"same seed, same actions", "unknown goal"}
+    assert "deterministic: False" in failed["same seed, same actions"]
 
 
 def test_a_model_that_says_it_is_not_deterministic_may_differ(tmp_path: Path) -> None:

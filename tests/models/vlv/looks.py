@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import InstanceImage, Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import InstanceImage, Observation
+from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=160, height=120, horizontal_fov_deg=60, mount_height_m=0.6, depth_min_m=0.4, depth_max_m=8)
 

@@ -15,7 +15,7 @@ from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.observation import Observation
+from vsnbench.values.observation import Observation
 
 THINGS = (("sofa", (50, 90, 20, 60), 2.0), ("wardrobe", (20, 90, 100, 150), 3.0))
 

@@ -6,18 +6,18 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vsnbench.models.oracle import Oracle
+from vsnbench.models.baselines.oracle import Oracle
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.observation import Observation
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site, load_site
-from vsnbench.protocol.walls import wall_shapes
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
-from vsnbench.sensing.camera_images import median_depth_m
+from vsnbench.sensing.images.camera_images import median_depth_m
 from vsnbench.sensing.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from vsnbench.sites.geometry.walls import wall_shapes
+from vsnbench.sites.site import Site, load_site
+from vsnbench.values.action import Action
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 WALKS = ((10, "toilet"), (8, "bed"))
 """From where to where: through every room."""

@@ -21,9 +21,9 @@ from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN
 from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=60, mount_height_m=0.6)
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from vsnbench.models.vlv.planner import Planner, Route, path_of
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
 from vsnbench.sensing.occupancy_map import OccupancyMap
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 SETTINGS = VLVSettings()
 

@@ -12,9 +12,9 @@ from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.registry import create_policy
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.action import Action
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
 
 PERFECT = VLVSettings(simulated_recall=1.0, simulated_precision=1.0)
 NEAR_SOFA = ("sofa", (50, 110, 30, 130), 0.7)

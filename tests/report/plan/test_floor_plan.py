@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.site import Site, load_site
 from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan, save_floor_plan
 from vsnbench.report.plan.furniture import GOAL_COLORS
+from vsnbench.sites.categories import GOAL_CATEGORIES
+from vsnbench.sites.site import Site, load_site
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""A colour and depth camera that shows a plain wall, and misbehaves when it is told to on /camera/fault.
+"""A colour and depth camera that shows a noisy wall, and misbehaves when it is told to on /camera/fault.
 
 `silent` sends nothing, `blind` no depth, `small` half the size, `yuv` another encoding, `past` stamps from yesterday,
 `holes` a depth image with a different tenth of its pixels invalid each time, `good` is back to normal.
@@ -43,7 +43,7 @@ while not rospy.is_shutdown():
     stamp = rospy.Time.now() - rospy.Duration(86400 if fault == "past" else 0)
     size = (HEIGHT // 2, WIDTH // 2) if fault == "small" else (HEIGHT, WIDTH)
     color.publish(image(np.full((*size, 3), 90, np.uint8), "yuv422" if fault == "yuv" else "rgb8", stamp))
-    wall = np.full(size, 2000, np.uint16)
+    wall = rng.integers(1999, 2002, size, np.uint16)
     if fault == "holes":
         wall[rng.random(size) < 0.1] = 0
     if fault != "blind":

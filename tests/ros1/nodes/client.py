@@ -1,4 +1,4 @@
-"""A RosRobot in a process of its own, spoken to in lines of JSON: `client.py PROFILE PATIENCE_S`."""
+"""A RosRobot that executes lines of JSON: `client.py PROFILE PATIENCE_S`."""
 
 import dataclasses
 import json
@@ -6,11 +6,17 @@ import math
 import sys
 import time
 
-from vsnbench.errors import NotPlacedError, VsnbenchError
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.site import StartingPosition
+from vsnbench.errors import NotPlacedError, SensorLostError, VsnbenchError
+from vsnbench.protocol.judge import EndReason, end_after
+from vsnbench.protocol.limits import Spent
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
-from vsnbench.robots.ros_robot import RosRobot
+from vsnbench.robots.ros.robot import RosRobot
+from vsnbench.runner.episode.path_guard import PathGuard
+from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import movement_from_json
 
 
 class Client:
@@ -18,7 +24,7 @@ class Client:
         self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=float(sys.argv[2]))
 
     def begin(self) -> dict:
-        """Begin as a run does: with a person who does what is asked at once, and is asked again."""
+        """Begin as a run does, with an operator who is asked again after a NotPlacedError."""
         problems = [""]
         while True:
             try:
@@ -28,7 +34,7 @@ class Client:
                 problems.append(str(error))
                 time.sleep(0.1)
         return {
-            "asked": problems if self.robot.needs_a_person else [],
+            "asked": problems if self.robot.needs_operator else [],
             "simulated": self.robot.identity.simulated,
             "sensors": sorted(self.robot.sensors),
         }
@@ -45,8 +51,20 @@ class Client:
         }
 
     def execute(self, action: str) -> dict:
-        result = dataclasses.asdict(self.robot.execute(Action(action)))
-        return result | {"turn_deg": math.degrees(result["turn_rad"])}
+        return measured(self.robot.execute(Action(action)))
+
+    def step(self, action: str) -> dict:
+        """Look, then act, as a step of a run."""
+        self.robot.observe()
+        return self.execute(action)
+
+    def drive(self, movement: dict) -> dict:
+        """Drive with the guard of a run."""
+        guard = PathGuard(self.robot.profile, ProtocolParameters())
+        return measured(self.robot.drive(movement_from_json(movement), guard))
+
+    def kinds(self) -> list:
+        return sorted(self.robot.action_kinds)
 
     def locate(self) -> list:
         fix = self.robot.locate()
@@ -60,6 +78,13 @@ class Client:
         return self.robot._link.snapshot().latest.stamp_s
 
 
+def measured(result: MotionResult) -> dict:
+    """Return a result, and the reason for which an episode ends with it."""
+    reason = end_after(Spent(), Action.MOVE_FORWARD, result, ProtocolParameters())
+    ends = {"turn_deg": math.degrees(result.turn_rad), "end_reason": "continues" if reason is None else reason.value}
+    return dataclasses.asdict(result) | ends
+
+
 client = Client()
 sys.stdout.write(json.dumps("ready") + "\n")
 sys.stdout.flush()
@@ -68,6 +93,7 @@ for line in sys.stdin:
     try:
         answer = {"answer": getattr(client, name)(*arguments)}
     except VsnbenchError as error:
-        answer = {"error": type(error).__name__, "message": str(error)}
+        reason = EndReason.SENSOR_LOST if isinstance(error, SensorLostError) else EndReason.MOTION_FAILED
+        answer = {"error": type(error).__name__, "message": str(error), "code": error.code, "end_reason": reason.value}
     sys.stdout.write(json.dumps(answer, default=str) + "\n")
     sys.stdout.flush()

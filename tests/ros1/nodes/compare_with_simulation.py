@@ -6,8 +6,8 @@ import sys
 import numpy as np
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import load_site
 from vsnbench.robots.registry import open_robot
+from vsnbench.sites.site import load_site
 
 robot, number = sys.argv[1], int(sys.argv[2])
 site, parameters = load_site("apartment"), ProtocolParameters()

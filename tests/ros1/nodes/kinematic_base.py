@@ -1,12 +1,15 @@
 """A base that follows its commands exactly, publishes odometry, and misbehaves when it is told to.
 
-Parameters: ~rate_hz of odometry, ~lag_s from command to motion, ~heading_deg at start, ~command_timeout_s. The topic
+Parameters: ~rate_hz of odometry, ~lag_s from command to motion, ~heading_deg at start, ~command_timeout_s,
+~noise_deg and ~noise_m of the odometry, at rest as well. The topic
 /base/fault takes a word: `silent`, `nan`, `jump`, `stuck`, `slip` (odometry says half), `bumper`, `cliff`, `drop`,
-`raise` (the wheels carry again), `release` (the bumper), `good` (back to normal). /base/truth says where it really is.
+`raise` (the wheels carry again), `release` (the bumper), `good` (back to normal). /base/truth says where it really is;
+its z is the commanded speed, and its w the true one. Like a Kobuki, it reports the state of its hazard sensors too.
 Asked to reset its odometry, it zeroes position and heading 30 ms later, as kobuki_driver does.
 """
 
 import math
+import random
 import threading
 import time
 from collections import deque
@@ -16,13 +19,16 @@ from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Empty, String
 
-from vsnbench.protocol.pose import Pose
+from vsnbench.ros1.battery import SensorState
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
+from vsnbench.values.pose import Pose
 
 rospy.init_node("kinematic_base")
 rate_hz = float(rospy.get_param("~rate_hz", 50))
 lag_s = float(rospy.get_param("~lag_s", 0))
 timeout_s = float(rospy.get_param("~command_timeout_s", 0.6))
+noise_rad, noise_m = math.radians(float(rospy.get_param("~noise_deg", 0))), float(rospy.get_param("~noise_m", 0))
+rng = random.Random(3)
 pose = Pose.from_degrees(0, 0, float(rospy.get_param("~heading_deg", 0)))
 offset_m = 0.0
 zero = Pose(0, 0, 0)
@@ -36,6 +42,16 @@ truth = rospy.Publisher("/base/truth", PoseStamped, queue_size=10, tcp_nodelay=T
 bumper = rospy.Publisher("/mobile_base/events/bumper", BumperEvent, queue_size=10)
 cliff = rospy.Publisher("/mobile_base/events/cliff", CliffEvent, queue_size=10)
 drop = rospy.Publisher("/mobile_base/events/wheel_drop", WheelDropEvent, queue_size=10)
+core = rospy.Publisher("/mobile_base/sensors/core", SensorState, queue_size=1)
+state = {"bumper": 0, "cliff": 0, "wheel_drop": 0}
+STATES = {
+    "bumper": ("bumper", 2),
+    "release": ("bumper", 0),
+    "cliff": ("cliff", 4),
+    "floor": ("cliff", 0),
+    "drop": ("wheel_drop", 2),
+    "raise": ("wheel_drop", 0),
+}
 EVENTS = {
     "bumper": lambda: bumper.publish(BumperEvent(BumperEvent.CENTER, BumperEvent.PRESSED)),
     "release": lambda: bumper.publish(BumperEvent(BumperEvent.CENTER, BumperEvent.RELEASED)),
@@ -51,6 +67,7 @@ def on_fault(message: String) -> None:
     with lock:
         if message.data in EVENTS:
             EVENTS[message.data]()
+            state.update([STATES[message.data]])
         elif message.data == "jump":
             offset_m += 1.5
         else:
@@ -95,6 +112,7 @@ while not rospy.is_shutdown():
         where = PoseStamped()
         where.header.stamp = stamp
         where.pose.position.x, where.pose.position.y = pose.position
+        where.pose.position.z = abs(current.linear.x) + abs(current.angular.z)
         where.pose.orientation.z, where.pose.orientation.w = pose.heading_rad, abs(linear) + abs(angular)
         truth.publish(where)
         if now >= reset_due:
@@ -104,9 +122,15 @@ while not rospy.is_shutdown():
         next_odometry = max(next_odometry + 1 / rate_hz, now)
         message = Odometry()
         message.header.stamp = stamp
-        counted = pose.relative_to(zero)
+        exact = pose.relative_to(zero)
+        counted = Pose(
+            exact.x_m + rng.gauss(0, noise_m),
+            exact.y_m + rng.gauss(0, noise_m),
+            exact.heading_rad + rng.gauss(0, noise_rad),
+        )
         message.pose.pose.position.x = math.nan if fault == "nan" else counted.x_m + offset_m
         message.pose.pose.position.y = counted.y_m
         message.pose.pose.orientation.z = math.sin(counted.heading_rad / 2)
         message.pose.pose.orientation.w = math.cos(counted.heading_rad / 2)
         odometry.publish(message)
+        core.publish(SensorState(battery=160, **state))

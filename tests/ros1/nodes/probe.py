@@ -20,7 +20,8 @@ publishers: dict = {}
 def on_truth(message: PoseStamped) -> None:
     pose = message.pose
     with lock:
-        truth.append((time.monotonic(), pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w))
+        speeds = {"speed": pose.orientation.w, "commanded": pose.position.z}
+        truth.append((time.monotonic(), pose.position.x, pose.position.y, pose.orientation.z, speeds))
 
 
 def on_word(topic: str, message: String) -> None:
@@ -50,14 +51,14 @@ def last_truth() -> dict:
     give_up = time.monotonic() + 20
     while not truth and time.monotonic() < give_up:
         time.sleep(0.01)
-    _, x, y, heading, speed = truth[-1]
-    return {"x_m": x, "y_m": y, "heading_deg": math.degrees(heading), "speed": speed}
+    _, x, y, heading, speeds = truth[-1]
+    return {"x_m": x, "y_m": y, "heading_deg": math.degrees(heading), **speeds}
 
 
-def stopped_since(since: float) -> float | None:
-    """When the speed became zero and stayed so, for half a second until now."""
+def stopped_since(since: float, name: str = "speed") -> float | None:
+    """When the true or the commanded speed became zero and stayed so, for half a second until now."""
     with lock:
-        later = [(at, speed) for at, *_, speed in truth if at >= since]
+        later = [(at, speeds[name]) for at, *_, speeds in truth if at >= since]
     rest = None
     for at, speed in later:
         rest = None if speed else (rest or at)

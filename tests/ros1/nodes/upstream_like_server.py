@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
-from vsnbench.sensing.odometry import heading_of_quaternion
+from vsnbench.sensing.odometry.odometry import heading_of_quaternion
 
 rospy.init_node("discrete_move")
 here = None

@@ -125,6 +125,7 @@ commands = DataReader(participant, Topic(participant, "rt/cmd_vel", twist_kind),
 assert "rclpy" not in sys.modules
 sys.stdout.write("up\n")
 sys.stdout.flush()
+rng = np.random.default_rng(0)
 x_m = y_m = heading_rad = linear = angular = 0.0
 last = odometry_due = camera_due = time.monotonic()
 while True:
@@ -143,4 +144,4 @@ while True:
     if now >= camera_due:
         camera_due = now + 1 / 15
         color(image(np.full((48, 64, 3), 90, np.uint8), "rgb8", time.time()))
-        depth(image(np.full((48, 64), 2000, np.uint16), "16UC1", time.time()))
+        depth(image(rng.integers(1999, 2002, (48, 64), np.uint16), "16UC1", time.time()))

@@ -11,8 +11,8 @@ from vsnbench.ros2.installation import require_ros2
 require_ros2()
 from nav_msgs.msg import Odometry
 
-from vsnbench.ros2.messages import planar
 from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
+from vsnbench.ros_common.messages import planar
 
 SETTLED_S = 0.5
 

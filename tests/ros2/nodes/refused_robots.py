@@ -9,8 +9,8 @@ import time
 
 import numpy as np
 
-from vsnbench.protocol.pose import Pose
 from vsnbench.ros2.installation import require_ros2
+from vsnbench.values.pose import Pose
 
 require_ros2()
 from geometry_msgs.msg import Twist, TwistStamped

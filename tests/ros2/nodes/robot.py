@@ -1,20 +1,24 @@
-"""A base and a camera over ROS 2 that do what lines on stdin tell them to; says on stdout when it moves or stands.
+"""A base and a camera over ROS 2 that do what lines on stdin tell them to.
+
+It writes when it `moves` or `stands`, and when it is `commanded` to move or to zero (`zeroed`), with the time.
 
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`.
-Either: `good`. Argument: `--stamped` listens to TwistStamped.
+Either: `good`; `where` says where the base truly is. Arguments: `--stamped` listens to TwistStamped, `--noise DEG M` is
+white noise of the odometry, at rest as well.
 """
 
 import argparse
 import math
 import queue
+import random
 import sys
 import threading
 import time
 
 import numpy as np
 
-from vsnbench.protocol.pose import Pose
 from vsnbench.ros2.installation import require_ros2
+from vsnbench.values.pose import Pose
 
 require_ros2()
 from geometry_msgs.msg import Twist, TwistStamped
@@ -28,6 +32,7 @@ from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
 
 options = argparse.ArgumentParser()
 options.add_argument("--stamped", action="store_true")
+options.add_argument("--noise", nargs=2, type=float, default=(0.0, 0.0))
 chosen = options.parse_args()
 node = Ros2Node("test_robot")
 make = node.rclpy
@@ -43,10 +48,13 @@ kind = TwistStamped if chosen.stamped else Twist
 make.create_subscription(kind, "cmd_vel", lambda message: heard.put(twist_of(message)), SENSOR_DATA)
 threading.Thread(target=lambda: [told.put(line.split()) for line in sys.stdin], daemon=True).start()
 
+noise_rad, noise_m, draws = math.radians(chosen.noise[0]), chosen.noise[1], random.Random(3)
 sys.stdout.write("up\n")
 sys.stdout.flush()
 pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
-current, heard_s, moved = Twist(), -math.inf, False
+rng = np.random.default_rng(0)
+current, heard_s, moved, commanded = Twist(), -math.inf, False, False
+pressed, cliffs = False, ()
 last = odometry_due = camera_due = time.monotonic()
 while True:
     time.sleep(0.005)
@@ -54,18 +62,28 @@ while True:
     while not told.empty():
         word, *rest = told.get()
         if word in ("bumper", "release"):
-            bumper.publish(Bool(data=word == "bumper"))
-            hazards.publish(hazard_vector())
+            pressed = word == "bumper"
+            cliffs = () if word == "release" else cliffs
+            bumper.publish(Bool(data=pressed))
+            hazards.publish(hazard_vector(*cliffs))
         elif word == "cliff":
-            hazards.publish(hazard_vector((2, "cliff_front_left")))
+            cliffs = ((2, "cliff_front_left"),)
+            hazards.publish(hazard_vector(*cliffs))
         elif word == "jump":
             offset_m += 1.5
+        elif word == "where":
+            sys.stdout.write(f"at {pose.x_m} {pose.y_m} {pose.heading_deg}\n")
+            sys.stdout.flush()
         elif word == "timeout":
             timeout_s = float(rest[0])
         else:
             fault = word
     while not heard.empty():
         current, heard_s = heard.get(), now
+        if (asked := bool(current.linear.x or current.angular.z)) != commanded:
+            commanded = asked
+            sys.stdout.write(f"{'commanded' if asked else 'zeroed'} {now}\n")
+            sys.stdout.flush()
     drives = now - heard_s < timeout_s and fault != "stuck"
     linear, angular = (current.linear.x, current.angular.z) if drives else (0.0, 0.0)
     if (moving := bool(linear or angular)) != moved:
@@ -82,14 +100,17 @@ while True:
     stamp_s = time.time()
     if now >= odometry_due and fault != "silent":
         odometry_due = max(odometry_due + 0.02, now)
-        message = odometry_message(Pose(pose.x_m + offset_m, pose.y_m, pose.heading_rad), stamp_s, "odom")
+        x_m, y_m = pose.x_m + offset_m + draws.gauss(0, noise_m), pose.y_m + draws.gauss(0, noise_m)
+        message = odometry_message(Pose(x_m, y_m, pose.heading_rad + draws.gauss(0, noise_rad)), stamp_s, "odom")
         if fault == "nan":
             message.pose.pose.position.x = math.nan
         odometry.publish(message)
         dock.publish(DockStatus(data=False))
+        bumper.publish(Bool(data=pressed))  # a base of ROS 2 publishes the state of its sensors all the time
+        hazards.publish(hazard_vector(*cliffs))
     if now >= camera_due and fault != "blind":
         camera_due = max(camera_due + 1 / 30, now)
         taken_s = stamp_s - 3600 if fault == "past" else stamp_s
         size = (24, 32) if fault == "small" else (48, 64)
         color.publish(image_message(np.full((*size, 3), 90, np.uint8), "rgb8", taken_s))
-        depth.publish(image_message(np.full(size, 2000, np.uint16), "16UC1", taken_s))
+        depth.publish(image_message(rng.integers(1999, 2002, size, np.uint16), "16UC1", taken_s))

@@ -1,4 +1,4 @@
-"""Chooses what runs the network: device, runtime, precision, threads; and uses nothing before it agreed with eager."""
+"""Chooses device, runtime, precision and threads of the network. Compares every engine with eager PyTorch first."""
 
 import importlib.util
 import logging
@@ -14,7 +14,8 @@ import numpy.typing as npt
 import torch
 
 from vsnbench.errors import ModelError, UsageError
-from vsnbench.machine_cache import found_array, kept_array, key_of
+from vsnbench.files.disk_cache import cached_array, found_array, key_of
+from vsnbench.models.checkpoints.torch_runtime import available_device, gpu_name
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import (
     GPU_TOLERANCE,
@@ -28,17 +29,16 @@ from vsnbench.models.pirlnav.engine import (
 from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
 from vsnbench.models.pirlnav.torch_engine import TorchEngine
-from vsnbench.models.torch_runtime import available_device, gpu_name
 
 logger = logging.getLogger(__name__)
 
-_MOST_THREADS = 8
-"""One image at a time gains nothing from more."""
+_MAX_THREADS = 8
+"""A single image gains nothing from more threads."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenEngine:
-    """The engine, and how it came out against the reference."""
+    """The engine, and its comparison with the reference."""
 
     engine: Engine
     runtime: Runtime
@@ -49,19 +49,19 @@ class ChosenEngine:
     agreement: Agreement | None
     """None for the reference itself."""
     refused: str = ""
-    """Why something faster is not used."""
+    """Reason why a faster engine is not used."""
 
 
 def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ChosenEngine:
     """Build the fastest engine that the settings and the machine allow, and compare it with PyTorch on the CPU.
 
-    An engine that disagrees is not used: a warning says by how much, and the reference takes its place. With the device
-    `auto` a GPU is used where a step takes less time on it, which a small network's does not: launching its hundreds of
-    kernels one after another takes longer than the CPU needs for all of it.
+    If an engine disagrees, the reference is used with a warning. With the device `auto`, a GPU is used only if its
+    steps are faster. For a small network they are not: launching its hundreds of kernels takes longer than the whole
+    step on the CPU.
 
     Raises:
-        UsageError: there is no such kind of device, or the settings contradict each other.
-        ModelError: the machine has no such device, or lacks the runtime that the settings name.
+        UsageError: the device is unknown, or the settings contradict each other.
+        ModelError: the machine lacks the device, or the runtime in the settings.
     """
     best = available_device(device)
     half = settings.precision is Precision.HALF
@@ -79,17 +79,17 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
 
 
 def _on_the_faster(gpu: str, checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
-    """Return the CPU's engine or the GPU's: measured once a machine; the GPU's where the answer cannot be kept."""
+    """Return the faster engine, measured once per machine; the GPU's if the result cannot be cached."""
     key = key_of(
         checkpoint.sha256, _processor(), threads, settings.runtime.value, torch.__version__, gpu, gpu_name(gpu)
     )
     place = ("devices", key, np.float64, (2,))
     if found_array(*place) is None:
         engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, half=False).engine)
-        kept_array(*place, lambda: _step_times_s(engines, checkpoint))
+        cached_array(*place, lambda: _step_times_s(engines, checkpoint))
     times_s = found_array(*place)
     if times_s is not None and times_s[0] <= times_s[1]:
-        logger.info("the CPU is the faster one for this network, so the GPU is not used")
+        logger.info("the CPU is faster for this network, so the GPU is not used")
         return _on_cpu(checkpoint, settings, threads)
     return _on_gpu(gpu, checkpoint, half=False)
 
@@ -124,38 +124,37 @@ def _on_cpu(checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> 
     if not agreement.holds:
         return _reference_only(reference, _disagreement(candidate, agreement))
     if settings.runtime is Runtime.AUTO and _is_slower(candidate, reference, checkpoint, threads):
-        logger.info("PyTorch is the faster one on this machine, so onnxruntime is not used")
+        logger.info("PyTorch is faster on this machine, so onnxruntime is not used")
         return _reference_only(reference)
     return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, agreement)
 
 
 def _is_slower(candidate: Engine, reference: Engine, checkpoint: Checkpoint, threads: int) -> bool:
-    """Return whether the reference takes a step in less time here: measured once a machine, and then kept to.
+    """Return whether the reference is faster, measured once per machine; False if the result cannot be cached.
 
-    Every process of this machine answers the same, since the last bits of logits are an engine's own. Where the answer
-    cannot be kept, it is no.
+    All processes of a machine must use the same engine, because the last bits of logits differ between engines.
     """
     key = key_of(checkpoint.sha256, _processor(), threads, reference.label, candidate.label)
     place = ("engines", key, np.float64, (2,))
-    kept_array(*place, lambda: _step_times_s((reference, candidate), checkpoint))
+    cached_array(*place, lambda: _step_times_s((reference, candidate), checkpoint))
     times_s = found_array(*place)
     return times_s is not None and bool(times_s[0] < times_s[1])
 
 
 def _step_times_s(engines: Sequence[Engine], checkpoint: Checkpoint) -> npt.NDArray[np.float64]:
-    """Return the shortest time of a step of each engine, taken by turns."""
+    """Return the shortest duration of a step of each engine, measured alternately."""
     steps = synthetic_steps(checkpoint.architecture)
     best_s = np.full(len(engines), np.inf)
     for step in steps[:1] * 2 + steps:
         for number, engine in enumerate(engines):
-            began_s = time.perf_counter()
+            start_s = time.perf_counter()
             engine.step(step)
-            best_s[number] = min(best_s[number], time.perf_counter() - began_s)
+            best_s[number] = min(best_s[number], time.perf_counter() - start_s)
     return best_s
 
 
 def _processor() -> str:
-    """Return what the processor calls itself."""
+    """Return a description of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -165,7 +164,7 @@ def _processor() -> str:
 
 
 def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | str:
-    """Return the onnxruntime engine, or why there is none; a spoilt file in the cache is exported anew, once."""
+    """Return the onnxruntime engine, or the reason why it cannot be used. A damaged cache file is exported again."""
     from vsnbench.models.pirlnav.onnx_engine import OnnxEngine, exported_graph
 
     problem = ""
@@ -196,13 +195,13 @@ def _disagreement(candidate: Engine, agreement: Agreement) -> str:
     )
 
 
-def limit_threads(wanted: int | None) -> int:
-    """Set how many threads PyTorch computes with, and return that number for other runtimes.
+def limit_threads(requested: int | None) -> int:
+    """Set PyTorch's number of threads, and return it for other runtimes.
 
-    PyTorch's own default, which respects OMP_NUM_THREADS, is kept where it is small.
+    The default is PyTorch's, which respects OMP_NUM_THREADS, up to a limit.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = wanted or min(torch.get_num_threads(), cores, _MOST_THREADS)
+    threads = requested or min(torch.get_num_threads(), cores, _MAX_THREADS)
     if threads != torch.get_num_threads():
         torch.set_num_threads(threads)
     return threads

@@ -1,4 +1,4 @@
-"""How large a PIRLNav network is, read from the configuration that travels in its checkpoint."""
+"""The sizes of a PIRLNav network, from the configuration in its checkpoint."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -9,20 +9,20 @@ from vsnbench.errors import ModelError
 
 GPS_SIZE = 2
 COMPASS_SIZE = 2
-"""The compass enters as cosine and sine."""
+"""Cosine and sine of the compass."""
 EMBEDDING_SIZE = 32
 """Width of the embeddings of GPS, compass, goal and previous action."""
 ENCODER_STRIDE = 32
-"""How much the ResNet shrinks its image."""
+"""Factor by which the ResNet reduces the image size."""
 COMPRESSED_SIZE = 2048
-"""How many numbers the compression layer leaves, whatever the image size."""
+"""Number of outputs of the compression layer, for every image size."""
 
 _Planes = Annotated[int, Field(ge=2, le=256, multiple_of=2)]
 _Width = Annotated[int, Field(ge=1, le=16384)]
 
 
 class Architecture(BaseModel):
-    """The sizes from which the network is built; bounded, because they come from a file of unknown origin."""
+    """Sizes of the network, with limits because they come from a file of unknown origin."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
@@ -51,7 +51,7 @@ class Architecture(BaseModel):
 
     @property
     def recurrent_input_size(self) -> int:
-        """Width of what the GRU is told at each step."""
+        """Width of the GRU's input."""
         return self.visual_size + 4 * EMBEDDING_SIZE
 
     @property
@@ -74,7 +74,7 @@ _FIELDS: dict[str, tuple[str, ...]] = {
     "recurrent_type": ("STATE_ENCODER", "rnn_type"),
     "uses_previous_action": ("SEQ2SEQ", "use_prev_action"),
 }
-"""Our field -> where the authors' configuration keeps it, under POLICY."""
+"""Path of each field in the authors' configuration, under POLICY."""
 
 
 def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, critic: bool, origin: str) -> Architecture:
@@ -82,13 +82,13 @@ def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, crit
 
     Args:
         config: the configuration as plain mappings, as saved by the authors' training code.
-        actions: size of the action head, which the configuration does not say.
-        goals: number of goal categories, which it does not say either.
-        critic: whether the checkpoint holds a critic.
+        actions: size of the action head, which is not in the configuration.
+        goals: number of goal categories, which is not in the configuration.
+        critic: whether the checkpoint has a critic.
         origin: names the file in errors.
 
     Raises:
-        ModelError: the configuration lacks a size or has one this network cannot take.
+        ModelError: the configuration lacks a size or has an unsupported one.
     """
     found: dict[str, Any] = {}
     for field, path in _FIELDS.items():
@@ -106,5 +106,5 @@ def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, crit
         field = str(first["loc"][0])
         name = "POLICY." + ".".join(_FIELDS[field]) if field in _FIELDS else field
         raise ModelError(
-            f"{origin}: {name} is {first['input']!r}, which this network cannot be built with: {first['msg']}"
+            f"{origin}: {name} is {first['input']!r}, which this network does not support: {first['msg']}"
         ) from error

@@ -1,9 +1,9 @@
-"""Checks a PIRLNav checkpoint: what is in it, whether the chosen engine agrees with eager, and how fast both are."""
+"""Checks a PIRLNav checkpoint: its contents, and agreement and speed of the chosen engine."""
 
 import statistics
 import time
 
-from vsnbench.models.description import ModelCheck, Timing
+from vsnbench.models.contract import ModelCheck, Timing
 from vsnbench.models.pirlnav.acceleration import choose_engine
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import Engine, synthetic_steps
@@ -16,11 +16,11 @@ _TIMED_S = 3.0
 
 
 def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str) -> ModelCheck:
-    """Check a checkpoint that was read.
+    """Check a checkpoint.
 
     Raises:
-        UsageError: device or settings do not fit.
-        ModelError: the machine has no such device or runtime.
+        UsageError: the device is unknown, or the settings contradict each other.
+        ModelError: the machine lacks the device or the runtime.
     """
     chosen = choose_engine(checkpoint, settings, device)
     sizes = checkpoint.architecture
@@ -63,7 +63,7 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
 
 
 def time_steps(engine: Engine, checkpoint: Checkpoint) -> Timing:
-    """Time single steps of an engine, one after the other, after a few to warm up; for a few seconds at most."""
+    """Time single steps of an engine after a warm-up, for a few seconds at most."""
     steps = synthetic_steps(checkpoint.architecture)
     for step in steps:
         engine.step(step)
@@ -71,7 +71,7 @@ def time_steps(engine: Engine, checkpoint: Checkpoint) -> Timing:
     for index in range(_TIMED_STEPS):
         if sum(durations_ms) > _TIMED_S * 1e3:
             break
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         engine.step(steps[index % len(steps)])
-        durations_ms.append((time.perf_counter() - begun) * 1e3)
+        durations_ms.append((time.perf_counter() - start_s) * 1e3)
     return Timing(engine.label, statistics.median(durations_ms), len(durations_ms))

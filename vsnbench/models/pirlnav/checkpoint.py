@@ -1,4 +1,4 @@
-"""Reads a PIRLNav checkpoint of the authors' layout: configuration, training step, and weights checked one by one."""
+"""Reads a PIRLNav checkpoint of the authors' layout: configuration, training step and checked weights."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vsnbench.errors import ModelError
+from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
+from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.architecture import Architecture, architecture_of
-from vsnbench.models.safe_checkpoint import load_checkpoint
-from vsnbench.models.weights import file_sha256
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CONFIG_CLASSES: Final = frozenset({"habitat.config.default.Config", "yacs.config.CfgNode"})
 """The classes of the pickled configuration; both are dictionaries."""
 DEMONSTRATION_TRAINER: Final = "vsnbench-demonstrations"
-"""What our own training writes as the trainer's name."""
+"""Name of the trainer in checkpoints of `training/`."""
 _PREFIXES = ("actor_critic.", "model.", "")
 _LANDMARK = "net.visual_encoder.backbone.conv1.weight"
 _ACTION_HEAD = "action_distribution.linear.weight"
@@ -28,7 +28,7 @@ _STATISTICS = "running_mean_and_var."
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """What a checkpoint holds, ready for `build_network`."""
+    """Contents of a checkpoint, ready for `build_network`."""
 
     path: Path
     sha256: str
@@ -36,24 +36,24 @@ class Checkpoint:
     weights: "Mapping[str, Tensor]"
     """float32, named as in `expected_shapes`."""
     prefix: str
-    """What stood before every name in the file."""
+    """Prefix of every name in the file."""
     trainer: str
     training_step: int | None
-    """Environment steps of training; None where the file does not say."""
+    """Environment steps of training; None if unknown."""
 
     @property
     def parameter_count(self) -> int:
-        """Trained numbers, the normalisation's statistics not counted."""
+        """Number of trained parameters, without the statistics of the normalisation."""
         return sum(weight.numel() for name, weight in self.weights.items() if _STATISTICS not in name)
 
     @property
     def fine_tuned(self) -> bool:
-        """Whether reinforcement learning came after imitation: only then is there a critic."""
+        """Whether reinforcement learning followed imitation learning: only then is there a critic."""
         return self.architecture.critic
 
     @property
     def demonstration(self) -> bool:
-        """Whether it was trained by us, in simulated apartments: not the published model."""
+        """Whether it is the demonstration model of vsnbench, trained in simulated apartments."""
         return self.trainer == DEMONSTRATION_TRAINER
 
 
@@ -65,7 +65,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
     """
     content = load_checkpoint(path, CONFIG_CLASSES)
     if not isinstance(content, Mapping):
-        raise ModelError(f"{path}: not a PIRLNav checkpoint: it holds a {type(content).__name__}, no state_dict")
+        raise ModelError(
+            f"{path}: not a PIRLNav checkpoint: it contains a {type(content).__name__} instead of a state_dict"
+        )
     state = content.get("state_dict")
     if not isinstance(state, Mapping):
         what = "VLV weights" if "model_state_dict" in content else "not a PIRLNav checkpoint: it has no state_dict"
@@ -73,12 +75,12 @@ def read_checkpoint(path: Path) -> Checkpoint:
     config = content.get("config")
     if not isinstance(config, Mapping):
         raise ModelError(
-            f"{path}: it holds no configuration, so the network's sizes are not known",
-            advice="take the file as its authors published it",
+            f"{path}: it has no configuration, so the network's sizes are unknown",
+            advice="use the file as its authors published it",
         )
     prefix = next((prefix for prefix in _PREFIXES if prefix + _LANDMARK in state), None)
     if prefix is None:
-        raise ModelError(f"{path}: not PIRLNav weights: there is no {_LANDMARK} among its {len(state)} keys")
+        raise ModelError(f"{path}: not PIRLNav weights: {_LANDMARK} is missing among its {len(state)} keys")
     named = {str(key).removeprefix(prefix): tensor for key, tensor in state.items()}
     weights, architecture = _fitting(named, config, str(path))
     extra = content.get("extra_state")
@@ -102,7 +104,7 @@ def _fitting(named: dict[str, Any], config: Mapping[str, Any], origin: str) -> "
 
     broken = next((name for name, weight in named.items() if not isinstance(weight, torch.Tensor)), None)
     if broken is not None:
-        raise ModelError(f"{origin}: {broken} is no tensor")
+        raise ModelError(f"{origin}: {broken} is not a tensor")
     critic = named.keys() >= _LINEAR_CRITIC
     if not critic:  # another kind of critic: no decision depends on it
         named = {name: weight for name, weight in named.items() if not name.startswith(_CRITIC)}
@@ -118,16 +120,16 @@ def _fitting(named: dict[str, Any], config: Mapping[str, Any], origin: str) -> "
     for name, shape in shapes.items():
         if tuple(named[name].shape) != shape:
             raise ModelError(
-                f"{origin}: {name} has shape {tuple(named[name].shape)}, its configuration asks for {shape}"
+                f"{origin}: {name} has shape {tuple(named[name].shape)}, its configuration requires {shape}"
             )
     weights = {name: named[name].to(torch.float32).contiguous() for name in shapes}
-    spoilt = next((name for name, weight in weights.items() if not bool(torch.isfinite(weight).all())), None)
-    if spoilt is not None:
-        raise ModelError(f"{origin}: {spoilt} holds NaN or infinite numbers; the file is spoilt")
+    invalid = next((name for name, weight in weights.items() if not bool(torch.isfinite(weight).all())), None)
+    if invalid is not None:
+        raise ModelError(f"{origin}: {invalid} contains NaN or infinite numbers; the file is damaged")
     return weights, architecture
 
 
 def _rows(named: dict[str, Any], name: str) -> int:
-    """Return the first dimension of a weight; 1 where it is missing, which is reported later by name."""
+    """Return the first dimension of a weight; 1 if it is missing, which is reported later."""
     weight = named.get(name)
     return int(weight.shape[0]) if weight is not None and weight.ndim else 1

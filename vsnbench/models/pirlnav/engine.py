@@ -1,7 +1,7 @@
-"""What runs the network one step at a time, and how two engines are compared."""
+"""Interface of engines that run the network step by step, and comparison of two engines."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -9,16 +9,16 @@ import numpy.typing as npt
 from vsnbench.models.pirlnav.architecture import Architecture
 
 SINGLE_TOLERANCE = 1e-4
-"""Largest difference of logits between float32 engines, relative to the largest logit where that is over 1."""
+"""Largest difference of logits between float32 engines, relative to the largest logit if that is over 1."""
 GPU_TOLERANCE = 1e-3
-"""The same on a GPU, which sums in another order."""
+"""The same for a GPU, which sums in another order."""
 HALF_TOLERANCE = 5e-2
-"""The same where the encoder runs in half precision."""
+"""The same for an encoder in half precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepInput:
-    """What the network is told at one step."""
+    """Input of the network at one step."""
 
     image: npt.NDArray[np.float32]
     """(S, S, 3) in [0, 1]."""
@@ -26,51 +26,51 @@ class StepInput:
     compass_rad: float
     goal: int
     previous_action: int
-    """Index of the action chosen last; without meaning at the first step of an episode."""
+    """Index of the previous action; ignored at the first step of an episode."""
     begins: bool
-    """Whether this is the first step of an episode: memory and previous action are masked."""
+    """Whether this is the first step of an episode, which masks memory and previous action."""
 
     @property
     def previous_index(self) -> int:
-        """Row of the previous action's embedding; row 0 stands for none."""
+        """Row of the previous action's embedding; 0 for no previous action."""
         return 0 if self.begins else self.previous_action + 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepOutput:
-    """What the network answers."""
+    """Output of the network."""
 
     logits: npt.NDArray[np.float32]
     """(actions,)."""
     value: float
-    """The critic's expectation of reward; NaN without a critic."""
+    """Expected reward according to the critic; NaN without a critic."""
 
 
-class Engine(Protocol):
-    """Runs the network; keeps the memory of the episode."""
+class Engine(ABC):
+    """Runs the network and keeps the memory of the episode."""
 
     label: str
-    """E.g. `onnxruntime on cpu, 4 threads`."""
+    """For example `onnxruntime on cpu, 4 threads`."""
 
+    @abstractmethod
     def step(self, step: StepInput) -> StepOutput:
-        """Take one step; a step that begins an episode forgets the last one."""
-        ...
+        """Run one step. The first step of an episode clears the memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How far an engine is from the reference."""
+    """Difference between an engine and the reference."""
 
     steps: int
     largest_difference: float
-    """Of any logit at any step."""
+    """Largest difference of a logit at any step."""
     tolerance: float
     different_actions: int
-    """Steps at which the greedy action differs although the reference prefers its own by more than the tolerance."""
+    """Steps whose greedy action differs although the reference prefers its own by more than the tolerance."""
 
     @property
     def holds(self) -> bool:
-        """Whether the engine may stand in for the reference."""
+        """Whether the engine can replace the reference."""
         return self.largest_difference <= self.tolerance and self.different_actions == 0
 
 
@@ -78,10 +78,10 @@ def compare(reference: Engine, candidate: Engine, architecture: Architecture, to
     """Run both engines over the same two short synthetic episodes.
 
     Args:
-        reference: the engine that is right by definition.
-        candidate: the one in question.
+        reference: the engine that is correct by definition.
+        candidate: the engine to be compared.
         architecture: the network's sizes.
-        tolerance: allowed difference of logits, relative to the largest logit where that is over 1.
+        tolerance: allowed difference of logits, relative to the largest logit if that is over 1.
     """
     largest, scale, different, previous = 0.0, 1.0, 0, 0
     steps = synthetic_steps(architecture)
@@ -100,16 +100,16 @@ def compare(reference: Engine, candidate: Engine, architecture: Architecture, to
 
 
 def synthetic_steps(architecture: Architecture, episodes: int = 2, steps: int = 3) -> list[StepInput]:
-    """Return made-up steps that look like driving: smooth images, plausible positions; always the same."""
+    """Return fixed synthetic steps that resemble driving: smooth images, plausible positions."""
     random = np.random.default_rng(20250)
     size = architecture.image_size_px
-    made = []
+    inputs = []
     for episode in range(episodes):
         for index in range(steps):
             coarse = random.random((8, 8, 3), np.float32)
             image = np.kron(coarse, np.ones((size // 8, size // 8, 1), np.float32))
             noise = random.random((size, size, 3), np.float32)
-            made.append(
+            inputs.append(
                 StepInput(
                     image=(0.9 * image + 0.1 * noise).astype(np.float32),
                     gps_m=(float(random.uniform(-4, 4)), float(random.uniform(-4, 4))),
@@ -119,4 +119,4 @@ def synthetic_steps(architecture: Architecture, episodes: int = 2, steps: int = 
                     begins=index == 0,
                 )
             )
-    return made
+    return inputs

@@ -1,21 +1,22 @@
-"""What the network is told about where it is: Habitat's episodic GPS and compass, from odometry.
+"""Habitat's episodic GPS and compass, from odometry.
 
-Habitat's GPS is (forward, RIGHT) in metres and its compass counter-clockwise in radians, both from the start of the
-episode. This is the one place where the sign of y is turned.
+Habitat's GPS is (forward, RIGHT) in metres and its compass counter-clockwise in radians, both relative to the start of
+the episode. Only this module inverts the sign of y.
 """
 
 import math
 from dataclasses import dataclass
 
 from vsnbench.models.pirlnav.settings import CompassSource, PIRLNavSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose, wrap_angle
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose, wrap_angle
 
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """One reading of both sensors; under `as_published` the second number is metres LEFT and the origin is not the
-    episode's start.
+    """A reading of both sensors.
+
+    With `as_published` the second number is metres LEFT, and the origin is not the start of the episode.
     """
 
     gps_m: tuple[float, float]
@@ -23,33 +24,33 @@ class Location:
 
 
 class Localiser:
-    """Turns start-relative odometry into GPS and compass."""
+    """Converts odometry relative to the start to GPS and compass."""
 
     def __init__(self, settings: PIRLNavSettings) -> None:
         self._settings = settings
         self._origin = Pose(0.0, 0.0)
-        """Start of the episode in the odometry frame that the published code never reset."""
+        """Start of the episode in the odometry frame, which the published code never reset."""
         self._last = Pose(0.0, 0.0)
         self._turned_deg = 0.0
 
     def reset(self) -> None:
-        """Begin an episode.
+        """Start an episode.
 
-        The published code read the base's odometry as it was. It goes on where it stood when the last episode ended,
-        because nobody counts the wheels' turns while the robot is carried to its next start.
+        The published code used the base's raw odometry, which continues from the end of the previous episode, because
+        the wheels do not turn while the robot is carried to its next start.
         """
         self._origin = self._origin.compose(self._last)
         self._last = Pose(0.0, 0.0)
         self._turned_deg = 0.0
 
     def read(self, pose: Pose) -> Location:
-        """Return what the sensors say at a pose relative to the episode's start."""
+        """Return the readings at a pose relative to the start of the episode."""
         self._last = pose
         if self._settings.as_published:
             pose = self._origin.compose(pose)
             gps = (pose.x_m, pose.y_m)
         else:
-            gps = (pose.x_m, 0.0 - pose.y_m)  # a minus alone would make -0.0 of 0.0
+            gps = (pose.x_m, 0.0 - pose.y_m)  # unary minus would give -0.0 for 0.0
         by_turns = self._settings.compass is CompassSource.TURNS
         return Location(gps, wrap_angle(math.radians(self._turned_deg) if by_turns else pose.heading_rad))
 

@@ -18,7 +18,7 @@ _VARIANCE_FLOOR = 1e-2
 
 
 class NetworkOutput(NamedTuple):
-    """What one step of the network gives; a tuple, because the ONNX exporter wants one."""
+    """Output of one step. A tuple, because the ONNX exporter needs one."""
 
     logits: Tensor
     """(1, actions)."""
@@ -57,7 +57,7 @@ class Bottleneck(nn.Module):
 
 
 class Backbone(nn.Module):
-    """ResNet-50 with group norm in place of batch norm; the groups are half the base planes in every layer."""
+    """ResNet-50 with group norm instead of batch norm. The groups are half the base planes in every layer."""
 
     def __init__(self, base_planes: int) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ class Backbone(nn.Module):
 
 
 class RunningMeanAndVar(nn.Module):
-    """Normalisation by the statistics gathered in training; the configuration's switch never turned it off."""
+    """Normalisation with the statistics of training. The configuration's switch had no effect."""
 
     _mean: Tensor
     _var: Tensor
@@ -97,7 +97,7 @@ class RunningMeanAndVar(nn.Module):
         self.register_buffer("_count", torch.zeros(()))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the normalised image, same shape; the variance has a floor."""
+        """Return the normalised image; the variance has a minimum."""
         return (x - self._mean) / torch.sqrt(torch.clamp(self._var, min=_VARIANCE_FLOOR))
 
 
@@ -130,7 +130,7 @@ class StateEncoder(nn.Module):
 
 
 class Net(nn.Module):
-    """Everything up to the memory: the encoders of what is sensed and told, and the GRU."""
+    """Encoders of all inputs, and the GRU."""
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
@@ -158,7 +158,7 @@ class _Linear(nn.Module):
 
 
 class PIRLNavNetwork(nn.Module):
-    """The whole network for one robot and one step at a time."""
+    """The network for one robot and single steps."""
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class PIRLNavNetwork(nn.Module):
     def forward(
         self, image: Tensor, gps: Tensor, compass: Tensor, goal: Tensor, previous: Tensor, mask: Tensor, hidden: Tensor
     ) -> NetworkOutput:
-        """Take one step.
+        """Run one step.
 
         Args:
             image: (1, S, S, 3) float in [0, 1].
@@ -184,7 +184,7 @@ class PIRLNavNetwork(nn.Module):
         net = self.net
         visual = net.visual_fc(net.visual_encoder(image)).to(hidden.dtype)
         direction = torch.cat([torch.cos(compass), torch.sin(compass)], dim=1)
-        told = torch.cat(
+        inputs = torch.cat(
             [
                 visual,
                 net.gps_embedding(gps),
@@ -194,7 +194,7 @@ class PIRLNavNetwork(nn.Module):
             ],
             dim=1,
         )
-        features, after = net.state_encoder.rnn(told[None], hidden * mask[None])
+        features, after = net.state_encoder.rnn(inputs[None], hidden * mask[None])
         features = features[0]
         logits = self.action_distribution(features)
         value = self.critic(features) if self.critic is not None else torch.full_like(mask, torch.nan)
@@ -202,25 +202,25 @@ class PIRLNavNetwork(nn.Module):
 
 
 class _Undrawn(TorchFunctionMode):
-    """Draws no first values of embeddings: of tensors without values that loads PyTorch's compiler, for 2.5 s."""
+    """Skips the random initialization of embeddings, which would load PyTorch's compiler for 2.5 s."""
 
     def __torch_function__(
         self, function: Callable[..., Any], _types: Any, arguments: Any = (), options: Mapping[str, Any] | None = None
     ) -> Any:
         named = options or {}
         if function is nn.init.normal_:
-            return [*arguments, *named.values()][0]  # the tensor that it would draw
+            return [*arguments, *named.values()][0]  # the tensor to initialize
         return function(*arguments, **named)
 
 
 def expected_shapes(architecture: Architecture) -> dict[str, tuple[int, ...]]:
-    """Return every weight of the network with its shape; allocates none of them."""
+    """Return the shape of every weight without allocating memory."""
     with torch.device("meta"), _Undrawn():
         return {name: tuple(weight.shape) for name, weight in PIRLNavNetwork(architecture).state_dict().items()}
 
 
 def build_network(architecture: Architecture, weights: dict[str, Tensor]) -> PIRLNavNetwork:
-    """Return the network in evaluation mode, on the CPU, holding `weights`, which fit `expected_shapes`."""
+    """Return the network in evaluation mode on the CPU, with weights that match `expected_shapes`."""
     with torch.device("meta"), _Undrawn():
         network = PIRLNavNetwork(architecture)
     network.load_state_dict(weights, assign=True)

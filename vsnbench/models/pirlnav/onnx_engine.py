@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from vsnbench.errors import ModelError
-from vsnbench.machine_cache import cache_directory
-from vsnbench.models.pirlnav.engine import StepInput, StepOutput
+from vsnbench.files.atomic import write_atomic
+from vsnbench.files.disk_cache import cache_directory
+from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
-from vsnbench.whole_files import write_whole
 
 logger = logging.getLogger(__name__)
 
 _EXPORT_FORMAT = 1
-"""Raised whenever the exported graph changes, so that no older cached file is used."""
+"""Increased whenever the exported graph changes, so that older cache files are not used."""
 _OPSET = 17
 _INPUTS = ("image", "gps", "compass", "goal", "previous", "mask", "hidden")
 _OUTPUTS = ("logits", "value", "hidden_after")
@@ -26,17 +26,13 @@ _OUTPUTS = ("logits", "value", "hidden_after")
 def exported_graph(network: PIRLNavNetwork, weights_sha256: str) -> Path:
     """Return the file with the network's ONNX graph, exporting it on first use.
 
-    Args:
-        network: the network, float32 on the CPU.
-        weights_sha256: hash of the checkpoint it was built from.
-
     Raises:
         ModelError: the cache cannot be written.
     """
     path = cache_directory() / "onnx" / f"pirlnav-{weights_sha256}-v{_EXPORT_FORMAT}.onnx"
     if not path.is_file():
         logger.info("exporting the network to %s", path)
-        write_whole(path, _export(network), ModelError)
+        write_atomic(path, _export(network), ModelError)
     return path
 
 
@@ -55,8 +51,8 @@ def _export(network: PIRLNavNetwork) -> bytes:
     )
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
-        # The tracing exporter writes GRU and group norm as onnxruntime likes them and needs no further package; it
-        # warns of its age, and of batches, which there are none of here.
+        # The tracing exporter writes GRU and group norm in a form that onnxruntime runs well, and needs no further
+        # package. Its warnings about deprecation and batches do not apply.
         warnings.simplefilter("ignore")
         torch.onnx.export(
             network,
@@ -70,7 +66,7 @@ def _export(network: PIRLNavNetwork) -> bytes:
     return buffer.getvalue()
 
 
-class OnnxEngine:
+class OnnxEngine(Engine):
     """An onnxruntime session with the memory of the episode."""
 
     def __init__(self, graph: Path, network: PIRLNavNetwork, threads: int) -> None:
@@ -85,22 +81,21 @@ class OnnxEngine:
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        # Threads that spin between two steps would take the processor from everything else that drives the robot.
+        # Threads that spin between steps would take processor time from the control of the robot.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
             self._session: Any = onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime's own exceptions share no public base but this
+        except Exception as error:  # onnxruntime's exceptions have no other public base
             raise ModelError(
                 f"onnxruntime cannot open {graph}: {str(error).partition(chr(10))[0][:160]}",
-                advice="`runtime: torch` in --model-config runs it without",
+                advice="set `runtime: torch` in --model-config",
             ) from error
         sizes = network.architecture
         self.label = f"onnxruntime {onnxruntime.__version__} on cpu, {threads} threads"
         self._hidden = np.zeros((sizes.recurrent_layers, 1, sizes.hidden_size), np.float32)
-        self._inputs = {node.name for node in self._session.get_inputs()}
 
     def step(self, step: StepInput) -> StepOutput:
-        """Take one step."""
+        """Run one step."""
         logits, value, self._hidden = self._session.run(
             None,
             {

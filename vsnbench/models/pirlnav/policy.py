@@ -14,19 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError, UsageError
-from vsnbench.models.contract import ModelCard
-from vsnbench.models.description import ModelCheck
+from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.checkpoints.weights import embedded_weights, find_weights
+from vsnbench.models.contract import ModelCard, ModelCheck, Policy
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
-from vsnbench.models.torch_runtime import require_torch
-from vsnbench.models.weights import embedded_weights, find_weights
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision, Diagnostics
-from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.settings_file import read_settings
+from vsnbench.settings.yaml_file import read_settings
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.observation import Observation, Sensor
 
 logger = logging.getLogger(__name__)
 
@@ -51,11 +50,12 @@ ACTIONS: Final = (
 """In the order of the network's logits; the camera of these robots cannot tilt (paper, Section 3.2.2)."""
 
 
-class PIRLNav:
-    """The paper's first model."""
+class PIRLNav(Policy):
+    """The first model of the paper."""
 
     known_goals: ClassVar = tuple(GOALS)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.ODOMETRY)
+    default_card: ClassVar = ModelCard("pirlnav", forward_m=0.25, turn_deg=30.0)
     weights_file: ClassVar = "pirlnav.ckpt"
     settings_class: ClassVar = PIRLNavSettings
 
@@ -68,17 +68,16 @@ class PIRLNav:
         device: str = "auto",
         runtime: str | None = None,
     ) -> None:
-        """Load a checkpoint and make the network ready.
+        """Load a checkpoint and prepare the network.
 
         Args:
-            weights: the checkpoint, or `embedded`; None looks for `$VSNBENCH_WEIGHTS/pirlnav.ckpt`, and lets the
-                embedded weights stand in where there is none.
-            model_config: a YAML file of `PIRLNavSettings`, or the settings themselves.
+            weights: checkpoint, or `embedded`; None for `$VSNBENCH_WEIGHTS/pirlnav.ckpt`, or else the embedded weights.
+            model_config: YAML file of `PIRLNavSettings`, or the settings.
             device: auto, cpu, cuda or mps.
-            runtime: in place of the settings' own; so that workers on other machines run what the first one does.
+            runtime: replaces that of the settings, so that workers on other machines use the same runtime.
 
         Raises:
-            UsageError: a setting is unknown or does not fit.
+            UsageError: a setting is invalid.
             ModelError: PyTorch, the weights or the device are missing, or the weights cannot be used.
         """
         require_torch()
@@ -109,6 +108,8 @@ class PIRLNav:
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
+            forward_m=self.default_card.forward_m,
+            turn_deg=self.default_card.turn_deg,
             runs_on={
                 "device": self.chosen.device,
                 "runtime": self.chosen.runtime.value,
@@ -124,10 +125,10 @@ class PIRLNav:
         model_config: str | Path | PIRLNavSettings | None = None,
         device: str = "auto",
     ) -> ModelCheck:
-        """Say what is in a checkpoint, and compare and time what would run it; arguments and errors as for the class.
+        """Inspect a checkpoint, and compare and time its engine. Arguments as for the class.
 
         Raises:
-            UsageError: a setting is unknown or does not fit.
+            UsageError: a setting is invalid.
             ModelError: the weights cannot be used.
         """
         require_torch()
@@ -151,13 +152,13 @@ class PIRLNav:
     def act(self, observation: Observation) -> Decision:
         """Return the next action.
 
-        The network is told next time what it chose now, whether or not the robot could carry it out.
+        The chosen action is the network's previous action in the next step, even if the robot could not execute it.
 
         Raises:
-            ModelError: no episode was begun, or the network's answer is not finite.
+            ModelError: no episode has started, or the network's output is not finite.
         """
         if self._goal is None:
-            raise ModelError("pirlnav was asked to act before an episode began", advice="call reset first")
+            raise ModelError("pirlnav: act was called before reset", advice="call reset first")
         image = preprocess(observation.rgb, self._image_size_px)
         if self._as_published:
             image = augment(image, self._random)
@@ -190,11 +191,11 @@ class PIRLNav:
     def _choose(self, probabilities: npt.NDArray[np.float64]) -> int:
         if not self._sampled:
             return int(probabilities.argmax())
-        drawn = int(np.searchsorted(np.cumsum(probabilities), self._random.random(), side="right"))
-        return min(drawn, len(ACTIONS) - 1)
+        sampled = int(np.searchsorted(np.cumsum(probabilities), self._random.random(), side="right"))
+        return min(sampled, len(ACTIONS) - 1)
 
     def _record_of(self, settings: PIRLNavSettings, checkpoint: Checkpoint) -> dict[str, Any]:
-        """Return the settings that results depend on, as used: every `auto` resolved."""
+        """Return the settings that results depend on, with every `auto` resolved."""
         return settings.model_dump(mode="json", exclude={"runtime", "threads"}) | {
             "decision": (Choice.SAMPLED if self._sampled else Choice.GREEDY).value,
             "precision": self.chosen.precision.value,
@@ -218,13 +219,13 @@ def _checkpoint_at(weights: str | Path | None) -> Checkpoint:
     if sizes.actions != len(ACTIONS) or sizes.goals != len(GOALS):
         raise ModelError(
             f"{path}: trained for {sizes.actions} actions and {sizes.goals} goals; only PIRLNav's {len(ACTIONS)} "
-            f"actions and HM3D's {len(GOALS)} goals are known here"
+            f"actions and HM3D's {len(GOALS)} goals are supported"
         )
     return checkpoint
 
 
 def describe_weights(checkpoint: Checkpoint) -> str:
-    """Return in words what the weights are."""
+    """Return a description of the weights."""
     if checkpoint.demonstration:
         return "embedded demonstration weights, trained in simulated apartments, not the published model"
     training = "RL fine-tuned" if checkpoint.fine_tuned else "imitation only"
@@ -240,7 +241,7 @@ def softmax(logits: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
     """
     exact = logits.astype(np.float64)
     if not np.isfinite(exact).all():
-        raise ModelError(f"pirlnav answered with numbers that are not finite: {logits.tolist()}")
+        raise ModelError(f"pirlnav: the network's output is not finite: {logits.tolist()}")
     powers = np.exp(exact - exact.max())
     shares: npt.NDArray[np.float64] = powers / powers.sum()
     return shares

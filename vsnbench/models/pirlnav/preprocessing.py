@@ -1,4 +1,4 @@
-"""From camera image to network input: resize, crop, scale; and the training augmentation of the published condition."""
+"""Converts camera images to the network's input, optionally with the augmentation of training."""
 
 from typing import Final
 
@@ -9,15 +9,15 @@ import numpy.typing as npt
 Image = npt.NDArray[np.float32]
 
 _JITTER: Final = 0.4
-"""Strength of each change of colour in training."""
+"""Strength of each colour change in training."""
 _SHIFT_PX: Final = 16
-"""Farthest shift of the image in training."""
+"""Largest shift of the image in training."""
 _LEVELS: Final = np.arange(256, dtype=np.float32) / np.float32(255)
 _LUMA: Final = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
-    """Return what the network sees of a camera image.
+    """Convert a camera image to the network's input.
 
     The shorter side is resized to `size_px` bilinearly WITHOUT antialiasing, rounded to whole levels, and the centre is
     cropped.
@@ -35,11 +35,11 @@ def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
 
 
 def augment(image: Image, random: np.random.Generator) -> Image:
-    """Return the image with the colour jitter and shift of training, which the published code left on in evaluation.
+    """Apply the colour jitter and shift of training, which the published code also used in evaluation.
 
     Args:
         image: (S, S, 3) float32 in [0, 1].
-        random: where the changes come from.
+        random: random number generator.
     """
     changes = [_brighten, _contrast, _saturate, _turn_hue]
     for index in random.permutation(len(changes)):

@@ -1,4 +1,4 @@
-"""Resizes and crops a camera image to the bit as the original's resizer did, whatever the processor or its threads.
+"""Resizes and crops a camera image bit by bit like the original's resizer, on every processor.
 
 Bilinear, no antialiasing. Every rounding follows the one on which the original's outputs were recorded, which
 multiplies and adds in one step: a level more or less at some pixels, as other resizers have it, shows in the logits.
@@ -10,14 +10,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.compilation import compiled
+from vsnbench.runtime.numba_cache import compiled
 
 Floats = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 
 
 def crop_of_resized(rgb: npt.NDArray[np.uint8], size_px: int) -> npt.NDArray[np.uint8]:
-    """Return the central square of the image whose shorter side was resized to `size_px`.
+    """Resize the shorter side of an image to `size_px`, and return the central square.
 
     Args:
         rgb: (H, W, 3) uint8.
@@ -47,7 +47,7 @@ def crop_of_resized(rgb: npt.NDArray[np.uint8], size_px: int) -> npt.NDArray[np.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Samples:
-    """Along one axis of the crop: the two neighbours of every pixel and how much each weighs."""
+    """The two neighbours of every pixel along one axis of the crop, with their weights."""
 
     before: Indices
     after: Indices
@@ -57,7 +57,7 @@ class _Samples:
 
 @lru_cache(maxsize=16)
 def _samples(side: int, shorter: int, size_px: int) -> _Samples:
-    """Return where the crop's pixels lie along an axis of `side` pixels."""
+    """Return the positions of the crop's pixels along an axis of `side` pixels."""
     resized = size_px * side // shorter
     first = round((resized - size_px) / 2)
     scale = np.float64(np.float32(side) / np.float32(resized))
@@ -71,12 +71,12 @@ def _samples(side: int, shorter: int, size_px: int) -> _Samples:
 
 @compiled
 def _mix(a: np.float32, a_weight: np.float32, b: np.float32, b_weight: np.float32) -> np.float32:
-    """Return a * a_weight + b * b_weight with the first product not rounded: doubles hold it exactly."""
+    """Return a * a_weight + b * b_weight without rounding the first product, which doubles represent exactly."""
     return np.float32(np.float64(a) * np.float64(a_weight) + np.float64(np.float32(b * b_weight)))
 
 
 @compiled
-def _sample(
+def _sample(  # noqa: PLR0913 - compiled functions take arrays, not objects
     rgb: npt.NDArray[np.uint8],
     upper_rows: Indices,
     lower_rows: Indices,

@@ -1,4 +1,4 @@
-"""What can be chosen about PIRLNav; the defaults are the correct conditions, not the published ones."""
+"""The settings of PIRLNav. The defaults are the correct conditions, not the published ones."""
 
 from enum import StrEnum
 
@@ -6,17 +6,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Choice(StrEnum):
-    """How an action is chosen from the probabilities."""
+    """Choice of an action from the probabilities."""
 
     AUTO = "auto"
-    """As the authors evaluated: sampled for weights with a critic (fine-tuned by RL), greedy for imitation-only; the
-    embedded demonstration weights are sampled."""
+    """As in the authors' evaluation: sampled for weights with a critic (fine-tuned by RL), greedy for imitation only.
+    Sampled for the embedded demonstration weights."""
     GREEDY = "greedy"
     SAMPLED = "sampled"
 
 
 class CompassSource(StrEnum):
-    """Where the heading comes from."""
+    """Source of the heading."""
 
     ODOMETRY = "odometry"
     TURNS = "turns"
@@ -24,21 +24,21 @@ class CompassSource(StrEnum):
 
 
 class Runtime(StrEnum):
-    """What runs the network."""
+    """Software that runs the network."""
 
     AUTO = "auto"
-    """On a CPU the faster of onnxruntime, where it is installed, and PyTorch: measured once a machine."""
+    """On a CPU, the faster of PyTorch and onnxruntime if it is installed, measured once per machine."""
     TORCH = "torch"
     ONNXRUNTIME = "onnxruntime"
 
 
 class Precision(StrEnum):
-    """Width of the numbers in the image encoder."""
+    """Precision of the image encoder."""
 
     SINGLE = "single"
-    """The same on every device, so that one lab's GPU and another's CPU run one model."""
+    """The same on every device, so that results from a GPU and a CPU belong to one model."""
     HALF = "half"
-    """On CUDA; of one image at a time, no faster on an H100."""
+    """CUDA only; for single images, not faster on an H100."""
 
 
 class PIRLNavSettings(BaseModel):
@@ -51,9 +51,11 @@ class PIRLNavSettings(BaseModel):
     turn_deg: float = Field(default=30.0, gt=0, le=180, description="angle of one turn, for compass: turns")
     as_published: bool = Field(
         default=False,
-        description="feed what the published ROS4VSN code fed: raw odometry (x, +y) that is not relative to the "
+        description="use the input of the published ROS4VSN code: raw odometry (x, +y) that is not relative to the "
         "episode's start, and images with the training augmentation",
     )
     runtime: Runtime = Field(default=Runtime.AUTO, description="auto, torch or onnxruntime")
     precision: Precision = Field(default=Precision.SINGLE, description="single, or half (needs CUDA)")
-    threads: int | None = Field(default=None, ge=1, le=256, description="CPU threads; at most 8 when not given")
+    threads: int | None = Field(
+        default=None, ge=1, le=256, description="number of CPU threads; null: PyTorch's, at most 8"
+    )

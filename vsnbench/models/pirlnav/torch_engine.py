@@ -1,22 +1,22 @@
-"""Runs the network in PyTorch: the reference on a CPU in float32, or a GPU."""
+"""Runs the network in PyTorch: on a CPU in float32 (the reference), or on a GPU."""
 
 import numpy as np
 import torch
 
-from vsnbench.models.pirlnav.engine import StepInput, StepOutput
+from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
-class TorchEngine:
+class TorchEngine(Engine):
     """Eager PyTorch on one device."""
 
     def __init__(self, network: PIRLNavNetwork, device: str = "cpu", *, half: bool = False) -> None:
         self.label = f"PyTorch {torch.__version__} on {device}, {'half' if half else 'single'} precision"
         self._device = torch.device(device)
-        if device == "cuda":  # cuDNN's own default is to round what it multiplies to ten bits
+        if device == "cuda":  # cuDNN's default rounds factors to ten bits
             torch.backends.cudnn.allow_tf32 = False
         self._network = network.to(self._device)
-        if half:  # only the encoder: it is nearly all of the work, and the memory of an episode adds errors up
+        if half:  # only the encoder, which is most of the work; errors add up in the memory of an episode
             net = self._network.net
             for part in (net.visual_encoder.backbone, net.visual_encoder.compression, net.visual_fc):
                 part.to(dtype=torch.float16)
@@ -25,7 +25,7 @@ class TorchEngine:
 
     @torch.inference_mode()
     def step(self, step: StepInput) -> StepOutput:
-        """Take one step."""
+        """Run one step."""
         output = self._network(
             torch.from_numpy(step.image)[None].to(self._device),
             torch.tensor([step.gps_m], dtype=torch.float32, device=self._device),

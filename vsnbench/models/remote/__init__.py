@@ -1,1 +1,1 @@
-"""Policies that run in a process of their own, here or on another machine, behind a WebSocket (docs/wire.md)."""
+"""Policies in other processes, on this or another machine, over a WebSocket (docs/wire.md)."""

@@ -1,5 +1,6 @@
-"""Tries a model's server against docs/wire.md: for people who write servers."""
+"""Checks a model's server against docs/wire.md."""
 
+import logging
 import statistics
 from pathlib import Path
 
@@ -7,7 +8,7 @@ from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import (
     SEED,
     ContractFinding,
-    card_in_words,
+    card_summary,
     episode,
     known_goal,
     repeats,
@@ -18,28 +19,36 @@ from vsnbench.models.contract_check import (
 )
 from vsnbench.models.remote.connection import Connection
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.step_sizes import wrong_assumptions
+from vsnbench.protocol.parameters import ProtocolParameters
+
+logger = logging.getLogger(__name__)
 
 
-def check_server(url: str, model_config: Path | None = None) -> tuple[ContractFinding, ...]:
-    """Try everything that the wire asks of a server, each with what was seen.
+def check_server(
+    url: str, model_config: Path | None = None, parameters: ProtocolParameters | None = None
+) -> tuple[ContractFinding, ...]:
+    """Run every check of the wire protocol.
 
     Raises:
-        UsageError: the address is none.
-        ModelError: what answers is no model's server.
-        ModelLostError: nothing answers.
+        UsageError: the address is invalid.
+        ModelError: the server is not that of a model.
+        ModelLostError: no server answers.
     """
     policy = RemotePolicy(url, model_config)
     try:
+        for difference in wrong_assumptions(policy.card, parameters or ProtocolParameters()):
+            logger.warning("%s", difference)
         goal = known_goal(policy)
         return (
-            ContractFinding("hello", True, card_in_words(policy)),
+            ContractFinding("hello", True, card_summary(policy)),
             *try_each(
                 {
-                    "reset, twice": lambda: reset_twice(policy, goal),
-                    "one seed, one answer": lambda: repeats(policy, goal, deterministic=policy.deterministic),
-                    "a goal that it does not know": lambda: unknown_goal(policy, goal),
+                    "reset twice": lambda: reset_twice(policy, goal),
+                    "same seed, same actions": lambda: repeats(policy, goal, deterministic=policy.deterministic),
+                    "unknown goal": lambda: unknown_goal(policy, goal),
                     "other image sizes": lambda: sizes(policy, goal),
-                    "a question that does not exist": lambda: _unknown_question(policy, goal),
+                    "unknown request": lambda: _unknown_question(policy, goal),
                     "one client at a time": lambda: _second_client(policy),
                     "time": lambda: _time(policy, goal),
                 }
@@ -52,9 +61,9 @@ def check_server(url: str, model_config: Path | None = None) -> tuple[ContractFi
 def _unknown_question(policy: RemotePolicy, goal: str) -> str:
     answer = policy.connection.ask({"type": "sing"}, policy.settings.act_timeout_s)
     if answer.message.get("type") != "error":
-        raise ModelError(f"answered with {answer.message.get('type')!r:.40} in place of error")
+        raise ModelError(f"answered with {answer.message.get('type')!r:.40} instead of error")
     policy.reset(goal, SEED)
-    return "answered with an error, and went on"
+    return "answered with an error, then continued"
 
 
 def _second_client(policy: RemotePolicy) -> str:
@@ -62,16 +71,16 @@ def _second_client(policy: RemotePolicy) -> str:
     try:
         connection = policy.connect()
     except ModelError as error:
-        return f"a second one is turned away: {error.statement.split('refuses: ')[-1]}"
+        return f"a second client is refused: {error.statement.split('refuses: ')[-1]}"
     finally:
         if connection is not None:
             connection.close()
-    raise ModelError("a second client is let in while the first is there: their episodes would mix")
+    raise ModelError("a second client is accepted during the first: their episodes would mix")
 
 
 def _time(policy: RemotePolicy, goal: str) -> str:
-    ways = [decision.diagnostics.details["wire"] for decision in episode(policy, goal, SEED)]
-    whole = statistics.median(way["round_trip_s"] for way in ways) * 1000
-    own = [way["infer_s"] for way in ways if way["infer_s"] is not None]
-    inference = f", {statistics.median(own) * 1000:.1f} ms of it the model's own" if own else ""
-    return f"{whole:.1f} ms a step at the median{inference}; {ways[0]['sent_bytes'] / 1e6:.2f} MB sent"
+    transfers = [decision.diagnostics.details["wire"] for decision in episode(policy, goal, SEED)]
+    whole = statistics.median(transfer["round_trip_s"] for transfer in transfers) * 1000
+    own = [transfer["infer_s"] for transfer in transfers if transfer["infer_s"] is not None]
+    inference = f", {statistics.median(own) * 1000:.1f} ms of it in the model" if own else ""
+    return f"{whole:.1f} ms per step (median){inference}; {transfers[0]['sent_bytes'] / 1e6:.2f} MB sent"

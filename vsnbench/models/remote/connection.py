@@ -1,7 +1,7 @@
-"""One conversation with a model behind a WebSocket: every question has a number and a deadline.
+"""A connection to a model's server over a WebSocket. Every request has a number and a deadline.
 
-The stub `vsnbench_policy.py` is the other side; both speak what docs/wire.md describes. The peer is untrusted: nothing
-it sends is more than numbers, text and bytes, and no answer is larger than `MAX_ANSWER_BYTES`.
+`vsnbench_policy.py` is the server's side; docs/wire.md describes the protocol. The server is untrusted: messages have
+only numbers, strings and bytes, and at most `MAX_ANSWER_BYTES`.
 """
 
 import contextlib
@@ -16,7 +16,16 @@ from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
 from vsnbench.errors import ModelError, ModelLostError, UsageError
-from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE, WIRE_VERSION, WireError, is_loopback, pack, unpack
+from vsnbench.models.remote.vsnbench_policy import (
+    OLDEST_WIRE_VERSION,
+    TOKEN_VARIABLE,
+    WIRE_VERSION,
+    WireError,
+    is_loopback,
+    pack,
+    unpack,
+)
+from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -24,50 +33,57 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 MAX_ANSWER_BYTES = 8 * 2**20
-"""An answer holds an action and diagnostics; the largest of ours, VLV's map, has 40 kB."""
+"""An answer has an action and diagnostics; the largest of a built-in model, VLV's map, has 40 kB."""
 CONNECT_TIMEOUT_S = 5.0
-_MOST_LATE_ANSWERS = 100
+_MAX_LATE_ANSWERS = 100
 _FRAGMENT_BYTES = 120 * 2**10
-"""Sent in such pieces, the other side reads one while the next is being masked; and they fit below the size from which
-malloc asks the kernel for fresh pages each time. 2.1 MB there and back takes half the time that it takes in one."""
+"""Size of the fragments of a request. The server reads a fragment while the next is masked, and fragments are below the
+size from which malloc asks the kernel for new pages. They halve the duration of a round trip of 2.1 MB."""
 
 
 class ModelBusyError(ModelError):
-    """The model is there, and another client has it."""
+    """Another client uses the model."""
+
+    code = "model-busy"
 
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a model is served: `ws://host:port`, `wss://host:port`, or a socket file of this machine."""
+    """Address of a model's server: `ws://host:port`, `wss://host:port`, or a local socket file."""
 
     url: str
-    """Or, for a socket file, what people know the model by."""
+    """For a socket file, the name of the model."""
     unix_path: str = ""
 
     @classmethod
     def parse(cls, url: str, token: str) -> Self:
-        """Return the address that a user typed.
+        """Parse an address.
 
         Raises:
-            UsageError: it is none, or would use a model of another machine without a token.
+            UsageError: the address is invalid, or is that of another machine and there is no token.
         """
         try:
             parts = urlsplit(url)
             port = parts.port
         except ValueError as error:
-            raise UsageError(f"model {url}: {error}", advice="write ws://host:port") from error
+            raise UsageError(f"model {url}: {error}", advice="write ws://host:port", code="invalid-address") from error
         if parts.scheme not in ("ws", "wss") or not parts.hostname or port is None:
             raise UsageError(
-                f"model {url} is no address of a model", advice="write ws://host:port, for example ws://gpu-box:8765"
+                f"invalid model address {url}",
+                advice="write ws://host:port, for example ws://gpu-box:8765",
+                code="invalid-address",
             )
         if parts.username or parts.password or parts.query or parts.fragment:
             raise UsageError(
-                f"model ws://{parts.hostname}:{port}", advice=f"give the token in ${TOKEN_VARIABLE}, not in the address"
+                f"model address ws://{parts.hostname}:{port} has more than host and port",
+                advice=f"put the token in ${TOKEN_VARIABLE}",
+                code="invalid-address",
             )
         if parts.scheme == "ws" and not token and not is_loopback(parts.hostname):
             raise UsageError(
                 f"model {url} is on another machine and there is no token",
-                advice=f"set ${TOKEN_VARIABLE} on both sides (and use wss:// where the network is not yours)",
+                advice=f"set ${TOKEN_VARIABLE} on both sides, and use wss:// on a shared network",
+                code="no-token",
             )
         return cls(url)
 
@@ -77,7 +93,7 @@ class Address:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came back to one question, and what it cost."""
+    """The answer to a request, with its duration and size."""
 
     message: Mapping[str, Any]
     round_trip_s: float
@@ -86,37 +102,39 @@ class Answer:
 
 
 class Connection:
-    """An open conversation; a context manager. Not for several threads.
+    """An open connection; a context manager. Not thread-safe.
 
-    `greeting` is the model's first message, with its card.
+    `greeting` is the server's first message, with the model's card. `version` is the version of the protocol in use.
     """
 
     def __init__(self, address: Address, token: str, client: str) -> None:
-        """Connect and say hello.
+        """Connect and exchange the first messages.
 
         Raises:
-            ModelLostError: nothing answers, or not in time.
-            ModelBusyError: another client has it.
-            ModelError: what answers is no model, speaks another version, or refuses.
+            ModelLostError: no server answers in time.
+            ModelBusyError: another client uses the model.
+            ModelError: the server is not that of a model, has another protocol version, or refuses.
         """
         self.address = address
         self._number = 0
         self._socket = _open(address)
         try:
-            hello = {"type": "hello", "wire": WIRE_VERSION, "token": token, "client": client}
+            versions = {"wire": OLDEST_WIRE_VERSION, "newest_wire": WIRE_VERSION}
+            hello = {"type": "hello", **versions, "token": token, "client": client}
             with self._deadline(CONNECT_TIMEOUT_S, "hello"):
                 self._socket.send(pack(hello))
                 self.greeting = self._received(self._socket.recv(timeout=CONNECT_TIMEOUT_S))
         except TimeoutError as error:
             self.close()
             raise ModelError(
-                f"what listens at {address} says no hello within {CONNECT_TIMEOUT_S:g} s",
+                f"the server at {address} sent no greeting within {CONNECT_TIMEOUT_S:g} s",
                 advice="is it a model's server?",
+                code="not-a-model-server",
             ) from error
         except BaseException:
             self.close()
             raise
-        _check_greeting(self.greeting, address)
+        self.version = _checked_version(self.greeting, address)
 
     def __enter__(self) -> Self:
         return self
@@ -126,41 +144,88 @@ class Connection:
     ) -> None:
         self.close()
 
-    def ask(self, question: Mapping[str, Any], timeout_s: float) -> Answer:
-        """Send a question and return the answer with its number; older answers are dropped.
+    def ask(self, request: Mapping[str, Any], timeout_s: float) -> Answer:
+        """Send a request and return its answer. Answers to older requests are dropped.
+
+        The connection is closed after every error.
 
         Raises:
-            ModelLostError: no answer came in time, or the connection broke; it is closed then.
-            ModelError: the answer is no message of the protocol; the connection is closed then.
+            ModelLostError: no answer in time, or the connection broke.
+            ModelError: the server sent something other than an answer to this request.
         """
         self._number += 1
-        content = pack({**question, "seq": self._number})
-        began = time.perf_counter()
-        what = str(question["type"])
+        content = pack({**request, "seq": self._number})
+        start_s = time.perf_counter()
+        what = str(request["type"])
         try:
             with self._deadline(timeout_s, what):
-                self._socket.send(_fragments(content))
-                for _ in range(_MOST_LATE_ANSWERS):
-                    received = self._socket.recv(timeout=max(0.0, began + timeout_s - time.perf_counter()))
+                early: list[object] = []
+                self._socket.send(self._fragments(content, early))
+                self._check_early(early)
+                for _ in range(_MAX_LATE_ANSWERS):
+                    received = self._socket.recv(timeout=max(0.0, start_s + timeout_s - time.perf_counter()))
                     message = self._received(received)
-                    number = message.get("seq")
-                    if number == self._number and not isinstance(number, bool):
-                        return Answer(message, time.perf_counter() - began, len(content), len(received))
-                    if isinstance(number, bool) or not isinstance(number, int) or number > self._number:
-                        raise ModelError(
-                            f"the model at {self.address} answers question {number!r:.20}, which was not asked"
-                        )
-                    logger.warning("the model at %s answered question %d too late: dropped", self.address, number)
-                raise ModelError(f"the model at {self.address} floods this run with old answers")
+                    if self._answered(message) == self._number:
+                        return Answer(message, time.perf_counter() - start_s, len(content), len(received))
+                raise self._flood()
         except TimeoutError as error:
             self.close()
-            raise ModelLostError(f"{what}: no answer from {self.address} within {timeout_s:g} s") from error
+            raise ModelLostError(
+                f"{what}: no answer from {self.address} within {timeout_s:g} s", code="no-answer"
+            ) from error
         except BaseException:
             self.close()
             raise
 
+    def _fragments(self, content: bytes, early: list[object]) -> Iterator[memoryview]:
+        """Yield a request in fragments, then collect in `early` the messages that have arrived.
+
+        websockets ends the request with an empty frame after the last fragment. A message that arrives before that
+        frame cannot be an answer to this request.
+        """
+        whole = memoryview(content)
+        for begin in range(0, len(whole), _FRAGMENT_BYTES):
+            yield whole[begin : begin + _FRAGMENT_BYTES]
+        with contextlib.suppress(TimeoutError):
+            while len(early) <= _MAX_LATE_ANSWERS:
+                early.append(self._socket.recv(timeout=0))
+
+    def _check_early(self, early: list[object]) -> None:
+        """Refuse an answer that arrived before its request was sent.
+
+        Raises:
+            ModelError: there is such an answer, or too many old ones.
+        """
+        for received in early:
+            if self._answered(self._received(received)) == self._number:
+                raise ModelError(
+                    f"the model at {self.address} answered request {self._number} before it was sent",
+                    code="invalid-answer",
+                )
+        if len(early) > _MAX_LATE_ANSWERS:
+            raise self._flood()
+
+    def _answered(self, message: Mapping[str, Any]) -> int:
+        """Return the number of the request that a message answers: this one or an older one.
+
+        Raises:
+            ModelError: the message has no number, or that of a later request.
+        """
+        number = message.get("seq")
+        if isinstance(number, bool) or not isinstance(number, int) or number > self._number:
+            raise ModelError(
+                f"the model at {self.address} answered request {number!r:.20}, which was not sent",
+                code="invalid-answer",
+            )
+        if number < self._number:
+            logger.warning("the model at %s answered request %d too late; the answer is dropped", self.address, number)
+        return number
+
+    def _flood(self) -> ModelError:
+        return ModelError(f"the model at {self.address} sends too many old answers", code="invalid-answer")
+
     def close(self) -> None:
-        """Say good-bye where that is possible at once, and let go."""
+        """Close the connection, with a last message if it can be sent at once."""
         with contextlib.suppress(Exception), self._deadline(0.5, "bye"):
             self._socket.send(pack({"type": "bye"}))
         self._break()
@@ -169,12 +234,14 @@ class Connection:
         try:
             message: Mapping[str, Any] = unpack(content)
         except WireError as error:
-            raise ModelError(f"the model at {self.address} does not speak the protocol: {error}") from error
+            raise ModelError(
+                f"the model at {self.address} sent an invalid message: {error}", code="invalid-message"
+            ) from error
         return message
 
     @contextlib.contextmanager
     def _deadline(self, timeout_s: float, what: str) -> Iterator[None]:
-        """Break the connection when the time is up: nothing else ends a send to a peer that has stopped reading."""
+        """Break the connection at the deadline, which also ends a send to a server that has stopped reading."""
         from websockets.exceptions import WebSocketException
 
         passed = threading.Event()
@@ -193,7 +260,9 @@ class Connection:
                 raise
             if passed.is_set():
                 raise TimeoutError from error
-            raise ModelLostError(f"{what}: the connection to {self.address} broke: {_words(error)}") from error
+            raise ModelLostError(
+                f"{what}: the connection to {self.address} broke: {_text(error)}", code="connection-lost"
+            ) from error
         finally:
             timer.cancel()
 
@@ -202,11 +271,6 @@ class Connection:
             self._socket.socket.shutdown(socket.SHUT_RDWR)
         with contextlib.suppress(OSError):
             self._socket.socket.close()
-
-
-def _fragments(content: bytes) -> Iterator[memoryview]:
-    whole = memoryview(content)
-    return (whole[begin : begin + _FRAGMENT_BYTES] for begin in range(0, len(whole), _FRAGMENT_BYTES))
 
 
 def _open(address: Address) -> "ClientConnection":
@@ -230,39 +294,57 @@ def _open(address: Address) -> "ClientConnection":
     except (WebSocketException, EOFError) as error:
         if isinstance(error, EOFError | ConnectionClosed) or isinstance(error.__cause__, EOFError | OSError):
             raise ModelLostError(
-                f"what listens at {address} hangs up at once", advice="is it a model's server?"
+                f"the server at {address} closed the connection at once",
+                advice="is it a model's server?",
+                code="not-a-model-server",
             ) from error
-        raise ModelError(f"what listens at {address} is no model's server: {_words(error)}") from error
+        raise ModelError(
+            f"the server at {address} is not a model's server: {_text(error)}", code="not-a-model-server"
+        ) from error
     except TimeoutError as error:
         raise ModelLostError(
-            f"no answer from {address} within {CONNECT_TIMEOUT_S:g} s", advice="is the model served there?"
+            f"no answer from {address} within {CONNECT_TIMEOUT_S:g} s",
+            advice="is the model's server running?",
+            code="no-server",
         ) from error
     except OSError as error:
         raise ModelLostError(
-            f"no model at {address}: {error.strerror or _words(error)}",
-            advice="start it there (`vsnbench models serve …` or vsnbench_policy.py) and look at host and port",
+            f"no model at {address}: {error.strerror or _text(error)}",
+            advice="start its server (`vsnbench models serve …` or vsnbench_policy.py), and check host and port",
+            code="no-server",
         ) from error
     found: ClientConnection = opened
     return found
 
 
-def _check_greeting(greeting: Mapping[str, Any], address: Address) -> None:
+def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
+    """Return the version of the protocol that the server chose.
+
+    Raises:
+        ModelError: the greeting is not a card, or has a version that was not offered.
+    """
     if greeting.get("type") == "error":
-        code, words = greeting.get("code"), str(greeting.get("message"))[:200]
-        advice = {
-            "token": f": set ${TOKEN_VARIABLE} to the token that the server was started with",
-            "busy": ": end the other run, or serve the model on another port",
-        }.get(str(code), "")
-        refused = ModelBusyError if code == "busy" else ModelError
-        raise refused(f"the model at {address} refuses: {words}{advice}")
+        statement = f"the model at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
+        if greeting.get("code") == "busy":
+            raise ModelBusyError(statement, advice="end the other run, or serve the model on another port")
+        if greeting.get("code") == "token":
+            advice = f"set ${TOKEN_VARIABLE} to the token of the server"
+            raise ModelError(statement, advice=advice, code="wrong-token")
+        raise ModelError(statement, code="refused")
     if greeting.get("type") != "card":
-        raise ModelError(f"the model at {address} does not begin with its card", advice="is it a model's server?")
-    if greeting.get("wire") != WIRE_VERSION:
         raise ModelError(
-            f"the model at {address} speaks version {greeting.get('wire')!r:.20} of the wire, not {WIRE_VERSION}",
-            advice="copy vsnbench_policy.py there anew: `vsnbench models serve --write-stub DIR`",
+            f"the model at {address} sent no card", advice="is it a model's server?", code="not-a-model-server"
         )
+    version: Any = greeting.get("wire")
+    if isinstance(version, bool) or version not in range(OLDEST_WIRE_VERSION, WIRE_VERSION + 1):
+        raise ModelError(
+            f"the model at {address} uses version {version!r:.20} of the protocol, "
+            f"not {OLDEST_WIRE_VERSION} to {WIRE_VERSION}",
+            advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+            code="wrong-protocol-version",
+        )
+    return int(version)
 
 
-def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
+def _text(error: BaseException) -> str:
+    return sanitize(" ".join(str(error).split())[:200]) or type(error).__name__

@@ -1,7 +1,7 @@
-"""Starts a model in a process of its own, perhaps with another Python, and ends it with the run.
+"""Runs a model in a separate process on this machine, optionally with another Python interpreter.
 
-The process listens on a socket file in a directory that only this user can enter. It may use so much memory and no
-more, dies with us, and what it writes on stderr goes to our log.
+The process listens on a socket file in a directory that only this user can enter. It can have a memory limit, ends with
+this process, and its stderr goes to the log.
 """
 
 import contextlib
@@ -15,50 +15,53 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
+import psutil
+
 from vsnbench.errors import ModelError, ModelLostError, UsageError
-from vsnbench.harmless_text import harmless
+from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.remote import vsnbench_policy
-from vsnbench.models.remote.connection import Answer, Connection
+from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
-from vsnbench.scratch import ScratchDirectory
-from vsnbench.workers import command_that_ends_with_parent
+from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
+from vsnbench.text.sanitize import sanitize
 
 logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 120.0
-"""Loading a large checkpoint on a cold disk takes its time."""
+"""Time for loading a large checkpoint from a cold disk."""
 _TERMINATE_S = 3.0
 _LAST_LINES = 20
+_STUB_PACKAGES = ("numpy", "msgpack", "websockets")
 _END_PATIENCE_S = 1.0
-"""A connection breaks a moment before its process is seen to have ended."""
+"""A connection breaks shortly before the end of its process is visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class Isolation:
-    """How a model's own process is made."""
+    """Settings of a model's process."""
 
     python: Path | None = None
-    """The interpreter of the model's environment, which needs numpy, msgpack and websockets and not vsnbench; ours
-    when None."""
+    """Interpreter of the model's environment, which needs numpy, msgpack and websockets; None for this interpreter."""
     memory_bytes: int | None = None
-    """How much memory it may have; no limit when None."""
+    """Memory limit; None for no limit."""
 
 
 class IsolatedProcess:
-    """A running model server of our own."""
+    """A model's server, started by this process."""
 
-    def __init__(self, process: subprocess.Popen[bytes], scratch: ScratchDirectory, name: str) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], scratch: ScratchDirectory, name: str, python: Path) -> None:
+        self.python = python
         self._process = process
         self._scratch = scratch
         self._name = name
         self._last_lines: deque[str] = deque(maxlen=_LAST_LINES)
-        self._reader = threading.Thread(target=self._pass_on, name=f"stderr of {name}", daemon=True)
+        self._reader = threading.Thread(target=self._log_stderr, name=f"stderr of {name}", daemon=True)
         self._reader.start()
 
     @classmethod
@@ -73,25 +76,26 @@ class IsolatedProcess:
 
         Args:
             model: a built-in model or `package.module:Class`.
-            options: its options, as `create_policy` takes them; none with another Python.
-            isolation: with which interpreter and limits.
-            timeout_s: how long it may take to load.
+            options: arguments of its constructor; none with another interpreter.
+            isolation: interpreter and limits.
+            timeout_s: time to load.
 
         Raises:
-            UsageError: the interpreter does not exist, or the options are not for another Python.
-            ModelError: it ended, or does not listen in time.
+            UsageError: the interpreter does not exist, or there are options for another interpreter.
+            ModelError: the process ended, or does not listen in time.
         """
+        hide_memory()
         scratch = ScratchDirectory("model")
         socket_file = scratch.path / "model.sock"
         try:
             command = _command(model, options, isolation.python, socket_file)
             process = subprocess.Popen(
-                command_that_ends_with_parent(command),
+                command_that_ends_with_parent(command, unprivileged=True),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 env=_environment(),
-                start_new_session=True,  # Ctrl-C is for the run, which ends the model when the robot stands
+                start_new_session=True,  # Ctrl-C goes to the run, which ends the model after the robot has stopped
             )
             if isolation.memory_bytes is not None:
                 limit = (isolation.memory_bytes, isolation.memory_bytes)
@@ -103,7 +107,7 @@ class IsolatedProcess:
             raise UsageError(
                 f"model {model}: cannot start {isolation.python or sys.executable}: {error.strerror}"
             ) from error
-        started = cls(process, scratch, model)
+        started = cls(process, scratch, model, isolation.python or Path(sys.executable))
         try:
             started._wait_for(socket_file, timeout_s)
         except BaseException:
@@ -113,41 +117,59 @@ class IsolatedProcess:
 
     @property
     def pid(self) -> int:
-        """The process."""
+        """Process ID."""
         return self._process.pid
 
     @property
     def socket_file(self) -> str:
-        """Where it listens."""
+        """Socket file of the server."""
         return str(self._scratch.path / "model.sock")
 
     @property
     def death(self) -> str | None:
-        """How the process ended, in words; None while it lives."""
+        """Description of how the process ended; None while it runs."""
         code = self._process.poll()
         if code is None:
             return None
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        last = f", its last words: {self._last_lines[-1]}" if self._last_lines else ""
-        return f"the process of model {self._name} has ended with {how}{last}"
+        last = f"; last line of stderr: {self._last_lines[-1]}" if self._last_lines else ""
+        return f"the process of model {self._name} ended with {how}{last}"
+
+    @property
+    def last_line(self) -> str:
+        """Last line that the process wrote to stderr, or an empty string."""
+        return self._last_lines[-1] if self._last_lines else ""
+
+    @property
+    def packages_advice(self) -> str:
+        """The command that installs the packages that the server file needs."""
+        return f"`{self.python} -m pip install -U numpy 'msgpack>=1.0' 'websockets>=11'`"
 
     def wait_for_death(self) -> str | None:
-        """Return how the process ended, giving one that is just about to a moment; None where it lives on."""
+        """Wait a moment for the end of the process. Returns how it ended, or None if it still runs."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_PATIENCE_S)
             self._reader.join(_END_PATIENCE_S)
         return self.death
 
     def close(self) -> None:
-        """End the process and everything that it started; returns when it is gone."""
+        """End the process and all processes that it started, and wait for them."""
+        started = self._started()
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_TERMINATE_S)
-        self.kill()
+        self.kill(started)
 
-    def kill(self) -> None:
-        """End it without asking, as is right for one that does not answer."""
+    def kill(self, started: Sequence[psutil.Process] = ()) -> None:
+        """Kill the process and all processes that it started.
+
+        Args:
+            started: processes that it started, found while it was running.
+        """
+        for process in (*started, *self._started()):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -155,10 +177,19 @@ class IsolatedProcess:
         self._reader.join(1.0)
         self._scratch.remove()
 
-    def _where_it_is(self, last: str) -> str:
-        """Return what to do about a module that is not found; empty where something else is wrong."""
+    def _started(self) -> list[psutil.Process]:
+        """Return the processes that it started, including those in other groups and sessions."""
+        try:
+            return psutil.Process(self._process.pid).children(recursive=True)
+        except psutil.NoSuchProcess:
+            return []
+
+    def _start_advice(self, last: str) -> str:
+        """Return advice about a module that was not found, or an empty string."""
         module = self._name.partition(":")[0]
         missing = last.rpartition("No module named ")[2].strip("'")
+        if missing.partition(".")[0] in _STUB_PACKAGES:
+            return self.packages_advice
         if "ModuleNotFoundError" not in last or not f"{module}.".startswith(f"{missing}."):
             return ""
         return f"it is not in {Path.cwd()}: go to the directory that has {module.replace('.', '/')}.py in it"
@@ -170,28 +201,28 @@ class IsolatedProcess:
                 self._reader.join(1.0)
                 last = self._last_lines[-1] if self._last_lines else f"exit code {self._process.returncode}"
                 raise ModelError(
-                    f"model {self._name} did not start in its own process: {last}", advice=self._where_it_is(last)
+                    f"model {self._name} did not start in a separate process: {last}", advice=self._start_advice(last)
                 )
             if time.monotonic() > give_up:
-                raise ModelError(f"model {self._name} is not ready after {timeout_s:g} s in its own process")
+                raise ModelError(f"model {self._name} is not ready after {timeout_s:g} s in a separate process")
             time.sleep(0.02)
 
-    def _pass_on(self) -> None:
+    def _log_stderr(self) -> None:
         stream = self._process.stderr
         if stream is None:
             return
         for line in iter(lambda: stream.readline(4096), b""):
-            text = harmless(line.decode("utf-8", "replace").rstrip())
-            if self.socket_file not in text:  # that it listens there says nothing about how it ended
+            text = sanitize(line.decode("utf-8", "replace").rstrip())
+            if self.socket_file not in text:  # not the line that announces the socket
                 self._last_lines.append(text)
             logger.info("%s: %s", self._name, text)
 
 
 class IsolatedPolicy(RemotePolicy):
-    """A policy in a process of its own on this machine, which ends with it.
+    """A policy in a separate process on this machine.
 
-    A process that hung or died is lost with its episode; before the next one it is killed and another one started,
-    which must have the same card.
+    If the process hangs or dies, its episode is void. A new process, which must have the same card, replaces it before
+    the next episode.
     """
 
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
@@ -199,15 +230,15 @@ class IsolatedPolicy(RemotePolicy):
 
         Args:
             model: a built-in model or `package.module:Class`.
-            options: its own, and `act_timeout` for the connection.
-            isolation: with which interpreter and limits.
+            options: arguments of its constructor, and `act_timeout` for the connection.
+            isolation: interpreter and limits.
 
         Raises:
-            UsageError: the interpreter does not exist, or an option is not for it.
-            ModelError: the model could not be started.
+            UsageError: the interpreter does not exist, or there are options for another interpreter.
+            ModelError: the model cannot be started.
         """
         if model.startswith(("ws://", "wss://")):
-            raise UsageError(f"model {model} is in a process of its own already", advice="leave --isolate away")
+            raise UsageError(f"model {model} already runs in another process", advice="leave --isolate out")
         own = {name: value for name, value in options.items() if name != "act_timeout"}
         self._start = partial(IsolatedProcess.start, model, own, isolation)
         self._process = self._start()
@@ -221,8 +252,28 @@ class IsolatedPolicy(RemotePolicy):
 
     @property
     def pid(self) -> int:
-        """The process."""
+        """Process ID."""
         return self._process.pid
+
+    def connect(self) -> Connection:
+        """Return a new connection to the process.
+
+        Raises:
+            ModelBusyError: another client uses the model.
+            ModelError: the process ended, or sent no card.
+        """
+        try:
+            return super().connect()
+        except ModelBusyError:
+            raise
+        except (ModelLostError, ModelError) as error:
+            if death := self._process.wait_for_death():
+                raise ModelError(death) from error
+            last = f": {self._process.last_line}" if self._process.last_line else ""
+            raise ModelError(
+                f"model {self._address} started in a separate process, which sent no card{last}",
+                advice=self._process.packages_advice,
+            ) from error
 
     def close(self) -> None:
         """End the process."""
@@ -231,29 +282,29 @@ class IsolatedPolicy(RemotePolicy):
 
     def _reconnect(self) -> Connection:
         how = self._process.death or f"the process of model {self.card.name} did not answer"
-        logger.warning("%s: it is started again", how)
+        logger.warning("%s; starting it again", how)
         self._process.kill()
         try:
             self._process = self._start()
             self._address = replace(self._address, unix_path=self._process.socket_file)
             return self.connect()
         except (ModelError, UsageError) as error:
-            raise ModelLostError(error.statement, advice=error.advice) from error
+            raise ModelLostError(error.statement, advice=error.advice, code=error.code) from error
 
-    def _ask(self, connection: Connection, question: Mapping[str, Any], wanted: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
         try:
-            return super()._ask(connection, question, wanted, timeout_s)
+            return super()._ask(connection, request, expected, timeout_s)
         except ModelLostError as error:
             broke = not isinstance(error.__cause__, TimeoutError)
             if broke and (death := self._process.wait_for_death()):
-                raise ModelLostError(f"{question['type']}: {death}") from error
+                raise ModelLostError(f"{request['type']}: {death}") from error
             raise
 
 
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
     if python is None:
-        # -P: the working directory is looked into last, and only for a class that is named
-        words = [
+        # -P: the working directory is searched last, and only for a class named by the user
+        command = [
             sys.executable,
             "-P",
             "-m",
@@ -265,25 +316,29 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
             str(socket_file),
         ]
         for name, value in options.items():
-            words += [f"--{name.replace('_', '-')}", str(value)]
-        return words
+            command += [f"--{name.replace('_', '-')}", str(value)]
+        return command
     if ":" not in model:
-        raise UsageError("--python is for a model of your own", advice=f"name it as package.module:Class, not {model}")
+        raise UsageError(
+            "--isolate PYTHON does not apply to built-in models", advice=f"name it as package.module:Class, not {model}"
+        )
     if options:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in options)
         raise UsageError(
-            f"{names} cannot be handed to a model in another Python", advice="let its class read its own settings"
+            f"{names} cannot be passed to a model with another interpreter", advice="let its class read its settings"
         )
     found = shutil.which(str(python.expanduser()))
     if found is None:
-        raise UsageError(f"there is no interpreter {python}", advice="give --python /path/to/env/bin/python")
-    # A copy beside the socket: a script's own directory is looked into first, and ours is full of modules.
+        raise UsageError(
+            f"no interpreter {python}", advice="write --isolate /path/to/env/bin/python", code="no-interpreter"
+        )
+    # A copy next to the socket, because Python searches a script's directory first.
     stub = socket_file.parent / "vsnbench_policy.py"
     shutil.copyfile(vsnbench_policy.__file__, stub)
     return [found, str(stub), model, "--unix-path", str(socket_file)]
 
 
 def _environment() -> dict[str, str]:
-    """Return our environment without what belongs to our own interpreter and its record."""
-    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
-    return {**kept, "PYTHONUNBUFFERED": "1"}
+    """Return the environment without the variables of this interpreter."""
+    variables = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
+    return {**variables, "PYTHONUNBUFFERED": "1"}

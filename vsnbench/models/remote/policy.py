@@ -1,6 +1,5 @@
-"""A policy that is served elsewhere, as a policy like any other: `--model ws://gpu-box:8765`."""
+"""The client of a model that another process serves: `--model ws://gpu-box:8765`."""
 
-import hashlib
 import logging
 import os
 import time
@@ -13,41 +12,46 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
-from vsnbench.models.contract import ModelCard
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of, difference
 from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
-from vsnbench.protocol.codec import decision_from_message, observation_to_message
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.settings_file import read_settings
+from vsnbench.models.task import Task
+from vsnbench.settings.yaml_file import read_settings
+from vsnbench.text.sanitize import sanitize, without_controls
+from vsnbench.values.decision import Decision
+from vsnbench.values.encoding.codec import decision_from_message, observation_to_message
+from vsnbench.values.observation import Observation
 
 logger = logging.getLogger(__name__)
 
 _RETRY_PERIOD_S = 0.5
 _LEAVING_S = 2.0
-"""A run that has ended is gone before its server has noticed."""
-_WORDS_MAX = 500
+"""Time for a server to notice the end of the previous run."""
+_MESSAGE_MAX = 500
 _TRACEBACK_MAX = 15_000
 
 
 class RemoteSettings(BaseModel):
-    """How a model elsewhere is spoken to."""
+    """Settings of the connection to a served model."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    rgb: Literal["raw", "jpeg"] = Field(default="raw", description="jpeg: smaller, and not the same pixels")
+    rgb: Literal["raw", "jpeg"] = Field(default="raw", description="jpeg: smaller, with changed pixels")
     depth: Literal["f32", "mm16"] = Field(default="f32", description="mm16: 16-bit millimetres, half the bytes")
-    act_timeout_s: float = Field(default=10.0, gt=0, le=600, description="the model is lost when it answers later")
-    reset_timeout_s: float = Field(default=60.0, gt=0, le=3600, description="the same for the start of an episode")
-    patience_s: float = Field(default=30.0, ge=0, le=3600, description="how long to try to reach it between episodes")
+    act_timeout_s: float = Field(
+        default=10.0, gt=0, le=600, description="time for an action; afterwards the model is lost"
+    )
+    reset_timeout_s: float = Field(default=60.0, gt=0, le=3600, description="time for the start of an episode")
+    patience_s: float = Field(default=30.0, ge=0, le=3600, description="time to reconnect between episodes")
 
 
-class RemotePolicy:
-    """The client of a served policy: the card is the server's, every question has a deadline.
+class RemotePolicy(Policy):
+    """The client of a served policy. It has the server's card, and every request has a deadline.
 
-    What does not answer in time is lost (ModelLostError): the episode is void. The next episode connects again, with
-    patience, and only to a model with the same card.
+    If an answer is late, the model is lost (ModelLostError) and the episode is void. The next episode connects again,
+    and only to a model with the same card.
     """
 
     def __init__(
@@ -63,14 +67,14 @@ class RemotePolicy:
         Args:
             url: `ws://host:port` or `wss://host:port`.
             model_config: YAML file of `RemoteSettings`.
-            act_timeout: seconds; over the settings' `act_timeout_s`.
-            token: what the server wants to hear; $VSNBENCH_TOKEN when None.
-            unix_path: a socket file of this machine in place of the address.
+            act_timeout: seconds; replaces the settings' `act_timeout_s`.
+            token: the server's token; None for $VSNBENCH_TOKEN.
+            unix_path: local socket file to use instead of the address.
 
         Raises:
-            UsageError: the address is none.
-            ModelError: what answers is no model's server, or refuses.
-            ModelLostError: nothing answers.
+            UsageError: the address is invalid.
+            ModelError: the server is not that of a model, or refuses.
+            ModelLostError: no server answers.
         """
         given = RemoteSettings()
         if model_config is not None:
@@ -87,20 +91,20 @@ class RemotePolicy:
             self.close()
             raise
         self.deterministic = self._connection.greeting.get("card", {}).get("deterministic", True) is not False
-        """As the card says: the same seed and observations give the same actions."""
+        """Whether the same seed and observations give the same actions, according to the card."""
 
     def connect(self) -> Connection:
-        """Return a new conversation with the server.
+        """Return a new connection to the server.
 
         Raises:
-            ModelLostError: nothing answers.
-            ModelError: what answers is no model's server, or refuses.
+            ModelLostError: no server answers.
+            ModelError: the server is not that of a model, or refuses.
         """
         return Connection(self._address, self._token, f"vsnbench {__version__}")
 
     @property
     def connection(self) -> Connection:
-        """The conversation that is open.
+        """The open connection.
 
         Raises:
             ModelLostError: there is none.
@@ -110,36 +114,51 @@ class RemotePolicy:
         return self._connection
 
     def reset(self, goal: str, seed: int) -> None:
-        """Start an episode; connects again where the connection was lost.
+        """Start an episode without a task. Connects again if the connection was lost.
 
         Raises:
-            ModelLostError: the model cannot be reached, does not answer in time, or is another one now.
+            ModelLostError: the model cannot be reached, does not answer in time, or has another card.
             ModelError: the model failed.
         """
-        opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
-        question = {"type": "reset", "episode": opaque, "goal": goal, "seed": seed}
-        self._ask(self._connected(), question, "ready", self.settings.reset_timeout_s)
+        self._begin_episode(goal, seed)
+
+    def begin(self, task: Task) -> None:
+        """Start an episode; raises as `reset` does. A server of version 1 receives goal and seed only."""
+        self._begin_episode(task.goal, task.seed, task)
+
+    def _begin_episode(self, goal: str, seed: int, task: Task | None = None) -> None:
+        connection = self._connected()
+        request = reset_message(goal, seed, task, connection.version)
+        self._ask(connection, request, "ready", self.settings.reset_timeout_s)
 
     def act(self, observation: Observation) -> Decision:
-        """Send what is on the card and return the model's decision.
+        """Send the sensors on the card and return the model's decision.
 
         Raises:
             ModelLostError: no answer in time.
-            ModelError: the model failed, or its answer is no decision.
+            ModelError: the model failed, or its answer is not a decision.
         """
         connection = self.connection
-        question = observation_to_message(observation, rgb=self.settings.rgb, depth=self.settings.depth)
-        answer = self._ask(connection, {"type": "act", **question}, "decision", self.settings.act_timeout_s)
+        content = observation_to_message(observation, rgb=self.settings.rgb, depth=self.settings.depth)
+        if connection.version == 1:
+            content.pop("budget", None)
+        answer = self._ask(connection, {"type": "act", **content}, "decision", self.settings.act_timeout_s)
+        if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
+            raise ModelError(
+                f"the server at {self._address} speaks version 1 of the protocol, which has no movements",
+                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                code="wrong-protocol-version",
+            )
         return _decision(answer, self.settings.act_timeout_s)
 
     def close(self) -> None:
-        """Say good-bye."""
+        """Close the connection."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None
 
     def _first_connection(self) -> Connection:
-        """Return the first conversation; the last client may be just leaving."""
+        """Return the first connection, waiting for a previous client to disconnect."""
         give_up = time.monotonic() + _LEAVING_S
         while True:
             try:
@@ -150,70 +169,72 @@ class RemotePolicy:
                 time.sleep(_RETRY_PERIOD_S / 5)
 
     def _reconnect(self) -> Connection:
-        """Return a new conversation in place of the one that was lost, with patience: somebody starts it again.
+        """Connect again, for up to `patience_s` seconds.
 
         Raises:
-            ModelLostError: nothing answers, or what answers refuses.
+            ModelLostError: no server answers, or it refuses.
         """
         give_up = time.monotonic() + self.settings.patience_s
         while True:
             try:
                 return self.connect()
-            except (ModelLostError, ModelError) as error:  # it may still be at the question that it answered too late
+            except (ModelLostError, ModelError) as error:  # it may still compute a late answer
                 if time.monotonic() > give_up:
-                    raise ModelLostError(error.statement, advice=error.advice) from error
+                    raise ModelLostError(error.statement, advice=error.advice, code=error.code) from error
                 time.sleep(_RETRY_PERIOD_S)
 
     def _connected(self) -> Connection:
         if self._connection is None:
             connection = self._reconnect()
             try:
-                self._recognise(self._card_of(connection))
+                self._check_same_model(self._card_of(connection))
             except (ModelLostError, ModelError) as error:
                 connection.close()
-                raise ModelLostError(error.statement, advice=error.advice) from error
+                raise ModelLostError(error.statement, advice=error.advice, code=error.code) from error
             self._connection = connection
         return self._connection
 
-    def _recognise(self, card: ModelCard) -> None:
+    def _check_same_model(self, card: ModelCard) -> None:
         if different := difference(self.card, card):
             raise ModelLostError(
-                f"the model at {self._address} is another one now ({different}): this campaign needs the one it "
-                "began with",
-                advice="start the same command again to run the other",
+                f"the model at {self._address} has changed ({different}), which this campaign does not allow",
+                advice="start the same command again to run the new model",
+                code="other-model",
             )
         if card.runs_on != self.card.runs_on:
-            where = ", ".join(f"{name} {value}" for name, value in card.runs_on.items())
-            logger.warning("the model at %s no longer runs where this run found it, but on %s", self._address, where)
+            platform = ", ".join(f"{name} {value}" for name, value in card.runs_on.items())
+            logger.warning("the model at %s now runs on another platform: %s", self._address, platform)
 
-    def _ask(self, connection: Connection, question: Mapping[str, Any], wanted: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
         try:
-            answer = connection.ask(question, timeout_s)
+            answer = connection.ask(request, timeout_s)
         except BaseException:
             self._connection = None
             raise
         kind = answer.message["type"]
         if kind == "error":
-            failure = ModelError(str(answer.message.get("message"))[:_WORDS_MAX])
+            failure = ModelError(sanitize(str(answer.message.get("message"))[:_MESSAGE_MAX]))
             if trace := str(answer.message.get("traceback") or ""):
-                failure.add_note(f"In the model's own process:\n{trace[:_TRACEBACK_MAX]}")
+                failure.add_note(f"In the model's own process:\n{without_controls(trace[:_TRACEBACK_MAX])}")
             raise failure
-        if kind != wanted:
+        if kind != expected:
             self.close()
-            raise ModelError(f"the model answers {question['type']} with {kind!r:.40} in place of {wanted}")
+            raise ModelError(
+                f"the model answered {request['type']} with {kind!r:.40} instead of {expected}", code="invalid-answer"
+            )
         return answer
 
     def _card_of(self, connection: Connection) -> ModelCard:
-        """Return the card of the greeting, checked.
+        """Return the card of the greeting.
 
         Raises:
-            ModelError: it is no card, or the server cannot decode what the settings send.
+            ModelError: the card is invalid, or the server cannot decode JPEG.
         """
         if self.settings.rgb == "jpeg" and connection.greeting.get("jpeg") is not True:
             raise ModelError(
                 f"the model at {self._address} cannot decode JPEG", advice="install opencv or pillow there"
             )
-        # What is lost on the way is part of what was tested.
+        # A lossy encoding changes the model's input, so it is part of the model's identity.
         lost: dict[str, str] = {}
         if self.settings.rgb != "raw":
             lost["wire_rgb"] = self.settings.rgb
@@ -222,24 +243,24 @@ class RemotePolicy:
         try:
             return card_of(connection.greeting, lost)
         except ModelError as error:
-            raise ModelError(f"the model at {self._address}: {error}") from error
+            raise ModelError(f"the model at {self._address}: {error}", code="invalid-card") from error
 
 
 def _decision(answer: Answer, act_timeout_s: float) -> Decision:
-    """Return the decision of an answer, checked whole, with what the way cost among its details.
+    """Return the decision of an answer, with the duration and size of the transfer among its details.
 
     Raises:
-        ModelError: it names no action, or carries what cannot be shown and recorded.
+        ModelError: the answer has no action, or invalid diagnostics.
     """
     message = answer.message
     decision = decision_from_message(message)
     seconds = message.get("seconds")
-    way = {
+    transfer = {
         "round_trip_s": answer.round_trip_s,
         "infer_s": float(seconds) if isinstance(seconds, int | float) else None,
         "sent_bytes": answer.sent_bytes,
         "received_bytes": answer.received_bytes,
         "act_timeout_s": act_timeout_s,
     }
-    kept = replace(decision.diagnostics, details={**decision.diagnostics.details, "wire": way})
-    return replace(decision, diagnostics=kept)
+    diagnostics = replace(decision.diagnostics, details={**decision.diagnostics.details, "wire": transfer})
+    return replace(decision, diagnostics=diagnostics)

@@ -1,43 +1,50 @@
-"""One of our own policies behind the wire, for `vsnbench models serve` and for a model that is isolated."""
+"""Serves a policy of this process, for `vsnbench models serve` and for isolated models."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import Any
 
-from vsnbench.errors import UsageError
-from vsnbench.models.contract import Policy, SurveyedPolicy
+from vsnbench.errors import ModelError, UsageError
+from vsnbench.models.contract import Policy
 from vsnbench.models.identity import code_of, files_handed_over
+from vsnbench.models.process_exit import ProcessExitError, take_refused_exit
 from vsnbench.models.remote import vsnbench_policy as wire
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.codec import decision_to_message
-from vsnbench.protocol.decision_check import checked_decision
-from vsnbench.protocol.observation import Observation, Sensor, observation_of, shown_to_policy
-from vsnbench.protocol.pose import Pose
+from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
+from vsnbench.values.camera import Camera
+from vsnbench.values.decision_check import checked_decision
+from vsnbench.values.encoding.codec import decision_to_message
+from vsnbench.values.goal import Goal, GoalKind
+from vsnbench.values.observation import Budget, Observation, Sensor, observation_of, shown_to_policy
+from vsnbench.values.pose import Pose
 
 
 class ServedPolicy:
-    """A policy as `vsnbench_policy.serve` wants it."""
+    """A policy in the form that `vsnbench_policy.serve` expects."""
 
     def __init__(self, policy: Policy, name: str = "", options: Mapping[str, Any] = MappingProxyType({})) -> None:
-        """Take a policy.
+        """Wrap a policy.
 
         Args:
-            policy: who answers.
-            name: how it was named, and
-            options: what it was handed: both as `create_policy` takes them, for its identity.
+            policy: the policy.
+            name: its name and
+            options: the arguments of its constructor, as for `create_policy`; part of its identity.
 
         Raises:
-            UsageError: it is an upper bound that is handed the site, or needs the simulator's labels: neither is sent.
+            UsageError: the policy needs the site or the simulator's labels, which are not transferred.
         """
         card = policy.card
-        if isinstance(policy, SurveyedPolicy):
+        if policy.needs_survey:
             raise UsageError(
-                f"model {card.name} is handed the site, which no wire carries", advice="run it in this process"
+                f"model {card.name} needs the site, which is not transferred",
+                advice="run it without a server",
+                code="cannot-be-served",
             )
         if Sensor.INSTANCES in card.sensors:
             raise UsageError(
-                f"model {card.name} needs the simulator's own labels, which no wire carries",
-                advice="give it a real detector",
+                f"model {card.name} needs the simulator's labels, which are not transferred",
+                advice="name the weights of a real detector",
+                code="cannot-be-served",
             )
         self._policy = policy
         self._sensors = frozenset(card.sensors)
@@ -49,28 +56,86 @@ class ServedPolicy:
             "weights_label": card.weights_label,
             "settings": dict(card.settings),
             "stand_in": card.stand_in,
+            "action_kinds": sorted(card.action_kinds),
+            "goal_kinds": sorted(card.goal_kinds),
+            "action_map": {action.value: replaced.value for action, replaced in card.action_map.items()},
+            **{name: size for name in ("forward_m", "turn_deg") if (size := getattr(card, name)) is not None},
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
             "runs_on": dict(card.runs_on),
         }
 
-    def reset(self, goal: str, seed: int) -> None:
+    def reset(self, goal: wire.Goal, seed: int) -> None:
+        """Start an episode of a client that sends no task."""
+        received = _goal(goal)
+        with _exits_as_errors():
+            self._policy.reset(received, seed)
+
+    def begin(self, task: wire.Task) -> None:
         """Start an episode."""
-        self._policy.reset(goal, seed)
+        received = _task(task)
+        with _exits_as_errors():
+            self._policy.begin(received)
 
     def act(self, given: wire.Observation) -> dict[str, Any]:
-        """Return the decision as the wire carries it."""
-        decision = checked_decision(self._policy.act(shown_to_policy(_observation(given), self._sensors)))
+        """Return the decision as a message."""
+        with _exits_as_errors():
+            decision = checked_decision(self._policy.act(shown_to_policy(_observation(given), self._sensors)))
         return decision_to_message(decision)
 
 
-def _observation(given: wire.Observation) -> Observation:
+@contextmanager
+def _exits_as_errors() -> Iterator[None]:
+    """Convert an attempt to end this process to an error.
+
+    Raises:
+        ModelError: the model called a function that ends the process.
+    """
+    with suppress(ProcessExitError):
+        yield
+    if refused_exit := take_refused_exit():
+        raise ModelError(refused_exit)
+
+
+def _goal(goal: wire.Goal) -> Goal:
+    return Goal(goal.id or str(goal), GoalKind(goal.kind), text=goal.text, category=goal.category, image=goal.image)
+
+
+def _task(given: wire.Task) -> Task:
+    """Return the task of a message; unknown facts of a later client are ignored.
+
+    Raises:
+        WireError: a fact is missing.
+    """
+    robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
+    protocol = _known(ProtocolFacts, vars(given.protocol))
     try:
-        camera = Camera.model_validate(vars(given.camera))
+        return Task(_goal(given.goal), given.seed, ProtocolFacts(**protocol), RobotFacts(**_known(RobotFacts, robot)))
+    except TypeError as error:
+        raise wire.WireError(f"`task`: {error}") from error
+
+
+def _known(facts: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: values[name] for name in facts.__dataclass_fields__ if name in values}  # type: ignore[attr-defined]
+
+
+def _camera(given: wire.Camera) -> Camera:
+    try:
+        return Camera.model_validate(vars(given))
     except ValueError as error:
         raise wire.WireError(f"`camera`: {' '.join(str(error).split())[:300]}") from error
-    measured: dict[str, Any] = {"rgb": given.rgb, "depth_m": given.depth_m}
+
+
+def _observation(given: wire.Observation) -> Observation:
+    camera = _camera(given.camera)
+    budget = None if given.budget is None else Budget(**given.budget)
+    measured: dict[str, Any] = {
+        "budget": budget,
+        "rgb": given.rgb,
+        "depth_m": given.depth_m,
+        "beyond_range": given.beyond_range,
+    }
     if given.pose is not None:
         measured["pose"] = Pose(given.pose.x_m, given.pose.y_m, given.pose.heading_rad)
-    there = {name: value for name, value in measured.items() if value is not None}
-    return observation_of(given.stamp_s, camera, **there)
+    present = {name: value for name, value in measured.items() if value is not None}
+    return observation_of(given.stamp_s, camera, **present)

@@ -1,6 +1,6 @@
-"""The model's side of vsnbench's wire, in one file: put it beside your model and serve it.
+"""Serves a model to vsnbench. Copy this file next to the model.
 
-It needs Python 3.7 or later, numpy, msgpack (1.0 or later) and websockets (11.0 or later), and nothing of vsnbench:
+It needs Python 3.7 or later, numpy, msgpack (1.0 or later) and websockets (11.0 or later), but not vsnbench:
 
     from vsnbench_policy import serve
 
@@ -16,12 +16,12 @@ It needs Python 3.7 or later, numpy, msgpack (1.0 or later) and websockets (11.0
 
     serve(Spinner(), port=8765)
 
-and on the robot's side `vsnbench run --model ws://this-machine:8765 --goal chair`. From the shell:
+On the robot's side: `vsnbench run --model ws://this-machine:8765 --goal chair`. From the shell:
 
     python vsnbench_policy.py mymodel:Spinner --port 8765
     python vsnbench_policy.py --habitat-agent mymodel:Agent --settings agent.json --port 8765
 
-Everything that crosses the wire is in vsnbench's docs/wire.md. Licence: Apache-2.0.
+vsnbench's docs/wire.md describes the protocol. Licence: Apache-2.0.
 """
 
 from __future__ import annotations
@@ -53,26 +53,44 @@ import msgpack
 import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve as _serve
+from websockets.sync.server import unix_serve as _unix_serve
 
-WIRE_VERSION = 1
-"""What docs/wire.md describes; both sides must say the same."""
+WIRE_VERSION = 2
+"""Version of the protocol in docs/wire.md. Both sides use the highest version that both know."""
+OLDEST_WIRE_VERSION = 1
+"""Version 1 has category goals and discrete actions only, and no task."""
 TOKEN_VARIABLE = "VSNBENCH_TOKEN"  # noqa: S105 - the name of a variable
-ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT")
+ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "NOOP")
+"""NOOP counts as an action and does not move the robot."""
+TILTS = ("LOOK_UP", "LOOK_DOWN")
+"""No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, says what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
+ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel")
+GOAL_KINDS = ("category", "text", "image", "instruction")
+_GOAL_TEXTS = ("id", "kind", "text", "category")
+_BUDGET = ("actions_left", "time_left_s", "path_left_m")
 MAX_MESSAGE_BYTES = 64 * 2**20
-"""Room for RGB and float depth of 4096 x 2048; a larger message ends the connection."""
+"""Enough for RGB and float depth of 4096 x 2048. A larger message ends the connection."""
 _HELLO_BYTES = 64 * 2**10
 _HELLO_SECONDS = 10.0
+_TEXT_SECONDS = 2.0
+_COMPASS_LIMIT = 3.1415925
+"""Largest float32 below pi; float32(pi) itself is greater than pi."""
+_HANDSHAKE_SECONDS = 5.0
+MAX_CONNECTIONS = 16
+"""One client uses the model at a time; other connections are about to close or have not sent a hello."""
 
 logger = logging.getLogger("vsnbench_policy")
+_transport_logger = logging.getLogger("vsnbench_policy.transport")
+_transport_logger.setLevel(logging.CRITICAL)  # websockets logs a traceback for each client that leaves in its handshake
 
 
 class WireError(Exception):
-    """The other side said something that is not in the protocol."""
+    """A message breaks the protocol."""
 
 
 class Pose:
-    """Where the robot is relative to the start of the episode: x forward, y left, heading counter-clockwise."""
+    """Pose of the robot relative to the start of the episode: x forward, y left, heading counter-clockwise."""
 
     def __init__(self, x_m: float, y_m: float, heading_rad: float) -> None:
         self.x_m, self.y_m, self.heading_rad = float(x_m), float(y_m), float(heading_rad)
@@ -85,15 +103,91 @@ class Camera:
         self.__dict__.update(values)
 
 
-class Observation:
-    """What the robot senses before an action; what is not on the model's card is None.
+class Goal(str):
+    """The goal as a string, with `id`, `kind` (category, text, image or instruction), `text`, `category` and `image`.
 
-    rgb: (H, W, 3) uint8. depth_m: (H, W) float32 metres along the optical axis, NaN where invalid. pose: Pose.
-    stamp_s: seconds on the robot's clock. camera: Camera.
+    The string is the category, or the words of a text or instruction goal, or the id of an image goal. image: (H, W, 3)
+    uint8 RGB of an image goal, else None.
     """
 
-    def __init__(self, rgb: Any, depth_m: Any, pose: Pose | None, stamp_s: float, camera: Camera) -> None:
+    id: str
+    kind: str
+    text: str
+    category: str
+    image: Any
+
+    @staticmethod
+    def of(message: dict[str, Any]) -> "Goal":
+        """Return the goal of a `reset` message.
+
+        Raises:
+            WireError: the message is invalid.
+        """
+        goal = Goal(_field(message, "goal", str))
+        fields = message.get("goal_fields") or {}
+        if not isinstance(fields, dict) or not all(isinstance(fields.get(name, ""), str) for name in _GOAL_TEXTS):
+            raise WireError("`goal_fields` must be a mapping with texts")
+        goal.id, goal.kind = fields.get("id") or str(goal), fields.get("kind") or "category"
+        goal.text, goal.category = fields.get("text") or "", fields.get("category") or ""
+        if goal.kind not in GOAL_KINDS:
+            raise WireError(f"no goal is of kind {goal.kind!r:.20}")
+        if goal.kind == "category":
+            goal.category = goal.category or str(goal)
+        goal.image = None if fields.get("image") is None else _rgb_of(fields["image"])
+        return goal
+
+
+class Facts:
+    """Numbers and names of a protocol or a robot, as attributes."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+
+
+class Task:
+    """What `begin(task)` receives: `goal` (Goal), `seed`, `protocol` and `robot`.
+
+    protocol: `name`, `forward_m`, `turn_deg`, `success_distance_m`, `max_actions`, `max_time_s`, `max_path_m` (None for
+    no limit). robot: `name`, `radius_m`, `height_m`, `max_linear_m_s`, `max_angular_rad_s`, `camera` (Camera).
+    """
+
+    def __init__(self, goal: Goal, seed: int, protocol: Facts, robot: Facts) -> None:
+        self.goal, self.seed, self.protocol, self.robot = goal, seed, protocol, robot
+
+    @staticmethod
+    def of(goal: Goal, seed: int, given: Any) -> "Task | None":
+        """Return the task of a `reset` message; None if it has none, as in version 1.
+
+        Raises:
+            WireError: the message is invalid.
+        """
+        if given is None:
+            return None
+        protocol: Any = given.get("protocol") if isinstance(given, dict) else None
+        robot: Any = given.get("robot") if isinstance(given, dict) else None
+        if not isinstance(protocol, dict) or not isinstance(robot, dict):
+            raise WireError("`task` must be a mapping with `protocol` and `robot`")
+        if not isinstance(robot.get("camera"), dict):
+            raise WireError("`task.robot` needs `camera`, a mapping")
+        return Task(goal, seed, Facts(protocol), Facts(dict(robot, camera=Camera(robot["camera"]))))
+
+
+class Observation:
+    """Measurements before an action. Sensors that are not on the model's card are None.
+
+    rgb: (H, W, 3) uint8. depth_m: (H, W) float32 metres along the optical axis, NaN where invalid. pose: Pose.
+    stamp_s: seconds on the robot's clock. camera: Camera. beyond_range: (H, W) bool: depth is invalid because the
+    surface is farther than the camera's range; None if there is no such pixel, or if that is unknown. budget: what is
+    left of the limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
+    """
+
+    budget: dict[str, Any] | None = None
+
+    def __init__(
+        self, rgb: Any, depth_m: Any, pose: Pose | None, stamp_s: float, camera: Camera, beyond_range: Any = None
+    ) -> None:
         self.rgb, self.depth_m, self.pose, self.stamp_s, self.camera = rgb, depth_m, pose, stamp_s, camera
+        self.beyond_range = beyond_range
 
 
 def serve(
@@ -106,44 +200,54 @@ def serve(
     unix_path: str | None = None,
     ready: Callable[[int], None] | None = None,
 ) -> None:
-    """Serve a policy until the process is told to end (Ctrl-C or SIGTERM).
+    """Serve a policy until Ctrl-C or SIGTERM.
 
     Args:
-        policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and, as
-            far as they apply, `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"),
-            `weights_sha256`, `weights_label`, `settings`, `deterministic` and `runs_on` (device, threads, ...). `act`
-            returns the name of an action, or a dict with `action` and, as far as wanted, `raw_action`,
-            `probabilities`, `diagnostics`.
-        host: address to listen on; another one than loopback needs a token.
-        port: TCP port; 0 chooses a free one.
-        token: what a client must say; $VSNBENCH_TOKEN when None.
-        certificate: PEM file of a certificate: the model is then at wss://.
-        key: PEM file of its key.
-        unix_path: listen on this socket file in place of host and port.
-        ready: called with the port (0 for a socket file) once clients can connect.
+        policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
+            optionally `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"), `weights_sha256`,
+            `weights_label`, `settings`, `action_map`, `deterministic` and `runs_on` (device, threads, ...). `act`
+            returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally `raw_action`,
+            `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a `Task`.
+        host: address to listen on; an address other than loopback needs a token.
+        port: TCP port; 0 for any free port.
+        token: token that clients must send; None for $VSNBENCH_TOKEN.
+        certificate: PEM file of a certificate; the address is then wss://.
+        key: PEM file of the certificate's key.
+        unix_path: socket file to listen on instead of host and port.
+        ready: called with the port (0 for a socket file) as soon as clients can connect.
 
     Raises:
-        ValueError: the card is not one, or there is no token where one is needed.
+        ValueError: the card is invalid, or a token is missing.
     """
     token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
     card = checked_card(policy)
     if unix_path is None and not token and not is_loopback(host):
-        raise ValueError(f"listening on {host} without a token would let anybody use the model: set {TOKEN_VARIABLE}")
+        raise ValueError(f"listening on {host} without a token would let everyone use the model: set {TOKEN_VARIABLE}")
     one_client = threading.Lock()
 
     def handle(connection: Any) -> None:
-        _converse(connection, policy, card, token, one_client)
+        try:
+            _handle_client(connection, policy, card, token, one_client)
+        except Exception:
+            logger.exception("the connection to a client failed")
 
-    options: dict[str, Any] = {"compression": None, "max_size": MAX_MESSAGE_BYTES, "close_timeout": 2.0}
+    options: dict[str, Any] = {
+        "compression": None,
+        "max_size": MAX_MESSAGE_BYTES,
+        "open_timeout": _HANDSHAKE_SECONDS,
+        "close_timeout": 2.0,
+        "logger": _transport_logger,
+    }
     if certificate:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate, key)
         name = "ssl" if "ssl" in inspect.signature(_serve).parameters else "ssl_context"
         options[name] = context
     if unix_path:
-        server = _serve(handle, sock=_listening_at(unix_path), **options)
+        server = _unix_serve(handle, sock=_listening_at(unix_path), **options)
     else:
         server = _serve(handle, host, port, **options)
+        server.handler = _bounded(server.handler)
     with server:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -151,13 +255,30 @@ def serve(
         bound = 0 if unix_path else server.socket.getsockname()[1]
         if ready is not None:
             ready(bound)
-        where = unix_path or "{}://{}:{}".format("wss" if certificate else "ws", host, bound)
-        logger.warning("%s listens at %s", card["name"], where)
+        address = unix_path or "{}://{}:{}".format("wss" if certificate else "ws", host, bound)
+        logger.warning("%s listens at %s", card["name"], address)
         server.serve_forever()
 
 
+def _bounded(handle_client: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+    """Return a handler of TCP connections that closes those beyond `MAX_CONNECTIONS` at once."""
+    free = threading.BoundedSemaphore(MAX_CONNECTIONS)
+
+    def handle(client: socket.socket, address: Any) -> None:
+        if not free.acquire(blocking=False):
+            client.close()
+            handle_client(client, address)  # fails on the closed socket and forgets the connection
+            return
+        try:
+            handle_client(client, address)
+        finally:
+            free.release()
+
+    return handle
+
+
 def _listening_at(path: str) -> socket.socket:
-    """Return a listening socket; its file is there only once somebody who connects is heard."""
+    """Return a listening socket. Its file appears only when clients can connect."""
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path + ".new")
     listener.listen()
@@ -166,25 +287,27 @@ def _listening_at(path: str) -> socket.socket:
 
 
 def checked_card(policy: Any) -> dict[str, Any]:
-    """Return the policy's card as the wire carries it.
+    """Return the policy's card as a message.
 
     Raises:
-        ValueError: it has no name, or a sensor that does not exist.
+        ValueError: the card has no name, or an unknown sensor or field.
     """
     given = getattr(policy, "card", None)
     if not isinstance(given, dict):
-        said = [name for name in _CARD_FIELDS if name not in ("code", "files")]
-        given = {name: getattr(given, name) for name in said if hasattr(given, name)}
+        names = [name for name in _CARD_FIELDS if name not in ("code", "files")]
+        given = {name: getattr(given, name) for name in names if hasattr(given, name)}
     name = given.get("name")
     if not isinstance(name, str) or not name.strip():
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
     unknown = sorted(set(given) - set(_CARD_FIELDS))
     if unknown:
-        raise ValueError("the card has {}; it can have {}".format(", ".join(unknown), ", ".join(_CARD_FIELDS)))
+        raise ValueError(
+            "unknown fields on the card: {}; known: {}".format(", ".join(unknown), ", ".join(_CARD_FIELDS))
+        )
     sensors = sorted(str(getattr(sensor, "value", sensor)) for sensor in given.get("sensors") or ())
-    strange = [sensor for sensor in sensors if sensor not in SENSORS]
-    if strange:
-        raise ValueError("no sensor {}: there are {}".format(", ".join(strange), ", ".join(SENSORS)))
+    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
+    if unknown:
+        raise ValueError("unknown sensors: {}; known: {}".format(", ".join(unknown), ", ".join(SENSORS)))
     goals = given.get("goals")
     return {
         "name": name,
@@ -198,34 +321,53 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "code": plain(dict(code_of(policy) if given.get("code") is None else given["code"])),
         "files": plain(dict(given.get("files") or {})),
         "runs_on": dict(_this_process(), **plain(dict(given.get("runs_on") or {}))),
+        "action_kinds": _kinds(given.get("action_kinds"), ACTION_KINDS, "action kinds"),
+        "goal_kinds": _kinds(given.get("goal_kinds"), GOAL_KINDS, "goal kinds"),
+        "action_map": _action_map(given.get("action_map")),
+        **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
-    *("code", "files", "runs_on"),
+    *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg"),
 )
 
 
-def code_of(policy: Any) -> dict[str, str]:
-    """Return what tells the policy's source from another: its class, the hash of its modules, its package's version.
+def _kinds(given: Any, known: tuple[str, ...], name: str) -> list[str]:
+    kinds = sorted(str(getattr(kind, "value", kind)) for kind in given or known[:1])
+    unknown = [kind for kind in kinds if kind not in known]
+    if unknown:
+        raise ValueError("unknown {}: {}; known: {}".format(name, ", ".join(unknown), ", ".join(known)))
+    return kinds
 
-    The modules are those of its own package, or beside its own file, that are loaded by now.
+
+def _action_map(given: Any) -> dict[str, str]:
+    mapped = {str(action): str(replaced) for action, replaced in dict(given or {}).items()}
+    if not set(mapped) <= set(TILTS) or not set(mapped.values()) <= set(ACTIONS) - {"STOP"}:
+        raise ValueError("action_map must map LOOK_UP and LOOK_DOWN to other actions: {'LOOK_UP': 'NOOP'}")
+    return mapped
+
+
+def code_of(policy: Any) -> dict[str, str]:
+    """Return the identity of the policy's source: its class, the hash of its modules, its package's version.
+
+    The modules are the loaded ones of the class's package, or for a single module those in its directory.
     """
-    made = type(policy.agent if isinstance(policy, HabitatAgent) else policy)
-    own = _file_of(sys.modules.get(made.__module__))
-    found = {"class": f"{made.__module__}:{made.__qualname__}"}
+    kind = type(policy.agent if isinstance(policy, HabitatAgent) else policy)
+    own = _file_of(sys.modules.get(kind.__module__))
+    found = {"class": f"{kind.__module__}:{kind.__qualname__}"}
     if own is None:
         return found
-    if made.__module__ == "__main__":
-        return {"class": f"{own.stem}:{made.__qualname__}", "sha256": _hash_of([(own.stem, own)])}
-    top = made.__module__.partition(".")[0]
+    if kind.__module__ == "__main__":
+        return {"class": f"{own.stem}:{kind.__qualname__}", "sha256": _hash_of([(own.stem, own)])}
+    top = kind.__module__.partition(".")[0]
     installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
-    alone = not installed and not hasattr(sys.modules.get(top), "__path__")
+    single = not installed and not hasattr(sys.modules.get(top), "__path__")
     files = []
     for name, module in list(sys.modules.items()):
         file = None if name in ("__main__", "vsnbench_policy") else _file_of(module)
-        if file is not None and (name.partition(".")[0] == top or (alone and file.parent == own.parent)):
+        if file is not None and (name.partition(".")[0] == top or (single and file.parent == own.parent)):
             files.append((name, file))
     found["sha256"] = _hash_of(sorted(files))
     version = _version_of(top)
@@ -236,7 +378,7 @@ def _version_of(package: str) -> str:
     try:
         metadata = importlib.import_module("importlib.metadata")
         names = metadata.packages_distributions().get(package, ())
-    except (ImportError, AttributeError):  # an older Python cannot tell
+    except (ImportError, AttributeError):  # older Python
         return ""
     return str(metadata.version(names[0])) if names else ""
 
@@ -258,19 +400,19 @@ def _this_process() -> dict[str, Any]:
 
 
 def plain(value: Any, depth: int = 0) -> Any:
-    """Return a value made of what the wire carries: None, bool, int, float, str, bytes, list, dict with str keys.
+    """Convert a value to None, bool, int, float, str, bytes, list and dict with str keys.
 
     Raises:
-        WireError: it holds something else, or nests deeper than 32.
+        WireError: the value contains another type, or is nested deeper than 32 levels.
     """
     if depth > 32:
-        raise WireError("the answer nests deeper than 32")
+        raise WireError("the answer is nested deeper than 32 levels")
     if value is None or isinstance(value, (bool, str, bytes)):
         return value
     if isinstance(value, (int, np.integer)):
         number = int(value)
         if not -(2**63) <= number < 2**63:
-            raise WireError("the answer holds an integer of more than 64 bits")
+            raise WireError("the answer contains an integer of more than 64 bits")
         return number
     if isinstance(value, (float, np.floating)):
         return float(value)
@@ -282,7 +424,7 @@ def plain(value: Any, depth: int = 0) -> Any:
         return plain(value.tolist(), depth + 1)
     if hasattr(value, "tolist"):
         return plain(value.tolist(), depth + 1)
-    raise WireError(f"the answer holds {type(value).__name__!r}, which the wire cannot carry")
+    raise WireError(f"the answer contains {type(value).__name__!r}, which cannot be sent")
 
 
 def pack(message: Any) -> bytes:
@@ -292,10 +434,10 @@ def pack(message: Any) -> bytes:
 
 
 def unpack(content: Any) -> dict[str, Any]:
-    """Return a message from bytes: a dict with a `type`.
+    """Decode a message: a dict with a `type`.
 
     Raises:
-        WireError: it is not one.
+        WireError: the content is not a message.
     """
     if not isinstance(content, (bytes, bytearray)):
         raise WireError("a text message; every message is binary")
@@ -315,9 +457,9 @@ def unpack(content: Any) -> dict[str, Any]:
     except WireError:
         raise
     except Exception as error:
-        raise WireError(f"no msgpack message: {type(error).__name__}") from error
+        raise WireError(f"invalid msgpack: {type(error).__name__}") from error
     if not isinstance(message, dict) or not isinstance(message.get("type"), str):
-        raise WireError("a message must be a map with a `type`")
+        raise WireError("a message must be a mapping with a `type`")
     return message
 
 
@@ -325,31 +467,32 @@ def _no_extension(code: int, _data: bytes) -> Any:
     raise WireError(f"extension type {code} is not in the protocol")
 
 
-def _converse(connection: Any, policy: Any, card: dict[str, Any], token: str, one_client: Any) -> None:
-    """Answer one client until it leaves; whatever it sends, the server goes on."""
+def _handle_client(connection: Any, policy: Any, card: dict[str, Any], token: str, one_client: Any) -> None:
+    """Answer a client until it disconnects. Invalid messages do not stop the server."""
     try:
         hello = _first_message(connection)
-        problem = _problem_with(hello, token)
+        version = _common_version(hello)
+        problem = _problem_with(hello, token, version, card)
         if problem is None and not one_client.acquire(blocking=False):
             problem = ("busy", "another client is using the model")
         if problem is not None:
             connection.send(pack({"type": "error", "code": problem[0], "message": problem[1]}))
             return
         try:
-            connection.send(pack({"type": "card", "wire": WIRE_VERSION, "card": card, "jpeg": _can_decode_jpeg()}))
+            connection.send(pack({"type": "card", "wire": version, "card": card, "jpeg": _can_decode_jpeg()}))
             _answer_until_bye(connection, policy)
         finally:
             one_client.release()
     except ConnectionClosed:
         pass
     except TimeoutError:
-        logger.warning("a client said no hello within %.0f s", _HELLO_SECONDS)
+        logger.warning("a client sent no hello within %.0f s", _HELLO_SECONDS)
     except (WireError, OSError) as error:
-        logger.warning("a client was turned away: %s", error)
+        logger.warning("a client was refused: %s", error)
         try:
             connection.send(pack({"type": "error", "code": "protocol", "message": str(error)}))
         except Exception:
-            logger.debug("and had gone by then")
+            logger.debug("the client had disconnected")
 
 
 def _first_message(connection: Any) -> dict[str, Any]:
@@ -359,16 +502,36 @@ def _first_message(connection: Any) -> dict[str, Any]:
     return unpack(content)
 
 
-def _problem_with(hello: dict[str, Any], token: str) -> tuple[str, str] | None:
+def _common_version(hello: dict[str, Any]) -> int:
+    """Return the highest version that both sides know, or 0. A client of version 1 has no `newest_wire`."""
+    oldest: Any = hello.get("wire")
+    newest: Any = hello.get("newest_wire", oldest)
+    if any(isinstance(version, bool) or not isinstance(version, int) for version in (oldest, newest)):
+        return 0
+    version = int(min(newest, WIRE_VERSION))
+    return version if version >= max(oldest, OLDEST_WIRE_VERSION) else 0
+
+
+def _problem_with(hello: dict[str, Any], token: str, version: int, card: dict[str, Any]) -> tuple[str, str] | None:
     if hello.get("type") != "hello":
         return ("protocol", "the first message must be hello")
-    if hello.get("wire") != WIRE_VERSION:
+    if not version:
         return (
             "version",
-            "this model speaks version {} of the wire, you {!r:.20}".format(WIRE_VERSION, hello.get("wire")),
+            "this model uses versions {} to {} of the protocol, the client {!r:.20}".format(
+                OLDEST_WIRE_VERSION, WIRE_VERSION, hello.get("wire")
+            ),
         )
-    said = hello.get("token", "")
-    if token and not (isinstance(said, str) and hmac.compare_digest(said.encode(), token.encode())):
+    answers, goals = card["action_kinds"], card["goal_kinds"]
+    if version == 1 and (answers != ["discrete"] or not {"category", "text"} & set(goals)):
+        return (
+            "version",
+            "a client of version 1 of the protocol has no goals of kind {} with answers of kind {}".format(
+                " or ".join(goals), " or ".join(answers)
+            ),
+        )
+    given = hello.get("token", "")
+    if token and not (isinstance(given, str) and hmac.compare_digest(given.encode(), token.encode())):
         return ("token", "wrong token")
     return None
 
@@ -381,41 +544,72 @@ def _answer_until_bye(connection: Any, policy: Any) -> None:
             return
         if isinstance(number, bool) or not isinstance(number, int):
             raise WireError(f"{kind!r:.20} without a `seq`")
-        began = time.perf_counter()
+        start_s = time.perf_counter()
         try:
             if kind == "reset":
                 answer: dict[str, Any] = {"type": "ready"}
-                policy.reset(_field(message, "goal", str), _field(message, "seed", int))
+                _begin(policy, message)
             elif kind == "act":
                 answer = decision_of(policy.act(observation_of(message)))
                 answer["type"] = "decision"
             else:
                 raise WireError(f"no message {kind!r:.20} in the protocol")
-            answer["seconds"] = time.perf_counter() - began
+            answer["seconds"] = time.perf_counter() - start_s
             answer["seq"] = number
             connection.send(pack(answer))
         except ConnectionClosed:
             raise
         except WireError as error:
             connection.send(pack(_failure(number, "protocol", error)))
-        except Exception as error:
-            logger.exception("the model failed in %s", kind)
-            connection.send(pack(_failure(number, "model", error)))
+        except BaseException as error:  # SystemExit too: the server continues
+            failure = _failure(number, "model", error)
+            logger.error("the model failed in %s\n%s", kind, failure["traceback"])
+            connection.send(pack(failure))
 
 
-def _failure(number: int, code: str, error: Exception) -> dict[str, Any]:
-    try:
-        words = f"{type(error).__name__}: {error}"[:2000]
-    except Exception:
-        words = type(error).__name__
-    lines = traceback.format_exc()[-20000:] if code == "model" else ""
+def _begin(policy: Any, message: dict[str, Any]) -> None:
+    """Start an episode: `begin(task)` if the client sent a task and the policy takes it, otherwise `reset`."""
+    goal, seed = Goal.of(message), _field(message, "seed", int)
+    task = Task.of(goal, seed, message.get("task"))
+    begin = getattr(policy, "begin", None)
+    if task is not None and callable(begin):
+        begin(task)
+    else:
+        policy.reset(goal, seed)
+
+
+def _failure(number: int, code: str, error: BaseException) -> dict[str, Any]:
+    name = type(error).__name__
+    text = _text_of(lambda: f"{name}: {error}"[:2000]) or f"{name} (its message cannot be read)"
+    lines = _text_of(lambda: "".join(traceback.format_exception(type(error), error, error.__traceback__))[-20000:])
+    lines = lines if code == "model" else ""
     return {
         "type": "error",
         "seq": number,
         "code": code,
-        "message": words.encode("utf-8", "replace").decode(),
+        "message": text.encode("utf-8", "replace").decode(),
         "traceback": lines.encode("utf-8", "replace").decode(),
     }
+
+
+def _text_of(make: Callable[[], str]) -> str:
+    """Return a text that model code creates, or an empty string if that fails or takes too long."""
+    texts: list[str] = []
+
+    def call() -> None:
+        try:
+            texts.append(make())
+        except BaseException:
+            texts.append("")
+
+    thread = threading.Thread(target=call, daemon=True)
+    try:
+        thread.start()
+    except (RuntimeError, MemoryError):  # no memory for a thread
+        call()
+    else:
+        thread.join(_TEXT_SECONDS)
+    return texts[0] if texts else ""
 
 
 def _field(message: dict[str, Any], name: str, kind: type) -> Any:
@@ -429,7 +623,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
     """Return the observation of an `act` message.
 
     Raises:
-        WireError: it is malformed.
+        WireError: the message is invalid.
     """
     pose = message.get("pose")
     if pose is not None:
@@ -438,18 +632,24 @@ def observation_of(message: dict[str, Any]) -> Observation:
         pose = Pose(*pose)
     camera = message.get("camera")
     if not isinstance(camera, dict):
-        raise WireError("`camera` must be a map")
+        raise WireError("`camera` must be a mapping")
     stamp_s: Any = message.get("stamp_s")
     if not _is_finite(stamp_s):
         raise WireError("`stamp_s` must be a number")
-    rgb, depth_m = message.get("rgb"), message.get("depth")
-    return Observation(
+    rgb, depth = message.get("rgb"), message.get("depth")
+    budget = message.get("budget")
+    if budget is not None and (not isinstance(budget, dict) or set(budget) != set(_BUDGET)):
+        raise WireError("`budget` must be a mapping with {}".format(", ".join(_BUDGET)))
+    observation = Observation(
         rgb=None if rgb is None else _rgb_of(rgb),
-        depth_m=None if depth_m is None else _depth_of(depth_m),
+        depth_m=None if depth is None else _depth_of(depth),
         pose=pose,
         stamp_s=float(stamp_s),
         camera=Camera(camera),
+        beyond_range=None if depth is None else _beyond_range_of(depth),
     )
+    observation.budget = budget
+    return observation
 
 
 def _is_finite(value: Any) -> bool:
@@ -457,9 +657,9 @@ def _is_finite(value: Any) -> bool:
 
 
 def _image(image: Any, name: str) -> tuple[Any, int, int, bytes]:
-    """Return encoding, height, width and bytes of an image on the wire."""
+    """Return encoding, height, width and bytes of an image in a message."""
     if not isinstance(image, dict):
-        raise WireError(f"`{name}` must be a map")
+        raise WireError(f"`{name}` must be a mapping")
     size: list[Any] = [image.get("height"), image.get("width")]
     for number in size:
         if isinstance(number, bool) or not isinstance(number, int) or not 0 < number <= 8192:
@@ -472,7 +672,7 @@ def _image(image: Any, name: str) -> tuple[Any, int, int, bytes]:
 def _array(data: bytes, kind: Any, shape: tuple[int, ...], name: str) -> Any:
     expected = int(np.prod(shape)) * np.dtype(kind).itemsize
     if len(data) != expected:
-        raise WireError(f"`{name}` has {len(data)} bytes in place of {expected}")
+        raise WireError(f"`{name}` has {len(data)} bytes instead of {expected}")
     return np.frombuffer(data, kind).reshape(shape)
 
 
@@ -483,7 +683,7 @@ def _rgb_of(image: Any) -> Any:
     if encoding == "jpeg":
         rgb = _decode_jpeg(data)
         if rgb.shape != (height, width, 3):
-            raise WireError(f"`rgb` says {height} x {width} and is {rgb.shape}")
+            raise WireError(f"`rgb` is declared as {height} x {width} but has shape {rgb.shape}")
         return rgb
     raise WireError(f"`rgb` must be raw or jpeg, not {encoding!r:.20}")
 
@@ -498,6 +698,17 @@ def _depth_of(image: Any) -> Any:
         depth_m[millimetres == 0] = np.nan
         return depth_m
     raise WireError(f"`depth` must be f32 or mm16, not {encoding!r:.20}")
+
+
+def _beyond_range_of(image: Any) -> Any:
+    packed = image.get("beyond_range")
+    if packed is None:
+        return None
+    _, height, width, _ = _image(image, "depth")
+    if not isinstance(packed, bytes) or len(packed) != (height * width + 7) // 8:
+        raise WireError("`beyond_range` must have one bit for each pixel of `depth`")
+    bits = np.unpackbits(np.frombuffer(packed, np.uint8))[: height * width]
+    return bits.reshape(height, width).astype(bool)
 
 
 def _can_decode_jpeg() -> bool:
@@ -521,28 +732,30 @@ def _decode_jpeg(data: bytes) -> Any:
         try:
             return np.asarray(Image.open(io.BytesIO(data), formats=["JPEG"]).convert("RGB"))
         except Exception as error:
-            raise WireError("`rgb` is no JPEG") from error
+            raise WireError("`rgb` is not a JPEG") from error
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise WireError("`rgb` is no JPEG")
+        raise WireError("`rgb` is not a JPEG")
     return np.ascontiguousarray(image[:, :, ::-1])
 
 
 def decision_of(answer: Any) -> dict[str, Any]:
-    """Return what a policy answered as the fields of a `decision` message.
+    """Return a policy's answer as the fields of a `decision` message.
 
     Raises:
-        WireError: it is no decision.
+        WireError: the answer is not a decision.
     """
     given: Any = {"action": answer} if isinstance(answer, str) else answer
     if not isinstance(given, dict):
         if not hasattr(given, "action"):
-            raise WireError(f"act answered {answer!r:.80}, which names no action")
+            raise WireError(f"act returned {answer!r:.80}, which is not an action")
         given = {name: getattr(given, name) for name in ("action", "raw_action", "diagnostics") if hasattr(given, name)}
     action = str(getattr(given.get("action"), "value", given.get("action"))).upper()
-    if action not in ACTIONS:
-        raise WireError("act answered {!r:.40}; the actions are {}".format(action, ", ".join(ACTIONS)))
+    moves = {name: plain(given[name]) for name in ("movement", "parts") if given.get(name) is not None}
+    if action not in ACTIONS + TILTS and not moves:
+        raise WireError("act returned {!r:.40}; the actions are {}".format(action, ", ".join(ACTIONS)))
     return {
+        **moves,
         "action": action,
         "raw_action": str(given.get("raw_action") or action),
         "probabilities": plain(dict(given.get("probabilities") or {})),
@@ -554,8 +767,8 @@ class HabitatAgent:
     """Any Habitat `Agent` (`reset()`, `act(observations)`) as a policy.
 
     The agent gets `rgb` (H, W, 3) uint8, `depth` (H, W, 1) float32 normalised to [0, 1], `gps` (2,) float32,
-    `compass` (1,) float32 and `objectgoal` (1,) int64; its answer is a number of `actions`, an action's name, or a dict
-    with `action`.
+    `compass` (1,) float32 in [-pi, pi] and `objectgoal` (1,) int64. It returns a number of `actions`, the name
+    of an action, or a dict with `action`; `action_args` are ignored, because no action here has any.
     """
 
     DEFAULTS: ClassVar[dict[str, Any]] = {
@@ -573,19 +786,19 @@ class HabitatAgent:
         "deterministic": True,
     }
     """Goal ids and action numbers are those of HM3D ObjectNav in habitat-lab. `gps` is habitat's (forward, right) or
-    `forward-left`. `actions` may send LOOK_UP and LOOK_DOWN (4, 5) to whatever the lab's robot should do."""
+    `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot."""
 
     def __init__(self, factory: Callable[..., Any], settings: dict[str, Any] | None = None) -> None:
         settings = settings or {}
         unknown = sorted(set(settings) - set(self.DEFAULTS))
         if unknown:
-            raise ValueError("no setting {}: there are {}".format(", ".join(unknown), ", ".join(self.DEFAULTS)))
+            raise ValueError("unknown settings: {}; known: {}".format(", ".join(unknown), ", ".join(self.DEFAULTS)))
         self.settings = dict(self.DEFAULTS, **settings)
         if self.settings["gps"] not in ("forward-right", "forward-left"):
             raise ValueError("gps must be forward-right or forward-left")
-        strange = sorted(set(self.settings["actions"].values()) - set(ACTIONS))
-        if strange:
-            raise ValueError("no action {}: there are {}".format(", ".join(strange), ", ".join(ACTIONS)))
+        unknown = sorted({str(name).upper() for name in self.settings["actions"].values()} - set(ACTIONS))
+        if unknown:
+            raise ValueError("unknown actions: {}; known: {}".format(", ".join(unknown), ", ".join(ACTIONS)))
         self.agent = factory(**self.settings["arguments"])
         self.card = {
             "name": self.settings["name"] or getattr(factory, "__name__", "habitat-agent").lower(),
@@ -599,7 +812,7 @@ class HabitatAgent:
         self._goal = 0
 
     def reset(self, goal: str, seed: int) -> None:
-        """Start an episode; every generator that is loaded is seeded."""
+        """Start an episode, and seed the random number generators."""
         if goal not in self.settings["goals"]:
             raise ValueError(f"the agent does not know {goal}")
         self._goal = self.settings["goals"][goal]
@@ -611,38 +824,46 @@ class HabitatAgent:
         self.agent.reset()
 
     def act(self, observation: Observation) -> dict[str, Any]:
-        """Hand the observation over as Habitat would and translate the answer."""
+        """Pass the observation on in Habitat's form and convert the answer."""
         answer = self.agent.act(self.observations(observation))
         details = answer if isinstance(answer, dict) else {"action": answer}
         raw: Any = details.get("action")
         raw = raw.item() if hasattr(raw, "item") else raw
-        action = self.settings["actions"].get(str(raw), str(raw).upper())
+        action = str(self.settings["actions"].get(str(raw), raw)).upper()
+        if action not in ACTIONS:
+            raise WireError(
+                "the agent returned {!r:.40}, which the setting `actions` does not map; to ignore it, write "
+                '"actions": {{…, "{:.40}": "NOOP"}}'.format(raw, str(raw))
+            )
         return {"action": action, "raw_action": str(raw)}
 
     def observations(self, observation: Observation) -> dict[str, Any]:
-        """Return Habitat's dict of observations."""
+        """Return the observations in Habitat's form."""
         found: dict[str, Any] = {"objectgoal": np.array([self._goal], np.int64)}
         if observation.rgb is not None:
             found["rgb"] = np.ascontiguousarray(observation.rgb)
         if observation.depth_m is not None:
-            found["depth"] = self._depth(observation.depth_m)[:, :, None]
+            found["depth"] = self._depth(observation.depth_m, observation.beyond_range)[:, :, None]
         if observation.pose is not None:
             right = 1.0 if self.settings["gps"] == "forward-left" else -1.0
             found["gps"] = np.array([observation.pose.x_m, right * observation.pose.y_m], np.float32)
-            found["compass"] = np.array([observation.pose.heading_rad], np.float32)
+            compass = np.float32(math.remainder(observation.pose.heading_rad, math.tau))
+            found["compass"] = np.clip(np.array([compass], np.float32), -_COMPASS_LIMIT, _COMPASS_LIMIT)
         return found
 
-    def _depth(self, depth_m: Any) -> Any:
-        """Return depth as Habitat's sensor gives it: clipped, and 0 where it is invalid."""
+    def _depth(self, depth_m: Any, beyond_range: Any) -> Any:
+        """Return depth in Habitat's form: clipped, the minimum where invalid, the maximum beyond the range."""
         low, high = np.float32(self.settings["depth_min_m"]), np.float32(self.settings["depth_max_m"])
         clipped = np.where(np.isnan(depth_m), low, np.clip(depth_m, low, high)).astype(np.float32)
+        if beyond_range is not None:
+            clipped[beyond_range] = high
         return (clipped - low) / (high - low) if self.settings["normalize_depth"] else clipped
 
 
-def _load(where: str) -> Any:
-    module_name, _, attribute = where.partition(":")
+def _load(name: str) -> Any:
+    module_name, _, attribute = name.partition(":")
     if not attribute:
-        raise ValueError(f"{where!r}: name the model as module:Class")
+        raise ValueError(f"{name!r}: write module:Class")
     sys.path.insert(0, str(Path.cwd()))
     found: Any = importlib.import_module(module_name)
     for part in attribute.split("."):
@@ -651,7 +872,7 @@ def _load(where: str) -> Any:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host's name or address means this machine alone."""
+    """Return whether a host name or address is a loopback address."""
     if host == "localhost":
         return True
     try:
@@ -661,15 +882,17 @@ def is_loopback(host: str) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Serve what the command line names."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(prog="vsnbench_policy.py", description="Serve a model to vsnbench.")
     parser.add_argument("model", nargs="?", help="module:Class with reset(goal, seed) and act(observation)")
-    parser.add_argument("--habitat-agent", metavar="module:Class", help="a Habitat Agent in place of a model")
-    parser.add_argument("--settings", metavar="FILE", help="JSON: keyword arguments, or the agent's settings")
-    parser.add_argument("--host", default="127.0.0.1", help="0.0.0.0 for the lab's network; needs a token")
+    parser.add_argument("--habitat-agent", metavar="module:Class", help="a Habitat agent instead of a model")
+    parser.add_argument("--settings", metavar="FILE", help="JSON file with keyword arguments or the agent's settings")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen on; one other than loopback needs a token"
+    )
     parser.add_argument("--port", type=int, default=8765)
-    parser.add_argument("--unix-path", help="listen on this socket file in place of a port")
-    parser.add_argument("--certificate", help="PEM file: serve wss://")
+    parser.add_argument("--unix-path", help="socket file to listen on instead of a port")
+    parser.add_argument("--certificate", help="PEM file of a certificate, for wss://")
     parser.add_argument("--key", help="PEM file of the certificate's key")
     chosen = parser.parse_args(arguments)
     if bool(chosen.model) == bool(chosen.habitat_agent):

@@ -1,4 +1,4 @@
-"""Checks VLV's weights: what is in the value network's file, which detector stands beside it, and how fast both are."""
+"""Checks VLV's weights: contents of the value network's file, the detector, and the speed of both."""
 
 import statistics
 import time
@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from vsnbench.models.description import ModelCheck, Timing
-from vsnbench.models.torch_runtime import available_device
+from vsnbench.models.checkpoints.torch_runtime import available_device
+from vsnbench.models.checkpoints.weights import find_weights
+from vsnbench.models.contract import ModelCheck, Timing
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, VALUE_CLASSES
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.models.vlv.value import FILE_NAME, LearnedValue
-from vsnbench.models.vlv.value_network import ACTIONS, IMAGE_SIZE_PX
-from vsnbench.models.vlv.value_weights import read_value_weights
-from vsnbench.models.weights import find_weights
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import InstanceImage, Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.models.vlv.value.estimate import FILE_NAME, LearnedValue
+from vsnbench.models.vlv.value.network import ACTIONS, IMAGE_SIZE_PX
+from vsnbench.models.vlv.value.weights import read_value_weights
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import InstanceImage, Observation
+from vsnbench.values.pose import Pose
 
 _TIMED_VIEWS = 8
 _TIMED_DETECTIONS = 2
@@ -28,14 +28,14 @@ def check_weights(weights: Path | None, settings: VLVSettings, device: str) -> M
     """Check the value network's file and the detector that the settings choose.
 
     Raises:
-        UsageError: there is no such kind of device.
+        UsageError: the device is unknown.
         ModelError: weights are missing or cannot be used.
     """
     path = find_weights("vlv", FILE_NAME, weights)
     read = read_value_weights(path)
     value = LearnedValue(read, available_device(device))
     detector = open_detector(settings, device)
-    view = _made_up_view()
+    view = _synthetic_view()
     engine = f"PyTorch on {available_device(device)}"
     timings = [_timing(f"value network, {engine}", lambda: value.of(view.rgb, VALUE_CLASSES[0]), _TIMED_VIEWS)]
     timings.append(_timing(detector.name, lambda: detector.detect(view), _TIMED_DETECTIONS))
@@ -69,14 +69,14 @@ def _timing(label: str, work: Callable[[], object], count: int) -> Timing:
     work()
     durations_ms = []
     for _ in range(count):
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         work()
-        durations_ms.append((time.perf_counter() - begun) * 1e3)
+        durations_ms.append((time.perf_counter() - start_s) * 1e3)
     return Timing(label, statistics.median(durations_ms), count)
 
 
-def _made_up_view() -> Observation:
-    """Return a view of nothing in particular, with all that a detector may want."""
+def _synthetic_view() -> Observation:
+    """Return a synthetic observation for detectors."""
     rgb = np.random.default_rng(20250).integers(0, 256, (480, 640, 3), np.uint8)
     ids = np.zeros((480, 640), np.int32)
     ids[200:400, 200:400] = 1

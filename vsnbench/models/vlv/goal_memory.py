@@ -1,4 +1,4 @@
-"""Where the goal was seen: detections with depth become places in the start's frame, confirmed or given up later."""
+"""Memory of where the goal was seen: detections with depth become places in the start's frame."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.pose import Pose
 
 Point = tuple[float, float]
 
 _SAME_PLACE_M: Final = 1.0
 _SAME_SPOT_M: Final = 0.6
-_KEPT_SPOTS: Final = 60
+_MAX_SPOTS: Final = 60
 _POINTS_PER_OBSERVATION: Final = 20
 _OBSERVATIONS_TO_BELIEVE: Final = 2
 _MISSES_OF_A_SPOT: Final = 3
 _NEAR_SHARE: Final = 10
-"""Percentile of a mask's distances that counts as the object's: a mask's edge often lies on what is behind it."""
+"""Percentile of a mask's distances that is taken as the object's: a mask's edge often includes the background."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,16 +30,16 @@ class Sighting:
 
     score: float
     distance_m: float
-    """From the base's centre over the floor plan to the nearest of it; NaN without valid depth."""
+    """Horizontal distance from the base's centre to its nearest part; NaN without valid depth."""
     bearing_rad: float
-    """Of its middle, left positive, from the robot's heading."""
+    """Bearing of its centre relative to the robot's heading, left positive."""
     points: npt.NDArray[np.float64]
-    """(N, 2) of its surface in the start's frame, metres; empty without valid depth."""
+    """(N, 2) points of its surface in the start's frame, metres; empty without valid depth."""
 
 
 @dataclass(slots=True, eq=False)
 class Spot:
-    """A point of a goal's surface, and how often in a row it should have been seen again and was not."""
+    """A point of a goal's surface, with the number of consecutive misses."""
 
     point: Point
     misses: int = 0
@@ -52,17 +52,17 @@ class Place:
     spots: list[Spot]
     observations: int = 1
     misses: int = 0
-    stared_at: int = 0
-    """Looks from near by, one after another, that did not show it."""
+    failed_observations: int = 0
+    """Consecutive observations from nearby without a detection."""
 
     @property
     def believed(self) -> bool:
-        """Whether more than one observation speaks for it: a detector that errs seldom errs twice at the same place."""
+        """Whether several observations support it: a detector seldom errs twice at the same place."""
         return self.observations - self.misses >= _OBSERVATIONS_TO_BELIEVE
 
     @property
     def points(self) -> npt.NDArray[np.float64]:
-        """(N, 2): its points, metres."""
+        """(N, 2): its points, in metres."""
         return np.array([spot.point for spot in self.spots], np.float64).reshape(-1, 2)
 
     @property
@@ -77,13 +77,13 @@ class Place:
 
 
 def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> Sighting:
-    """Return where a detected object is.
+    """Return the position of a detected object.
 
     Args:
         detection: its mask has the depth image's size.
         depth_m: (H, W) metres along the optical axis, NaN where invalid.
-        camera: where the camera sits.
-        pose: of the base in the start's frame.
+        camera: the camera and its mount.
+        pose: pose of the base in the start's frame.
     """
     height, width = depth_m.shape
     rays = camera.rays(width, height)
@@ -94,7 +94,7 @@ def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Cam
     ahead, left, _ = rays.points(depth_m[rows, columns], rows, columns)
     flat = np.hypot(ahead, left)
     distance_m = float(np.percentile(flat, _NEAR_SHARE))
-    # What lies far behind the object's front is the wall seen past the edge of its mask.
+    # Points far behind the object's front belong to the wall behind the edge of its mask.
     on_it = np.flatnonzero((flat >= distance_m) & (flat <= np.median(flat) + 0.5))
     chosen = on_it[np.linspace(0, on_it.size - 1, min(_POINTS_PER_OBSERVATION, on_it.size)).astype(int)]
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
@@ -111,19 +111,19 @@ class GoalMemory:
 
     @property
     def believed(self) -> list[Place]:
-        """The places that more than one observation speaks for."""
+        """The places that several observations support."""
         return [place for place in self.places if place.believed]
 
     def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
-        """Take in one observation of the world.
+        """Update the places with an observation.
 
         Args:
-            sightings: of the goal; those without depth say nothing.
-            should_see: whether a goal at a point could not have been overlooked now.
+            sightings: sightings of the goal; those without depth are ignored.
+            should_see: whether a goal at a point should be detected in this observation.
         """
-        with_depth = [each for each in sightings if each.points.shape[0]]
-        seen = {id(self._see(each)) for each in with_depth}
-        surfaces = np.concatenate([each.points for each in with_depth]) if with_depth else np.zeros((0, 2))
+        with_depth = [item for item in sightings if item.points.shape[0]]
+        seen = {id(self._see(item)) for item in with_depth}
+        surfaces = np.concatenate([item.points for item in with_depth]) if with_depth else np.zeros((0, 2))
         for place in list(self.places):
             expected = [spot for spot in place.spots if should_see(spot.point)]
             for spot in expected:
@@ -136,15 +136,15 @@ class GoalMemory:
                 self.places.remove(place)
 
     def _see(self, seen: Sighting) -> Place:
-        """Add a sighting to its place, or as a new one."""
+        """Add a sighting to its place, or as a new place."""
         spots = [Spot((float(x), float(y))) for x, y in seen.points]
         middle = (float(np.median(seen.points[:, 0])), float(np.median(seen.points[:, 1])))
         near = [place for place in self.places if place.nearest_m(middle) < _SAME_PLACE_M]
         if near:
             place = min(near, key=lambda place: place.nearest_m(middle))
-            place.spots = [*place.spots, *spots][-_KEPT_SPOTS:]
+            place.spots = [*place.spots, *spots][-_MAX_SPOTS:]
             place.observations += 1
-            place.stared_at = 0
+            place.failed_observations = 0
             return place
         self.places.append(Place(spots))
         return self.places[-1]

@@ -1,4 +1,4 @@
-"""The goals VLV knows, and what the value network and COCO detectors call them."""
+"""The goals of VLV, with their names in the value network and in COCO."""
 
 from types import MappingProxyType
 from typing import Final
@@ -9,5 +9,5 @@ VALUE_CLASSES: Final = ("bed", "chair", "couch", "dining table", "toilet")
 CLASS_OF_GOAL: Final = MappingProxyType(
     {"chair": "chair", "sofa": "couch", "table": "dining table", "bed": "bed", "toilet": "toilet"}
 )
-"""The paper's goals (Table 4) in COCO's words."""
+"""The paper's goals (Table 4) and their COCO classes."""
 GOAL_OF_CLASS: Final = MappingProxyType({name: goal for goal, name in CLASS_OF_GOAL.items()})

@@ -1,4 +1,4 @@
-"""Regions of the occupancy map: cells about a point, the border of the unknown, the line of sight."""
+"""Regions of the occupancy map: disks, frontiers and lines of sight."""
 
 import math
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from vsnbench.sensing.occupancy_map import OccupancyMap
 
 
 def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
-    """Return the cells whose centres lie within a distance of a point; its own always."""
+    """Return the cells whose centres are within a distance of a point, and the point's own cell."""
     mask = np.zeros(grid.shape, np.bool_)
     cell = grid.cell_at(*point)
     reach = math.ceil(radius_m / grid.resolution_m) + 1
@@ -29,27 +29,27 @@ def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
 
 
 def frontier_away_from(grid: OccupancyMap, visited: Iterable[Point], radius_m: float) -> BoolGrid:
-    """Return the free cells beside unknown ones that lie farther than a radius from where the robot has been."""
+    """Return the free cells next to unknown cells, without those near visited points."""
     known, obstacles = grid.known, grid.occupied
-    beside = np.zeros(known.shape, np.bool_)
-    beside[1:] |= ~known[:-1]
-    beside[:-1] |= ~known[1:]
-    beside[:, 1:] |= ~known[:, :-1]
-    beside[:, :-1] |= ~known[:, 1:]
-    frontier: BoolGrid = beside & known & ~obstacles
-    for been in visited:
-        frontier &= ~disk(grid, been, radius_m)
+    next_to_unknown = np.zeros(known.shape, np.bool_)
+    next_to_unknown[1:] |= ~known[:-1]
+    next_to_unknown[:-1] |= ~known[1:]
+    next_to_unknown[:, 1:] |= ~known[:, :-1]
+    next_to_unknown[:, :-1] |= ~known[:, 1:]
+    frontier: BoolGrid = next_to_unknown & known & ~obstacles
+    for point in visited:
+        frontier &= ~disk(grid, point, radius_m)
     return frontier
 
 
 def value_at(field: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
-    """Return a field's value in the cell of a point; infinity outside the map."""
+    """Return a field's value at a point; infinity outside the map."""
     cell = grid.cell_at(*point)
     return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
 def in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:
-    """Whether the first `length_m` of the straight line from start to end are free."""
+    """Return whether the first `length_m` of the straight line from start to end are free."""
     whole_m = math.dist(start, end)
     for k in range(max(1, math.ceil(max(length_m, 0.0) / grid.resolution_m))):
         share = k * grid.resolution_m / whole_m

@@ -5,21 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from vsnbench.compilation import compiled
+from vsnbench.runtime.numba_cache import compiled
 
 
 @compiled
-def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, keys: Any, cells: Any) -> None:
+def march(slowness: Any, sources: Any, target: Any, margin: Any, field: Any, keys: Any, cells: Any) -> None:
     """Solve the eikonal equation by first-order fast marching (Sethian 1996).
 
     Args:
-        slowness: (rows, columns) float32: the time a cell's width takes; infinite where no way leads.
+        slowness: (rows, columns) float32: cost of a cell's width; infinite if the cell is blocked.
         sources: indices into the flat grid where the field is 0.
-        wanted: index of a cell, or -1: marching ends `margin` after its value is final.
-        margin: see `wanted`.
-        field: (rows, columns) float64, written: time to the nearest source, infinite where unknown or unreachable.
-        keys: float64 scratch of at least 5 times as many elements as cells.
-        cells: int32 scratch of the same length.
+        target: index of a cell, or -1: marching ends `margin` after its value is final.
+        margin: see `target`.
+        field: (rows, columns) float64, output: cost to the nearest source, infinite if unknown or unreachable.
+        keys: float64 buffer with at least 5 elements per cell.
+        cells: int32 buffer of the same length.
     """
     rows, columns = slowness.shape
     field[:] = math.inf
@@ -58,7 +58,7 @@ def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, key
         if key > limit:
             break
         final[row, column] = True
-        if cell == wanted:
+        if cell == target:
             limit = key + margin
         for side in range(4):
             r, c = row, column
@@ -86,7 +86,7 @@ def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, key
             if r + 1 < rows and final[r + 1, c]:
                 along = min(along, field[r + 1, c])
             apart = across - along if across > along else along - across
-            if apart >= step:  # also where one of them is infinite
+            if apart >= step:  # also if one of them is infinite
                 time = min(across, along) + step
             else:
                 time = 0.5 * (across + along + math.sqrt(2.0 * step * step - apart * apart))
@@ -111,11 +111,11 @@ def march(slowness: Any, sources: Any, wanted: Any, margin: Any, field: Any, key
 
 @compiled
 def move_is_free(open_cells: Any, obstacles: Any, grid: Any, body: Any, x: float, y: float, heading: float) -> bool:
-    """Whether one forward move keeps to open cells and has the free way ahead that the depth guard asks for.
+    """Return whether a forward move stays in open cells and has the free distance that the depth guard requires.
 
     Args:
-        open_cells: (rows, columns) bool: where the robot's centre may be.
-        obstacles: (rows, columns) bool: what stands there.
+        open_cells: (rows, columns) bool: free cells for the robot's centre.
+        obstacles: (rows, columns) bool: obstacle cells.
         grid: origin x, y, resolution.
         body: forward move, half width of the swath, length of the swath from the centre, metres.
         x: metres.
@@ -148,7 +148,7 @@ def move_is_free(open_cells: Any, obstacles: Any, grid: Any, body: Any, x: float
 
 
 @compiled
-def search_actions(
+def search_actions(  # noqa: PLR0913 - compiled functions take arrays, not objects
     field: Any,
     open_cells: Any,
     obstacles: Any,
@@ -166,7 +166,7 @@ def search_actions(
     actions, plus the field at its end counted in forward moves.
 
     Args:
-        field: (rows, columns) way to the target, metres of full speed.
+        field: (rows, columns) path cost to the target, in metres at full speed.
         open_cells: see `move_is_free`.
         obstacles: see `move_is_free`.
         grid: see `move_is_free`.
@@ -174,11 +174,11 @@ def search_actions(
         pose: x, y, heading.
         turn: angle of one turn, radians.
         first_is_refused: whether a forward move without a turn is known to be impossible.
-        depth: most forward moves.
-        plan: (depth,) int64, written: turns before each forward move, left positive; 127 ends the sequence.
+        depth: maximum number of forward moves.
+        plan: (depth,) int64, output: turns before each forward move, left positive; 127 ends the sequence.
 
     Returns:
-        The cost; infinite when no sequence leads nearer.
+        The cost; infinite if no sequence leads nearer.
     """
     rows, columns = field.shape
     half = round(math.pi / turn)

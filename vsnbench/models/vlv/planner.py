@@ -1,6 +1,6 @@
 """The low-level planner: fast marching over the map to a sub-goal, then a search over short sequences of actions.
 
-Obstacles are grown by the robot's radius and the wanted clearance; where no way is left, by less, down to the radius.
+Obstacles are inflated by the robot's radius and the clearance; if no path is left, by less, down to the radius.
 """
 
 import math
@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.pose import Pose
 from vsnbench.sensing.occupancy_map import OccupancyMap
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 FloatGrid = npt.NDArray[np.float64]
 BoolGrid = npt.NDArray[np.bool_]
@@ -23,19 +23,19 @@ Point = tuple[float, float]
 _SIDE_MARGIN_M: Final = 0.02
 """Added to the radius on both sides of the swath that must be free ahead."""
 _COMFORT_M: Final = 0.15
-"""Beyond the grown obstacles, driving is slower for so far: the way keeps to the middle of a passage."""
+"""Width of a slow zone around inflated obstacles, which keeps the path in the middle of passages."""
 _EDGE_SLOWNESS: Final = 3.0
 _UNKNOWN_SLOWNESS: Final = 1.5
 _FIELD_MARGIN_M: Final = 2.5
-"""How much farther than the robot the field is needed for the search over actions."""
+"""Distance beyond the robot to which the search over actions needs the field."""
 _SHORT_SEARCH, _LONG_SEARCH = 2, 4
-"""Forward moves looked ahead: the original's two, and more where those lead nowhere."""
-_MOST_PATH_POINTS: Final = 4000
+"""Number of forward moves in a sequence: two as in the original, or more if those fail."""
+_MAX_PATH_POINTS: Final = 4000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
-    """Where the robot's centre may be, on the map as it is now."""
+    """Free space for the robot's centre on the current map."""
 
     map: OccupancyMap
     obstacles: BoolGrid
@@ -43,15 +43,15 @@ class Terrain:
     """(rows, columns): distance from each cell's centre to the nearest obstacle's."""
     open_cells: BoolGrid
     slowness: npt.NDArray[np.float32]
-    """(rows, columns): metres of way that crossing a cell counts as; infinite where not open."""
+    """(rows, columns): cost of crossing a cell in metres of path; infinite if it is not open."""
 
     def is_open(self, x_m: float, y_m: float) -> bool:
-        """Whether the robot's centre may be there."""
+        """Return whether the robot's centre can be at a point."""
         cell = self.map.cell_at(x_m, y_m)
         return self.map.holds(cell) and bool(self.open_cells[cell.row, cell.column])
 
     def sees(self, start: Point, end: Point) -> bool:
-        """Whether no obstacle lies on the straight line."""
+        """Return whether the straight line is free of obstacles."""
         steps = max(2, math.ceil(math.dist(start, end) / (self.map.resolution_m / 2)))
         for k in range(steps + 1):
             cell = self.map.cell_at(
@@ -64,14 +64,14 @@ class Terrain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Route:
-    """A field of ways to a target over some terrain."""
+    """A field of path lengths to a target."""
 
     terrain: Terrain
     field_m: FloatGrid
-    """(rows, columns): way to the target, slower stretches counted longer; infinite where none is known."""
+    """(rows, columns): path cost to the target in metres; infinite if there is no path."""
 
     def way_m(self, pose: Pose) -> float:
-        """Return the way from a pose to the target."""
+        """Return the path cost from a pose to the target."""
         cell = self.terrain.map.cell_at(pose.x_m, pose.y_m)
         return float(self.field_m[cell.row, cell.column]) if self.terrain.map.holds(cell) else math.inf
 
@@ -85,7 +85,7 @@ class Planner:
         self._cells: npt.NDArray[np.int32] = np.zeros(0, np.int32)
 
     def terrain(self, grid: OccupancyMap, pose: Pose, clearance_m: float) -> Terrain:
-        """Return where the robot can be when it keeps `clearance_m` beside its radius; always where it stands."""
+        """Return the free space with a clearance in addition to the radius; it includes the robot's position."""
         import cv2
 
         obstacles = grid.occupied
@@ -97,10 +97,10 @@ class Planner:
         open_cells = away_m >= wanted_m
         here = grid.cell_at(pose.x_m, pose.y_m)
         own_m = float(away_m[here.row, here.column])
-        if own_m < wanted_m:  # it stands too near to something: let it leave without coming nearer
+        if own_m < wanted_m:  # too near to an obstacle: it may leave, but not come nearer
             rows, columns = np.arange(obstacles.shape[0])[:, None], np.arange(obstacles.shape[1])[None, :]
-            beside = np.hypot(rows - here.row, columns - here.column) * grid.resolution_m <= wanted_m
-            open_cells |= beside & (away_m >= own_m - grid.resolution_m / 4) & ~obstacles
+            nearby = np.hypot(rows - here.row, columns - here.column) * grid.resolution_m <= wanted_m
+            open_cells |= nearby & (away_m >= own_m - grid.resolution_m / 4) & ~obstacles
             open_cells[here.row, here.column] = True
         ease = np.clip((away_m - wanted_m) / _COMFORT_M, 0.0, 1.0)
         slowness = grid.resolution_m * (_EDGE_SLOWNESS - (_EDGE_SLOWNESS - 1.0) * ease)
@@ -109,12 +109,12 @@ class Planner:
         return Terrain(grid, obstacles, away_m, open_cells, slowness.astype(np.float32))
 
     def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> Route | None:
-        """Return ways to the nearest target cell; None when none can be reached from `pose`.
+        """Return path costs to the nearest target cell, or None if none can be reached from `pose`.
 
         Args:
-            terrain: where the robot can be.
-            targets: (rows, columns) the cells to reach; those that are not open are left out.
-            pose: where it stands; the field is computed only as far as it needs.
+            terrain: free space for the robot.
+            targets: (rows, columns): target cells; those that are not open are ignored.
+            pose: pose of the robot; the field is computed only as far as needed.
         """
         sources = np.flatnonzero(targets & terrain.open_cells)
         if sources.size == 0:
@@ -126,14 +126,14 @@ class Planner:
         return route if math.isfinite(route.way_m(pose)) else None
 
     def lengths_from(self, terrain: Terrain, pose: Pose) -> FloatGrid:
-        """Return (rows, columns) metres: the length of the shortest way from `pose` to each cell."""
+        """Return (rows, columns): length in metres of the shortest path from `pose` to each cell."""
         here = terrain.map.cell_at(pose.x_m, pose.y_m)
         even = np.where(terrain.open_cells, np.float32(terrain.map.resolution_m), np.float32(np.inf))
         sources = np.array([here.row * terrain.map.shape[1] + here.column])
         return self._march(even.astype(np.float32), sources, -1, 0.0)
 
     def next_action(self, route: Route, pose: Pose, *, forward_refused: bool = False) -> Action | None:
-        """Return the first action of the best short sequence; None when none leads nearer to the target."""
+        """Return the first action of the best short sequence, or None if no sequence leads nearer to the target."""
         from vsnbench.models.vlv.marching_kernels import search_actions
 
         settings, grid = self._settings, route.terrain.map
@@ -145,7 +145,7 @@ class Planner:
             ]
         )
         frame = np.array([grid.origin_x_m, grid.origin_y_m, grid.resolution_m])
-        where = np.array([pose.x_m, pose.y_m, pose.heading_rad])
+        start = np.array([pose.x_m, pose.y_m, pose.heading_rad])
         turn_rad = math.radians(settings.turn_deg)
         terrain = route.terrain
         for depth in (_SHORT_SEARCH, _LONG_SEARCH):
@@ -156,7 +156,7 @@ class Planner:
                 terrain.obstacles,
                 frame,
                 body,
-                where,
+                start,
                 turn_rad,
                 forward_refused,
                 depth,
@@ -183,9 +183,9 @@ class Planner:
 
 
 def path_of(route: Route, pose: Pose) -> tuple[Point, ...]:
-    """Return the way that the field describes, from the robot to the target, cell by cell downhill.
+    """Return the path from the robot to the target along the steepest descent of the field.
 
-    No step of it enters a cell that is not open, or cuts the corner of one.
+    The path does not enter cells that are not open, or cut their corners.
     """
     grid, field, open_cells = route.terrain.map, route.field_m, route.terrain.open_cells
     rows, columns = field.shape
@@ -194,7 +194,7 @@ def path_of(route: Route, pose: Pose) -> tuple[Point, ...]:
     if not grid.holds(cell) or not math.isfinite(field[cell.row, cell.column]):
         return ()
     at_row, at_column = cell.row, cell.column
-    while field[at_row, at_column] > 0 and len(path) < _MOST_PATH_POINTS:
+    while field[at_row, at_column] > 0 and len(path) < _MAX_PATH_POINTS:
         best, best_cell = 0.0, None
         for r, c in _around(at_row, at_column, rows, columns):
             if not (open_cells[r, c] and open_cells[at_row, c] and open_cells[r, at_column]):

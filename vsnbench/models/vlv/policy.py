@@ -5,32 +5,33 @@ RGB, depth and odometry in, one of the protocol's actions out; no site, no true 
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 from vsnbench.errors import ModelError, UsageError
-from vsnbench.models.contract import ModelCard
-from vsnbench.models.description import ModelCheck
-from vsnbench.models.torch_runtime import require_torch
+from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.contract import ModelCard, ModelCheck, Policy
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
 from vsnbench.models.vlv.planner import Planner
 from vsnbench.models.vlv.search import Move, Search
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.models.vlv.value import open_value
-from vsnbench.protocol.decision import Box, Decision, Diagnostics
-from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.settings_file import read_settings
+from vsnbench.models.vlv.value.estimate import open_value
+from vsnbench.settings.yaml_file import read_settings
+from vsnbench.values.decision import Box, Decision, Diagnostics
+from vsnbench.values.observation import Observation, Sensor
 
 logger = logging.getLogger(__name__)
 
 
-class VLV:
-    """The paper's second model."""
+class VLV(Policy):
+    """The second model of the paper."""
 
     known_goals: ClassVar = tuple(CLASS_OF_GOAL)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY)
+    default_card: ClassVar = ModelCard("vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
     weights_file: ClassVar = "vlv_model.torch"
     settings_class: ClassVar = VLVSettings
 
@@ -42,16 +43,16 @@ class VLV:
         model_config: str | Path | VLVSettings | None = None,
         device: str = "auto",
     ) -> None:
-        """Load what there is of weights and make the model ready.
+        """Load the weights and prepare the model.
 
         Args:
-            weights: the value network's file; None looks for `$VSNBENCH_WEIGHTS/vlv_model.torch`, and goes without.
-            model_config: a YAML file of `VLVSettings`, or the settings themselves.
+            weights: file of the value network; None for `$VSNBENCH_WEIGHTS/vlv_model.torch` if it exists, else none.
+            model_config: YAML file of `VLVSettings`, or the settings.
             device: auto, cpu, cuda or mps.
 
         Raises:
-            UsageError: a setting is unknown or does not fit.
-            ModelError: weights that were named cannot be used.
+            UsageError: a setting is invalid.
+            ModelError: the weights cannot be used.
         """
         self.settings = _settings_from(model_config)
         self._value = open_value(weights, device)
@@ -63,7 +64,7 @@ class VLV:
         if not goals:
             raise ModelError(
                 f"vlv's detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}",
-                advice="take one that was trained on COCO",
+                advice="use a detector trained on COCO",
             )
         self.card = ModelCard(
             name="vlv",
@@ -72,6 +73,8 @@ class VLV:
             weights_sha256=self._value.sha256,
             weights_label=f"{self._value.label}; {self._detector.name}",
             settings=self._record(),
+            forward_m=self.settings.forward_m,
+            turn_deg=self.settings.turn_deg,
             runs_on={"device": device},
         )
 
@@ -82,22 +85,24 @@ class VLV:
         model_config: str | Path | VLVSettings | None = None,
         device: str = "auto",
     ) -> ModelCheck:
-        """Say what is in the weights and how fast both networks are; arguments as for the class.
+        """Inspect the weights and time both networks. Arguments as for the class.
 
         Raises:
-            UsageError: a setting is unknown or does not fit.
+            UsageError: a setting is invalid.
             ModelError: weights are missing or cannot be used.
         """
         require_torch()
         from vsnbench.models.vlv.checking import check_weights
 
-        return check_weights(Path(weights) if weights is not None else None, _settings_from(model_config), device)
+        settings = _settings_from(model_config)
+        checked = check_weights(Path(weights) if weights is not None else None, settings, device)
+        return replace(checked, card=ModelCard("vlv", forward_m=settings.forward_m, turn_deg=settings.turn_deg))
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
 
         Raises:
-            UsageError: it does not know that goal, or its detector cannot find it.
+            UsageError: the goal is unknown, or the detector cannot find it.
         """
         if self.card.goals is None or goal not in self.card.goals:
             raise UsageError(
@@ -111,23 +116,23 @@ class VLV:
         """Return the next action.
 
         Raises:
-            ModelError: no episode was begun, or it was handed no depth image.
+            ModelError: no episode has started, or there is no depth image.
         """
         if self._search is None:
-            raise ModelError("vlv was asked to act before an episode began", advice="call reset first")
+            raise ModelError("vlv: act was called before reset", advice="call reset first")
         if observation.depth_m is None:
-            raise ModelError("vlv was handed no depth image")
+            raise ModelError("vlv received no depth image")
         detections = self._detector.detect(observation)
-        wanted = tuple(
-            each for each in detections if each.label == self._class and each.score >= self.settings.detector_threshold
+        goals = tuple(
+            item for item in detections if item.label == self._class and item.score >= self.settings.detector_threshold
         )
         value = self._value.of(observation.rgb, self._class)
-        move = self._search.step(observation, wanted, value)
+        move = self._search.step(observation, goals, value)
         return Decision(move.action, diagnostics=self._diagnostics(self._search, move, detections, value))
 
     def _diagnostics(self, search: Search, move: Move, detections: tuple[Detection, ...], value: float) -> Diagnostics:
         return Diagnostics(
-            boxes=tuple(Box(*each.box, GOAL_OF_CLASS.get(each.label, each.label), each.score) for each in detections),
+            boxes=tuple(Box(*item.box, GOAL_OF_CLASS.get(item.label, item.label), item.score) for item in detections),
             map=search.map.grid_map(),
             sub_goal=move.sub_goal,
             path=move.path,
@@ -138,8 +143,9 @@ class VLV:
         )
 
     def _record(self) -> Mapping[str, Any]:
-        """Return the settings as used, and what the detector is; where its file lies is no part of that."""
+        """Return the settings and the detector's identity, without the path of its file."""
         return self.settings.model_dump(mode="json", exclude={"detector_weights"}) | {
+            "replan_growth_m": 0.1,  # a former setting that nothing read; without it, campaigns get other keys
             "detector": self._detector.kind.value,
             "detector_settings": dict(self._detector.settings),
             "detector_sha256": self._detector.weights_sha256,

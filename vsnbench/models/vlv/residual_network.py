@@ -1,4 +1,4 @@
-"""Residual networks as torchvision lays them out: basic blocks (ResNet-18) and bottlenecks (ResNet-50)."""
+"""Residual networks in torchvision's layout: basic blocks (ResNet-18) and bottlenecks (ResNet-50)."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,7 +9,7 @@ Normalisation = Callable[[int], nn.Module]
 
 
 class BasicBlock(nn.Module):
-    """Two 3 x 3 convolutions beside a shortcut."""
+    """Two 3 x 3 convolutions with a shortcut."""
 
     expansion = 1
 
@@ -29,7 +29,7 @@ class BasicBlock(nn.Module):
 
 
 class Bottleneck(nn.Module):
-    """A 3 x 3 convolution between two 1 x 1 beside a shortcut; the stride is on the 3 x 3."""
+    """A 3 x 3 convolution between two 1 x 1, with a shortcut. The 3 x 3 convolution has the stride."""
 
     expansion = 4
 

@@ -1,4 +1,4 @@
-"""One episode of VLV: look around, choose a direction, go there, look again; and go up to the goal once it was seen."""
+"""One episode of VLV: scan, choose a direction, drive there, scan again; approach the goal once it has been seen."""
 
 import math
 from dataclasses import dataclass, field
@@ -16,27 +16,27 @@ from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
 from vsnbench.models.vlv.topological_graph import Candidate, Ranked, TopologicalGraph, View
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose, wrap_angle
 from vsnbench.sensing.occupancy_map import OccupancyMap
+from vsnbench.values.action import Action
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose, wrap_angle
 
 _ARRIVED_M: Final = 0.25
 _APPROACH_MARGIN_M: Final = 0.15
-"""The robot goes so much nearer to the goal than STOP needs: odometry and depth err."""
-_STOOD_STILL_M: Final = 0.05
+"""Reserve when approaching the goal, because odometry and depth have errors."""
+_NO_MOTION_M: Final = 0.05
 _SURELY_SEEN_M: Final = 4.0
-"""A goal in the open within this should be detected; an observation without it is a miss."""
+"""A visible goal within this distance should be detected; an observation without it is a miss."""
 _SURFACE_M: Final = 0.3
-"""The line of sight to a surface may end so far before it."""
-_PATIENCE_OBSERVATIONS: Final = 6
-"""A goal that so many observations from near by did not show is not there."""
+"""The line of sight to a surface can end this far before it."""
+_MAX_FAILED_OBSERVATIONS: Final = 6
+"""A place is dropped after this number of observations from nearby without a detection."""
 _VIEW_BORDER_RAD: Final = math.radians(10.0)
-_SHOWN_CANDIDATES: Final = 30
+_MAX_RECORDED_CANDIDATES: Final = 30
 
 
 class Mode(StrEnum):
-    """What the policy is about."""
+    """Activity of the policy."""
 
     SCAN = "scan"
     TRAVEL = "travel"
@@ -46,7 +46,7 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """What the search decided, and why."""
+    """An action and the reason for it."""
 
     action: Action
     mode: Mode
@@ -57,10 +57,10 @@ class Move:
 
 
 class Search:
-    """The state of an episode. It knows odometry, depth, and what detector and value network say; nothing else."""
+    """The state of an episode, from odometry, depth, detections and the value network only."""
 
     def __init__(self, settings: VLVSettings, planner: Planner, seed: int, *, with_value: bool = False) -> None:
-        """Start an episode; without a value network, candidates beside the unknown are preferred."""
+        """Start an episode. Without a value network, candidates near unknown space are preferred."""
         self.settings = settings
         self._novelty_weight = 0.0 if with_value else settings.novelty_weight
         self.map = OccupancyMap(settings.mapping)
@@ -75,15 +75,14 @@ class Search:
         self._scans = 0
         self._target: Candidate | None = None
         self._budget = 0
-        self._shortest_m = math.inf
 
     def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Move:
         """Return the next action.
 
         Args:
             observation: with a depth image.
-            detections: those of the goal's class only, best first, over the threshold.
-            value: what the value network says of the view; 0 without one.
+            detections: detections of the goal's class above the threshold, best first.
+            value: value of the view; 0 without a value network.
         """
         depth_m = observation.depth_m
         if depth_m is None:
@@ -91,47 +90,47 @@ class Search:
         pose = observation.pose
         self._note_last_move(pose, depth_m, observation)
         self.map.observe(depth_m, observation.camera, pose)
-        sightings = [sighting(each, depth_m, observation.camera, pose) for each in detections]
+        sightings = [sighting(detection, depth_m, observation.camera, pose) for detection in detections]
         self._remember(sightings, observation)
-        near = [each for each in sightings if each.distance_m < self.settings.stop_distance_m]
+        near = [item for item in sightings if item.distance_m < self.settings.stop_distance_m]
         self._confirmed = self._confirmed + 1 if near else 0
         if self._confirmed >= self.settings.stop_looks:
-            nearest_m = min(each.distance_m for each in near)
+            nearest_m = min(item.distance_m for item in near)
             return Move(
                 Action.STOP, Mode.STOP, f"the goal is {nearest_m:.2f} m away, confirmed {self._confirmed} times"
             )
         self.graph.visit(pose.position)
         if self._turns_left is not None:
-            confidence = max((each.score for each in detections), default=0.0)
+            confidence = max((detection.score for detection in detections), default=0.0)
             self._views.append(View(pose.heading_rad, value, confidence))
         move = self._decide(observation, depth_m)
         if move.action is Action.MOVE_FORWARD:
             self._before_forward = pose
         return move
 
-    # What was learnt from the last move
+    # Results of the last move
 
     def _note_last_move(self, pose: Pose, depth_m: npt.NDArray[np.float32], observation: Observation) -> None:
-        """Mark an obstacle where a forward move fell short."""
+        """Mark an obstacle if a forward move was too short."""
         before, self._before_forward = self._before_forward, None
         if before is None:
             return
         moved_m = before.distance_to(pose)
         if moved_m >= self.settings.short_move_m:
             return
-        seen = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
-        # Refused: something within the guarded distance. Cut short: something at the front.
+        obstacles = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
+        # A refused move: an obstacle within the guarded distance. A short move: an obstacle at the front.
         ahead_m = self.settings.robot_radius_m + (
-            self.settings.look_ahead_m / 2 if moved_m < _STOOD_STILL_M else self.settings.resolution_m
+            self.settings.look_ahead_m / 2 if moved_m < _NO_MOTION_M else self.settings.resolution_m
         )
         half_m = self.settings.robot_radius_m / 2
-        for point in seen or [
+        for point in obstacles or [
             pose.compose(Pose(ahead_m, aside_m)).position for aside_m in np.linspace(-half_m, half_m, 5)
         ]:
             self.map.mark_obstacle(*point, pose)
 
     def _remember(self, sightings: list[Sighting], observation: Observation) -> None:
-        """Add what was seen of the goal to the memory; count what should have been seen and was not."""
+        """Add the sightings of the goal to the memory, and count misses."""
         pose, camera = observation.pose, observation.camera
         half_view_rad = math.radians(camera.horizontal_fov_deg) / 2 - _VIEW_BORDER_RAD
         obstacles = self.map.occupied
@@ -145,7 +144,7 @@ class Search:
 
         self.memory.update(sightings, should_see)
 
-    # What to do
+    # Decisions
 
     def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         pose = observation.pose
@@ -160,7 +159,7 @@ class Search:
             return self._begin_scan()
         if self._turns_left is not None:
             if self._turns_left > 0:
-                return self._turn_on()
+                return self._scan_turn()
             self._finish_scan(pose)
         return self._travel(observation, depth_m)
 
@@ -171,18 +170,18 @@ class Search:
         self._views = []
         self._scans += 1
         self._turns_left = self.settings.scan_turns
-        return self._turn_on()
+        return self._scan_turn()
 
-    def _turn_on(self) -> Move:
+    def _scan_turn(self) -> Move:
         turns_left = self._turns_left or 0
         self._turns_left = turns_left - 1
         right = self.settings.scan_direction is ScanDirection.ALTERNATE and self._scans % 2 == 0
         done = self.settings.scan_turns - turns_left + 1
-        note = f"looking around, turn {done} of {self.settings.scan_turns}"
+        note = f"scan, turn {done} of {self.settings.scan_turns}"
         return Move(Action.TURN_RIGHT if right else Action.TURN_LEFT, Mode.SCAN, note)
 
     def _finish_scan(self, pose: Pose) -> None:
-        """Turn the views into candidates and choose where to go."""
+        """Convert the views to candidates and choose a target."""
         self._turns_left = None
         terrain = self._planner.terrain(self.map, pose, self.settings.clearance_m)
         lengths_m = self._planner.lengths_from(terrain, pose)
@@ -196,7 +195,7 @@ class Search:
         self._choose(pose)
 
     def _choose(self, pose: Pose) -> None:
-        """Take the best open candidate as the target; None when there is none."""
+        """Make the best open candidate the target; None if there is none."""
         ranked = self._ranked(pose)
         self._target = ranked[0].candidate if ranked else None
         if ranked:
@@ -204,7 +203,6 @@ class Search:
             self._set_budget(ranked[0].way_m)
 
     def _set_budget(self, way_m: float) -> None:
-        self._shortest_m = math.inf
         self._budget = math.ceil(
             self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
         )
@@ -215,7 +213,7 @@ class Search:
         terrain = self._planner.terrain(self.map, pose, 0.0)
         lengths_m = self._planner.lengths_from(terrain, pose)
         known, obstacles = self.map.known, terrain.obstacles
-        points = [each.point for each in self.graph.open_candidates]
+        points = [candidate.point for candidate in self.graph.open_candidates]
         novelty = [
             self._novelty_weight * unknown_around(point, self.map, known, obstacles) if self._novelty_weight else 0.0
             for point in points
@@ -223,7 +221,7 @@ class Search:
         return self.graph.ranked([value_at(lengths_m, self.map, point) for point in points], novelty)
 
     def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
-        """Go on to the target; to another one where that fails; look around where none is left."""
+        """Drive to the target, or to another one if that fails; scan if there is none."""
         pose = observation.pose
         for _ in range(1 + len(self.graph.open_candidates)):
             target = self._target
@@ -235,13 +233,13 @@ class Search:
             self._budget -= 1
             move = self._towards(disk(self.map, target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
             if move is not None:
-                where = f"to a view of node {target.node}, score {target.score:.2f}"
-                return Move(move.action, Mode.TRAVEL, f"{where}, {self._budget} actions left", target.point, move.path)
+                reason = f"to a view of node {target.node}, score {target.score:.2f}"
+                return Move(move.action, Mode.TRAVEL, f"{reason}, {self._budget} actions left", target.point, move.path)
             self._choose(pose)
         return self._explore(observation, depth_m)
 
     def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
-        """With no candidate left: to the nearest border of the unknown that is worth a look."""
+        """Without candidates, drive to the nearest frontier that has not been visited."""
         pose = observation.pose
         frontier = frontier_away_from(self.map, self.graph.visited, self.settings.visited_radius_m)
         if frontier.any():
@@ -250,11 +248,11 @@ class Search:
                 end = move.path[-1]
                 self._target = Candidate(end, len(self.graph.nodes) - 1, View(pose.heading_rad, 0.0, 0.0), 0.0)
                 self._set_budget(math.dist(end, pose.position))
-                return Move(move.action, Mode.TRAVEL, "no candidate is left: to the unknown", end, move.path)
+                return Move(move.action, Mode.TRAVEL, "no candidates left: to the nearest frontier", end, move.path)
         return self._begin_scan()
 
     def _seek(self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
-        """Go up to the nearest place where the goal was seen, and look at it from there."""
+        """Approach the nearest place where the goal was seen, and observe it from there."""
         pose = observation.pose
         reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
         region = np.zeros(self.map.shape, np.bool_)
@@ -264,26 +262,26 @@ class Search:
         here = self.map.cell_at(pose.x_m, pose.y_m)
         nearest = min(places, key=lambda place: place.nearest_m(pose.position))
         if region[here.row, here.column]:
-            nearest.stared_at += 1
-            if nearest.stared_at > _PATIENCE_OBSERVATIONS:
+            nearest.failed_observations += 1
+            if nearest.failed_observations > _MAX_FAILED_OBSERVATIONS:
                 self.memory.places.remove(nearest)
                 return None
             return self._face(nearest, observation, depth_m)
         move = self._towards(region, observation, depth_m, Mode.SEEK)
         if move is None:
             return None
-        note = f"up to where the goal was seen in {nearest.observations} observations and missed in {nearest.misses}"
+        note = f"to the goal: {nearest.observations} observations, {nearest.misses} misses"
         return Move(move.action, Mode.SEEK, note, nearest.centre, move.path)
 
     def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
-        """Near enough: turn to the goal, and keep it in view for another look."""
+        """Turn to the nearby goal and keep it in view."""
         pose = observation.pose
         points = place.points
         near = points[np.argsort(np.hypot(*(points - pose.position).T))[: max(1, len(points) // 3)]]
         x_m, y_m = near.mean(axis=0)
         bearing = wrap_angle(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.heading_rad)
         turn_rad = math.radians(self.settings.turn_deg)
-        note = "near the goal: looking at it"
+        note = "near the goal: turning to it"
         if abs(bearing) <= turn_rad / 2 + 1e-6 and not obstacles_ahead(
             depth_m, observation.camera, pose, self.settings
         ):
@@ -296,7 +294,7 @@ class Search:
     def _towards(
         self, targets: BoolGrid, observation: Observation, depth_m: npt.NDArray[np.float32], mode: Mode
     ) -> Move | None:
-        """Return the next action towards some cells, with as much clearance as leaves a way."""
+        """Return the next action towards some cells, with the largest clearance that leaves a path."""
         pose = observation.pose
         refused = False
         for _ in range(2):
@@ -310,9 +308,9 @@ class Search:
             if route is None or action is None:
                 return None
             if action is Action.MOVE_FORWARD:
-                seen = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
-                if seen:
-                    for point in seen:
+                obstacles = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
+                if obstacles:
+                    for point in obstacles:
                         self.map.mark_obstacle(*point, pose)
                     refused = True
                     continue
@@ -320,18 +318,20 @@ class Search:
         return None
 
     def details(self) -> dict[str, Any]:
-        """Return what the record keeps beside what is drawn."""
+        """Return details for the record."""
         return {
             "candidates": [
                 {
-                    "x_m": round(each.point[0], 3),
-                    "y_m": round(each.point[1], 3),
-                    "node": each.node,
-                    "value": round(each.view.value, 4),
-                    "confidence": round(each.view.confidence, 4),
-                    "score": round(each.score, 4),
+                    "x_m": round(candidate.point[0], 3),
+                    "y_m": round(candidate.point[1], 3),
+                    "node": candidate.node,
+                    "value": round(candidate.view.value, 4),
+                    "confidence": round(candidate.view.confidence, 4),
+                    "score": round(candidate.score, 4),
                 }
-                for each in sorted(self.graph.open_candidates, key=lambda each: -each.score)[:_SHOWN_CANDIDATES]
+                for candidate in sorted(self.graph.open_candidates, key=lambda item: -item.score)[
+                    :_MAX_RECORDED_CANDIDATES
+                ]
             ],
             "edges": [list(edge) for edge in self.graph.edges],
             "goal_places": [

@@ -1,4 +1,4 @@
-"""From a view of a node to a short-term goal: off the node in the view's direction, free, and not far to walk."""
+"""Short-term goals of views: free points in the view's direction that are near the node."""
 
 import math
 
@@ -22,15 +22,15 @@ def sub_goal_of(
     settings: VLVSettings,
     random: np.random.Generator,
 ) -> Point | None:
-    """Return where to go from a node in a direction; None when nothing there is free.
+    """Return a sub-goal in a direction from a node, or None if nothing there is free.
 
     Args:
-        node: where the robot stands.
-        heading_rad: of the view, in the start's frame.
-        terrain: where the robot can be.
-        lengths_m: (rows, columns) ways from the node.
-        settings: the rule, fixed (paper, Section 3.2.1) or sampled as in the original source.
-        random: for the sampled rule.
+        node: position of the robot.
+        heading_rad: heading of the view in the start's frame.
+        terrain: free space for the robot.
+        lengths_m: (rows, columns) path lengths from the node.
+        settings: rule of the distance: fixed (paper, Section 3.2.1) or sampled as in the original source.
+        random: random number generator of the sampled rule.
     """
     if settings.sub_goal is SubGoalRule.SAMPLED:
         half_rad = math.radians(settings.sub_goal_half_angle_deg)
@@ -56,13 +56,13 @@ def sub_goal_of(
 
 
 def unknown_around(point: Point, grid: OccupancyMap, known: BoolGrid, obstacles: BoolGrid) -> float:
-    """Return which share of what could be seen from a point, up to 3 m, is not known yet.
+    """Return the share of unknown cells among those visible from a point, up to 3 m.
 
     Args:
-        point: in the start's frame.
+        point: point in the start's frame.
         grid: the map.
-        known: (rows, columns) of it.
-        obstacles: (rows, columns) of it.
+        known: (rows, columns) known cells.
+        obstacles: (rows, columns) obstacle cells.
     """
     angles = np.arange(_RAYS) * (2 * math.pi / _RAYS)
     far_m = np.arange(1, int(_LOOK_M / grid.resolution_m) + 1) * grid.resolution_m

@@ -1,4 +1,4 @@
-"""What stands in the way of a forward move, by the depth image: the policy's own look before it asks for one."""
+"""Obstacles to a forward move in the depth image, checked by the policy before it moves."""
 
 import math
 from typing import Final
@@ -7,32 +7,32 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.pose import Pose
 
 Point = tuple[float, float]
 
 _SIDE_MARGIN_M: Final = 0.02
 _LOWEST_M, _HIGHEST_M = 0.04, 1.2
-_FEWEST_PIXELS: Final = 40
+_MIN_PIXELS: Final = 40
 
 
 def obstacles_ahead(
     depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose, settings: VLVSettings
 ) -> tuple[Point, ...]:
-    """Return points of the start's frame, a few centimetres apart, that leave no room for a forward move.
+    """Return points in the start's frame, a few centimetres apart, that block a forward move.
 
     Args:
         depth_m: (H, W) metres along the optical axis, NaN where invalid.
-        camera: where the camera sits.
-        pose: of the base in the start's frame.
-        settings: radius and free way wanted ahead.
+        camera: the camera and its mount.
+        pose: pose of the base in the start's frame.
+        settings: radius and required free distance ahead.
     """
     rays = camera.rays(depth_m.shape[1], depth_m.shape[0])
     rows, columns = rays.pixels_nearer(depth_m, settings.robot_radius_m + settings.look_ahead_m)
     ahead, left, up = rays.points(depth_m[rows, columns], rows, columns)
     inside = (np.abs(left) <= settings.robot_radius_m + _SIDE_MARGIN_M) & (up >= _LOWEST_M) & (up <= _HIGHEST_M)
-    if np.count_nonzero(inside) < _FEWEST_PIXELS:
+    if np.count_nonzero(inside) < _MIN_PIXELS:
         return ()
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     x_m = pose.x_m + cos * ahead[inside] - sin * left[inside]

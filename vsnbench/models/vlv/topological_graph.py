@@ -1,7 +1,7 @@
-"""The topological graph: places where the robot looked around, the views from there, and the candidates left open.
+"""The topological graph: places where the robot scanned, the views from there, and the open candidates.
 
-A candidate is a sub-goal in the direction of a view. Its score is the view's value plus the detector's confidence and
-a bonus where the goal is seen; near candidates are preferred, and what the robot has visited is dropped.
+A candidate is a sub-goal in the direction of a view. Its score is the view's value, plus the detector's confidence and
+a bonus if the goal is seen. Near candidates are preferred; visited candidates are dropped.
 """
 
 import math
@@ -14,17 +14,17 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One look of a scan."""
+    """One view of a scan."""
 
     heading_rad: float
-    """Of the camera, in the start's frame."""
+    """Heading of the camera in the start's frame."""
     value: float
-    """What the value network expects in this direction; 0 without one."""
+    """Value of this direction; 0 without a value network."""
     confidence: float
-    """The detector's best score for the goal; 0 where it is not seen."""
+    """The detector's best score for the goal; 0 if it is not seen."""
 
     def score(self, settings: VLVSettings) -> float:
-        """Return value, plus confidence and bonus where the goal was seen."""
+        """Return value, plus confidence and bonus if the goal is seen."""
         seen = self.confidence >= settings.detector_threshold
         return self.value + (self.confidence + settings.detection_bonus if seen else 0.0)
 
@@ -35,14 +35,14 @@ class Candidate:
 
     point: Point
     node: int
-    """Index of the node it was seen from."""
+    """Index of the node of its view."""
     view: View
     score: float
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """Where the robot stood and looked around."""
+    """A place where the robot scanned."""
 
     point: Point
     views: tuple[View, ...]
@@ -50,7 +50,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranked:
-    """A candidate as it ranks now."""
+    """A candidate with its current rank."""
 
     candidate: Candidate
     way_m: float
@@ -68,7 +68,7 @@ class TopologicalGraph:
     visited: list[Point] = field(default_factory=list)
 
     def add_node(self, point: Point, views: tuple[View, ...], candidates: tuple[Candidate, ...]) -> int:
-        """Add a place with what was seen from it; its candidates join those left open before. Return its index."""
+        """Add a place with its views and candidates. Returns its index."""
         self.nodes.append(Node(point, views))
         if len(self.nodes) > 1:
             self.edges.append((len(self.nodes) - 2, len(self.nodes) - 1))
@@ -77,31 +77,31 @@ class TopologicalGraph:
         return len(self.nodes) - 1
 
     def visit(self, point: Point) -> None:
-        """Note that the robot was here, and drop the candidates that this makes pointless."""
+        """Mark a point as visited, and drop the candidates near it."""
         self.visited.append(point)
         self.open_candidates = [
-            each for each in self.open_candidates if math.dist(each.point, point) >= self.settings.visited_radius_m
+            item for item in self.open_candidates if math.dist(item.point, point) >= self.settings.visited_radius_m
         ]
 
     def is_visited(self, point: Point) -> bool:
-        """Whether the robot was so near that going there is going back."""
-        return any(math.dist(point, been) < self.settings.visited_radius_m for been in self.visited)
+        """Return whether the robot has been near a point."""
+        return any(math.dist(point, visited) < self.settings.visited_radius_m for visited in self.visited)
 
     def close(self, candidate: Candidate) -> None:
-        """Take a candidate off the open list."""
-        self.open_candidates = [each for each in self.open_candidates if each is not candidate]
+        """Remove a candidate from the open list."""
+        self.open_candidates = [item for item in self.open_candidates if item is not candidate]
 
     def ranked(self, ways_m: list[float], novelty: list[float]) -> list[Ranked]:
-        """Return the open candidates, best first; those that cannot be reached are left out.
+        """Return the open candidates that can be reached, best first.
 
         Args:
-            ways_m: the way from the robot to each open candidate, infinite where there is none.
-            novelty: how much unknown lies around each, already weighted.
+            ways_m: path length from the robot to each open candidate; infinite if there is no path.
+            novelty: weighted share of unknown space around each candidate.
         """
         reach_m = self.settings.nearness_reach_m
         ranked = [
-            Ranked(each, way_m, each.score + new + self.settings.nearness_weight * max(reach_m - way_m, 0.0) / reach_m)
-            for each, way_m, new in zip(self.open_candidates, ways_m, novelty, strict=True)
+            Ranked(item, way_m, item.score + new + self.settings.nearness_weight * max(reach_m - way_m, 0.0) / reach_m)
+            for item, way_m, new in zip(self.open_candidates, ways_m, novelty, strict=True)
             if math.isfinite(way_m)
         ]
-        return sorted(ranked, key=lambda each: -each.total)
+        return sorted(ranked, key=lambda item: -item.total)

@@ -1,1 +1,1 @@
-"""The figures of a report: vector drawings for a two-column paper, told apart by shape as well as by colour."""
+"""Vector figures of a report for a two-column paper; conditions differ in shape and colour."""

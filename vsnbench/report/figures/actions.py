@@ -1,12 +1,11 @@
-"""The action histogram (paper, Figure 9): what the model chose and what the robot did, rare actions readable too."""
+"""Action histogram (paper, Figure 9), with readable values for rare actions."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from vsnbench.protocol.actions import Action
-from vsnbench.report.activity import ActionCount
-from vsnbench.report.conditions import footnotes
-from vsnbench.report.figures.lettering import legend_below, shown, wrapped
+from vsnbench.report.analysis.activity import ActionCount
+from vsnbench.report.analysis.conditions import footnotes, kinds_note
+from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
@@ -19,23 +18,24 @@ from vsnbench.report.figures.style import (
     page_name,
     styled,
 )
-from vsnbench.report.summary import ConditionSummary, Results
+from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
+from vsnbench.values.action import TILTS, Action
 
-MOST_PANELS = 6
-"""To a figure."""
+MAX_PANELS = 6
+"""Panels per figure."""
 
 
 _Panel = tuple[ConditionSummary, Sequence[ActionCount]]
 
 
 def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Iterator[Drawing]:
-    """Draw one panel a condition: the model's own actions, and those that were executed; nothing for no actions."""
+    """Draw one panel per condition with the chosen and the executed actions; nothing without actions."""
     panels = [
-        (one, mine)
-        for one in results.conditions
-        if (mine := [each for each in actions if each.condition == one.condition.number])
+        (summary, mine)
+        for summary in results.conditions
+        if (mine := [usage for usage in actions if usage.condition == summary.condition.number])
     ]
-    pages = in_pages(panels, MOST_PANELS)
+    pages = in_pages(panels, MAX_PANELS)
     for number, page in enumerate(pages, start=1):
         yield _drawing(page, number, len(pages))
 
@@ -49,7 +49,7 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
         grid = figure.subplots(lines, columns, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_axis_off()
-        for axes, (one, mine) in zip(grid.flat, panels, strict=False):
+        for axes, (summary, mine) in zip(grid.flat, panels, strict=False):
             raw, executed = _counts(mine)
             names = _names(mine)
             whole = sum(raw.values())
@@ -63,7 +63,7 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
                 widths = [100 * counts[name] / whole for name in names]
                 axes.barh(places, widths, height=0.34, linewidth=0.6, label=label, **look)
                 for place, name, width in zip(places, names, widths, strict=True):
-                    # A share is printed beside its bar: STOP is no taller than a hair, and is to be read.
+                    # The percentage is printed next to the bar, because bars of rare actions are too short to read.
                     axes.text(width + 1, place, f"{counts[name]:,} ({_share(width)} %)", va="center", fontsize=5.5)
             axes.set_yticks(range(len(names)), [shown(name, 24) for name in names])
             axes.set_ylim(len(names) - 0.45, -0.55)
@@ -71,22 +71,24 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("% of the model's actions")
             title = wrapped(
-                f"{one.condition.name}: {one.total.episodes} episodes", figure.get_figwidth() / columns - 1, 7.5
+                f"{summary.condition.name}: {summary.total.episodes} episodes", figure.get_figwidth() / columns - 1, 7.5
             )
             axes.set_title(title, loc="left", color=INK)
             light_grid(axes, "x")
         handles, labels = grid.flat[0].get_legend_handles_labels()
         legend_below(figure, handles, labels)
     caption = (
-        "What the model chose, and what was executed, in percent of the model's actions over the episodes that count "
-        "(paper, Figure 9). Blocked: refused by the depth guard."
+        "Actions chosen by the model and actions executed, in percent of the model's actions over the counted episodes "
+        "(paper, Figure 9). Blocked: stopped by the depth guard."
     )
+    if note := kinds_note(summary.condition for summary, _ in panels):
+        caption += f" {note}"
     return Drawing(
         page_name("actions", number),
-        f"Actions chosen and executed{f' ({number} of {pages})' if pages > 1 else ''}",
+        f"Chosen and executed actions{f' ({number} of {pages})' if pages > 1 else ''}",
         _alt(panels),
         caption,
-        footnotes([one.condition for one, _ in panels]),
+        footnotes([summary.condition for summary, _ in panels]),
         figure,
     )
 
@@ -94,17 +96,17 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
 def _counts(mine: Sequence[ActionCount]) -> tuple[Counter[str], Counter[str]]:
     raw: Counter[str] = Counter()
     executed: Counter[str] = Counter()
-    for each in mine:
-        raw[each.raw_action] += each.steps
-        executed["blocked" if each.blocked else each.action] += each.steps
+    for usage in mine:
+        raw[usage.raw_action] += usage.steps
+        executed["blocked" if usage.blocked else usage.action] += usage.steps
     return raw, executed
 
 
 def _names(mine: Sequence[ActionCount]) -> list[str]:
-    """The protocol's actions first and in its order, then the model's own, then what the guard refused."""
-    seen = {each.raw_action for each in mine} | {each.action for each in mine if not each.blocked}
-    known = [action.value for action in Action if action.value in seen]
-    blocked = ["blocked"] if any(each.blocked for each in mine) else []
+    """Return the actions of robots in their order, then the model's own, then the blocked ones."""
+    seen = {usage.raw_action for usage in mine} | {usage.action for usage in mine if not usage.blocked}
+    known = [action.value for action in Action if action.value in seen and action not in TILTS]
+    blocked = ["blocked"] if any(usage.blocked for usage in mine) else []
     return [*known, *sorted(seen - set(known)), *blocked]
 
 
@@ -114,11 +116,11 @@ def _share(percent: float) -> str:
 
 def _alt(panels: Sequence[_Panel]) -> str:
     parts = []
-    for one, mine in panels:
+    for summary, mine in panels:
         raw, _ = _counts(mine)
         whole = sum(raw.values())
         shares = ", ".join(
             f"{shown(name)} {count} ({_share(100 * count / whole)} %)" for name, count in raw.most_common()
         )
-        parts.append(f"{shown(one.condition.name)}: {shares}")
+        parts.append(f"{shown(summary.condition.name)}: {shares}")
     return f"Histogram of actions. {'; '.join(parts)}."

@@ -1,10 +1,12 @@
-"""Every cell of every condition: success by starting position and goal, a panel a condition."""
+"""Success by starting position and goal, one panel per condition."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from vsnbench.report.conditions import footnotes
-from vsnbench.report.figures.lettering import legend_below, shown, wrapped
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.analysis.episodes_frame import goal_order
+from vsnbench.report.analysis.sensitivity import Grid, grid
+from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLUMN_IN,
     INK,
@@ -16,18 +18,16 @@ from vsnbench.report.figures.style import (
     page_name,
     styled,
 )
-from vsnbench.report.record import goal_order
-from vsnbench.report.scrutiny import Grid, grid
-from vsnbench.report.summary import ConditionSummary, Results
+from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST_PANELS = 6
-"""To a figure."""
+MAX_PANELS = 6
+"""Panels per figure."""
 _UNTRIED = "#e9e6e0"
 _HALF = "#80b8d9"
-"""Half way from white to the colour of success."""
+"""Colour half way from white to that of success."""
 _LINE_IN = 0.125
 _TITLE_PT = 7.0
 
@@ -35,9 +35,9 @@ _Panel = tuple[ConditionSummary, Grid]
 
 
 def success_by_cell(results: Results) -> Iterator[Drawing]:
-    """Draw each cell's success rate as a shade; nothing where no starting position is known, or only one cell each."""
-    panels = [(one, cells) for one in results.conditions if len((cells := grid(one)).cells) > 1]
-    pages = in_pages(panels, MOST_PANELS)
+    """Draw each cell's success rate as a shade; nothing without known starting positions or with a single cell."""
+    panels = [(summary, cells) for summary in results.conditions if len((cells := grid(summary)).cells) > 1]
+    pages = in_pages(panels, MAX_PANELS)
     for number, page in enumerate(pages, start=1):
         yield _drawing(page, number, len(pages))
 
@@ -48,15 +48,17 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
     columns = min(3, len(panels))
     lines = -(-len(panels) // columns)
     width = COLUMN_IN if columns == 1 else PAGE_IN
-    # The same rows and columns in every panel, so that one can be laid beside another.
+    # All panels have the same rows and columns, so that they can be compared.
     goals = sorted({goal for _, cells in panels for goal in cells.goals}, key=goal_order)
     starts = sorted({start for _, cells in panels for start in cells.starts})
     with styled():
         titles = [
             wrapped(
-                f"{one.condition.name}: {one.total.successes}/{one.total.episodes}", width / columns - 0.5, _TITLE_PT
+                f"{summary.condition.name}: {summary.total.successes}/{summary.total.episodes}",
+                width / columns - 0.5,
+                _TITLE_PT,
             )
-            for one, _ in panels
+            for summary, _ in panels
         ]
         letters = max(title.count("\n") + 1 for title in titles)
         figure = new_figure(width, lines * (0.85 + 0.12 * letters + _LINE_IN * len(starts)))
@@ -71,22 +73,22 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
         samples = [
             Patch(facecolor=color, edgecolor=INK, linewidth=0.4) for color in (SUCCESS, _HALF, "white", _UNTRIED)
         ]
-        legend_below(figure, samples, ["every episode succeeded", "half of them did", "none did", "not tried"])
+        legend_below(figure, samples, ["all episodes succeeded", "half of them", "none", "not tested"])
     caption = (
-        "Success by starting position and goal; the darker, the larger the share of a cell's episodes that succeeded. "
-        "A dark row is a place from which all goals are found, a light column a goal that is found from nowhere."
+        "Success by starting position and goal; darker cells have a higher success rate. A dark row is a starting "
+        "position from which all goals are found, a light column a goal that is rarely found."
     )
     words = "; ".join(
-        f"{shown(one.condition.name)}: {sum(cell.successes > 0 for cell in cells.cells.values())} of "
+        f"{shown(summary.condition.name)}: {sum(cell.successes > 0 for cell in cells.cells.values())} of "
         f"{len(cells.cells)} cells with a success"
-        for one, cells in panels
+        for summary, cells in panels
     )
     return Drawing(
         page_name("success-by-cell", number),
         f"Success by starting position and goal{f' ({number} of {pages})' if pages > 1 else ''}",
         f"Shades of the success rate of every starting position and goal. {words}.",
         caption,
-        footnotes([one.condition for one, _ in panels]),
+        footnotes([summary.condition for summary, _ in panels]),
         figure,
     )
 
@@ -103,6 +105,6 @@ def _draw(axes: "Axes", cells: Grid, goals: Sequence[str], starts: Sequence[int]
     axes.pcolormesh(np.ma.masked_invalid(rates), cmap=shades, vmin=0, vmax=1, edgecolors="#b9b9b9", linewidth=0.4)
     axes.invert_yaxis()
     axes.set_xticks(np.arange(len(goals)) + 0.5, [shown(goal, 16) for goal in goals], rotation=90, fontsize=6)
-    every = -(-len(starts) // 30)  # no more numbers than can be told apart
+    every = -(-len(starts) // 30)  # limits the number of tick labels
     axes.set_yticks(np.arange(len(starts))[::every] + 0.5, [str(n) for n in starts[::every]], fontsize=6)
     axes.tick_params(length=0)

@@ -1,10 +1,10 @@
-"""Who is better, and how sure: the difference of every pair of models with its interval."""
+"""Difference in success rate of every pair of models, with its interval."""
 
 from collections.abc import Iterator, Sequence
 
-from vsnbench.report.compare import Comparison, RateComparison
-from vsnbench.report.conditions import footnotes
-from vsnbench.report.figures.lettering import shown, wrapped
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.comparison.compare import Comparison, RateComparison
+from vsnbench.report.comparison.question import Question
 from vsnbench.report.figures.style import (
     FAINT,
     INK,
@@ -16,13 +16,13 @@ from vsnbench.report.figures.style import (
     page_name,
     styled,
 )
-from vsnbench.report.question import Question
+from vsnbench.report.figures.text_layout import shown, wrapped
 
 _LABEL_PT = 6.5
 
 
 def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
-    """Draw, a figure a question, the difference in success rate of every pair, the better one named first."""
+    """Draw the differences of all pairs, one figure per question; the better model is named first."""
     asked = [(question, list(question.pairs)) for question in questions]
     asked = [(question, pairs) for question, pairs in asked if pairs]
     for number, (question, pairs) in enumerate(asked, start=1):
@@ -32,7 +32,7 @@ def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
 def _drawing(
     question: Question, pairs: Sequence[tuple[Comparison, RateComparison]], number: int, figures: int
 ) -> Drawing:
-    width, said = PAGE_IN * 0.75, []
+    width, parts = PAGE_IN * 0.75, []
     with styled():
         rows = []
         for comparison, rate in pairs:
@@ -40,7 +40,7 @@ def _drawing(
             if rate.difference < 0:
                 names, sign = names[::-1], -1.0
             ends = sorted((sign * rate.interval.low, sign * rate.interval.high))
-            rows.append((names, sign * rate.difference, ends, rate.covered and rate.significant))
+            rows.append((names, sign * rate.difference, ends, rate.conclusion.names_winner))
         rows.sort(key=lambda row: -row[1])
         labels = [wrapped(f"{names[0]} − {names[1]}", width * 0.42, _LABEL_PT) for names, *_ in rows]
         lines = [label.count("\n") + 1 for label in labels]
@@ -60,9 +60,9 @@ def _drawing(
                 color=color,
                 markerfacecolor=color if sure else "white",
             )
-            told = "told apart" if sure else "not told apart"
+            finding = "different" if sure else "no difference shown"
             interval = f"[{100 * low:.1f}, {100 * high:.1f}]"
-            said.append(f"{shown(names[0])} less {shown(names[1])}: {100 * difference:+.1f} {interval}, {told}")
+            parts.append(f"{shown(names[0])} minus {shown(names[1])}: {100 * difference:+.1f} {interval}, {finding}")
         axes.axvline(0, color=INK, linewidth=0.7)
         axes.set_yticks(places, labels, fontsize=_LABEL_PT)
         axes.tick_params(axis="y", length=0)
@@ -70,15 +70,14 @@ def _drawing(
         axes.set_xlabel("difference in success rate (points), 95 % interval")
         light_grid(axes, "x")
     caption = (
-        f"{question.where}: the difference in success rate of every pair, on the goals that both were asked for and "
-        "the cells that both were tried in. A filled blue mark: told apart, "
-        "after Holm's correction for all pairs; an open grey one: not told apart."
+        f"{question.where}: difference in success rate of every pair, on the shared goals and cells. Filled blue: "
+        "a difference was shown, Holm-corrected for all pairs. Open grey: no difference was shown."
     )
     return Drawing(
         page_name("differences", number),
-        f"Who succeeds more often, and how sure that is{f' ({number} of {figures})' if figures > 1 else ''}",
-        f"Differences in success rate, points. {'; '.join(said)}.",
+        f"Differences in success rate{f' ({number} of {figures})' if figures > 1 else ''}",
+        f"Differences in success rate, points. {'; '.join(parts)}.",
         caption,
-        footnotes([one.condition for one in question.members]),
+        footnotes([summary.condition for summary in question.members]),
         figure,
     )

@@ -1,16 +1,18 @@
-"""Success by goal with intervals, the paper's values beside."""
+"""Success by goal with intervals, optionally with the paper's values."""
 
 import itertools
 from collections.abc import Iterator, Sequence
 
-from vsnbench.report.conditions import footnotes
-from vsnbench.report.figures.lettering import legend_below, shown
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.analysis.episodes_frame import goal_order
+from vsnbench.report.analysis.published import PAPER_INTERVALS
+from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLORS,
     COLUMN_IN,
     FAINT,
     MARKERS,
-    MOST_CONDITIONS,
+    MAX_CONDITIONS,
     PAGE_IN,
     Drawing,
     in_pages,
@@ -19,30 +21,36 @@ from vsnbench.report.figures.style import (
     page_name,
     styled,
 )
-from vsnbench.report.record import goal_order
-from vsnbench.report.summary import ConditionSummary, Results
+from vsnbench.report.figures.text_layout import legend_below, shown
+from vsnbench.report.tables.headline import headlines
 
 
 def success_by_goal(results: Results, published: Results | None = None) -> Iterator[Drawing]:
-    """Draw each goal's success rate with its 95 % interval, one row a goal and one mark a condition.
+    """Draw each goal's success rate with its 95 % interval, one row per goal and one mark per condition.
 
     Args:
-        results: ours; so many to a figure as colours tell apart.
-        published: the paper's, drawn grey and hollow in every figure.
+        results: recorded results; one figure per `MAX_CONDITIONS` conditions.
+        published: the paper's results, drawn grey and hollow in every figure.
     """
     paper = published.conditions if published else ()
-    pages = in_pages(results.conditions, MOST_CONDITIONS - len(paper))
+    pages = in_pages(results.conditions, MAX_CONDITIONS - len(paper))
     for number, ours in enumerate(pages, start=1):
         yield _drawing(ours, paper, number, len(pages))
 
 
 def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
     series = [*ours, *paper]
-    goals = sorted({goal.goal for one in series for goal in one.goals}, key=goal_order)
-    rows = [*goals, "all"]
-    drawn = [{goal.goal: goal.summary for goal in one.goals} | {"all": one.total} for one in series]
-    drawn = [{goal: each for goal, each in summaries.items() if each.episodes} for summaries in drawn]
-    # A row is as high as it has marks: a goal that only the paper has takes little room.
+    goals = sorted({goal.goal for summary in series for goal in summary.goals}, key=goal_order)
+    whole = headlines(series)
+    rows = [*goals, whole.label]
+    drawn = [
+        {goal.goal: goal.summary for goal in summary.goals} | {whole.label: headline.summary}
+        for summary, headline in zip(series, whole.by_condition, strict=True)
+    ]
+    drawn = [
+        {goal: goal_summary for goal, goal_summary in summaries.items() if goal_summary.episodes} for summaries in drawn
+    ]
+    # The height of a row depends on its number of marks.
     heights = [max(1, sum(row in summaries for summaries in drawn)) + 0.9 for row in rows]
     tops = [sum(heights[:index]) for index in range(len(rows) + 1)]
     with styled():
@@ -51,10 +59,10 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
         axes = figure.subplots()
         taken = [0.95] * len(rows)
         marks, labels = [], []
-        for index, (one, summaries) in enumerate(zip(series, drawn, strict=True)):
-            hollow = one.condition.published
+        for index, (condition_summary, summaries) in enumerate(zip(series, drawn, strict=True)):
+            hollow = condition_summary.condition.published
             color = FAINT if hollow else COLORS[index]
-            # The paper's two take the last marks, so that they never look like one of ours.
+            # The paper's models use the last markers, which recorded conditions do not use.
             marker = MARKERS[-1 - (index - len(ours))] if hollow else MARKERS[index]
             places, values, below, above = [], [], [], []
             for row, name in enumerate(rows):
@@ -70,15 +78,16 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
                 xerr=[below, above],
                 fmt=marker,
                 color=color,
-                markerfacecolor="white" if hollow or one.condition.surveyed else color,
+                markerfacecolor="white" if hollow or condition_summary.condition.surveyed else color,
                 markersize=4,
                 linewidth=0.9,
                 capsize=1.8,
                 capthick=0.7,
             )
             marks.append(mark)
-            bound = ", upper bound" if one.condition.surveyed else ""
-            labels.append(f"{one.condition.name}{bound} ({one.total.successes}/{one.total.episodes})")
+            bound = ", upper bound" if condition_summary.condition.surveyed else ""
+            total = whole.by_condition[index].summary
+            labels.append(f"{condition_summary.condition.name}{bound} ({total.successes}/{total.episodes})")
         middles = [(top + bottom) / 2 for top, bottom in itertools.pairwise(tops)]
         axes.set_yticks(middles, [shown(row, 24) for row in rows])
         axes.tick_params(axis="y", length=0)
@@ -86,27 +95,30 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
         for edge in tops[1:-1]:
             axes.axhline(edge, color=FAINT if edge == tops[-2] else "#cfcfcf", linewidth=0.5)
         axes.set_xlim(-2, 102)
-        axes.set_xlabel("success rate (%), Wilson 95 % interval")
+        axes.set_xlabel("success rate (%), 95 % interval")
         light_grid(axes, "x")
         legend_below(figure, marks, labels)
     caption = (
-        "Success rate by goal with 95 % intervals; in brackets the successes of the episodes that count, all goals. "
-        "A hollow mark is no competitor: an upper bound that is handed the site, or the paper's published value."
+        "Success rate by goal with 95 % intervals (Wilson's at the effective sample size, clustered by starting "
+        f"position); in brackets the successes of the counted episodes, over {whole.description}. "
+        "Hollow marks are not competitors: an upper bound with access to the site file, or the paper's value."
     )
+    if any(summary.condition.published for summary in series):
+        caption += f" {PAPER_INTERVALS}"
     return Drawing(
         page_name("success-by-goal", number),
         f"Success by goal{f' ({number} of {pages})' if pages > 1 else ''}",
         _alt(ours),
         caption,
-        footnotes([one.condition for one in series]),
+        footnotes([summary.condition for summary in series]),
         figure,
     )
 
 
 def _alt(conditions: Sequence[ConditionSummary]) -> str:
     rates = [
-        f"{shown(one.condition.name)} {one.total.successes} of {one.total.episodes}"
-        for one in conditions
-        if one.total.episodes
+        f"{shown(summary.condition.name)} {summary.total.successes} of {summary.total.episodes}"
+        for summary in conditions
+        if summary.total.episodes
     ]
-    return f"Success rate by goal with 95 % intervals. In total: {'; '.join(rates) or 'no trial is done'}."
+    return f"Success rate by goal with 95 % intervals. In total: {'; '.join(rates) or 'no completed trial'}."

@@ -1,4 +1,4 @@
-"""How figures look: colours that colour-blind readers tell apart, sizes of a two-column paper, one way to save."""
+"""Style of figures: colour-blind-safe colours, sizes for a two-column paper, and saving."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -15,13 +15,13 @@ _Item = TypeVar("_Item")
 COLUMN_IN = 3.4
 """Width of one column, inches."""
 PAGE_IN = 7.1
-"""Width of both."""
+"""Width of the page, inches."""
 
 DOTS_AN_INCH = 200
-"""Of the PNG."""
+"""Resolution of the PNG."""
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7A6A00", "#000000")
-"""Okabe and Ito's, in an order in which neighbours differ most; the yellow is darkened to be seen on white."""
+"""Colours of Okabe and Ito, ordered so that neighbours differ most; the yellow is darkened for white paper."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES: tuple[tuple[int, tuple[float, ...]], ...] = (
     (0, ()),
@@ -36,31 +36,31 @@ DASHES: tuple[tuple[int, tuple[float, ...]], ...] = (
 INK, FAINT = "#1a1a1a", "#8c8c8c"
 
 SUCCESS, FAILURE, COLLISION, LIMIT = "#0072B2", "#D55E00", "#000000", "#CC79A7"
-"""Of outcomes: success, STOP too far away, collision, cap on actions."""
+"""Colours of outcomes: success, STOP too far away, collision, action limit."""
 
-MOST_CONDITIONS = len(COLORS)
-"""More than this many cannot be told apart in one figure."""
+MAX_CONDITIONS = len(COLORS)
+"""Maximum number of distinguishable conditions in one figure."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """A figure with the words that stand in for it."""
+    """A figure with its title, caption and text alternative."""
 
     name: str
-    """For file names and anchors."""
+    """Name for files and anchors."""
     title: str
     alt: str
-    """What it shows, for who cannot see it; the numbers are in the tables."""
+    """Text alternative; the numbers are in the tables."""
     caption: str
-    """How to read it, and what is left out."""
+    """Description, and what is left out."""
     footnotes: tuple[str, ...]
-    """What the names in it stand for."""
+    """Explanations of the names."""
     figure: "Figure | None"
-    """None once it is finished."""
+    """None after `finish`."""
     width_in: float = field(init=False)
     height_in: float = field(init=False)
     _files: dict[str, bytes] = field(default_factory=dict, init=False, repr=False)
-    """What has been saved already: the page and the directory want the same."""
+    """Saved formats, because the page and the directory need the same files."""
 
     def __post_init__(self) -> None:
         width_in, height_in = (0.0, 0.0) if self.figure is None else self.figure.get_size_inches()
@@ -68,18 +68,18 @@ class Drawing:
         object.__setattr__(self, "height_in", float(height_in))
 
     def finish(self) -> Self:
-        """Save it in every form and let go of the figure: what is left can go from one process to another."""
+        """Save the figure in every format and drop it, so that the drawing can be sent to another process."""
         for form in ("svg", "pdf", "png"):
             self._saved(form)
         object.__setattr__(self, "figure", None)
         return self
 
     def svg(self) -> bytes:
-        """Return the figure as SVG; the same figure gives the same bytes."""
+        """Return the figure as SVG; deterministic."""
         return self._saved("svg")
 
     def png(self) -> bytes:
-        """Return the figure as PNG of `DOTS_AN_INCH`."""
+        """Return the figure as PNG with `DOTS_AN_INCH`."""
         return self._saved("png")
 
     def pdf(self) -> bytes:
@@ -93,7 +93,7 @@ class Drawing:
             with mpl.rc_context({**_SETTINGS, "svg.hashsalt": self.name}):
                 engine = self.figure.get_layout_engine()
                 if engine is not None:
-                    # Laid out once: it takes as long as the drawing, and every save would do it again.
+                    # Lay out once for all formats, because it takes as long as drawing.
                     engine.execute(self.figure)
                     self.figure.set_layout_engine("none")
                 self._files[form] = _printed(self.figure, form)
@@ -101,7 +101,7 @@ class Drawing:
 
 
 def _printed(figure: "Figure", form: str) -> bytes:
-    """Return the figure as SVG, PDF or PNG; `Figure.savefig` would draw it twice, once to measure it."""
+    """Return the figure as SVG, PDF or PNG; `Figure.savefig` would draw it twice."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -114,7 +114,7 @@ def _printed(figure: "Figure", form: str) -> bytes:
             FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})  # type: ignore[no-untyped-call]
         case _:
             FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]
-    figure.dpi = dots  # vector formats have set their own and leave it so
+    figure.dpi = dots  # vector formats change it
     return file.getvalue()
 
 
@@ -122,7 +122,7 @@ _SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 7,
     "axes.titlesize": 7.5,
-    "axes.titley": 1.0,  # no axes have tick labels above them: matplotlib would look for some at every drawing
+    "axes.titley": 1.0,  # a fixed value avoids a search for tick labels above the axes at every drawing
     "axes.labelsize": 7,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
@@ -135,13 +135,13 @@ _SETTINGS: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.fonttype": "path",
     "pdf.fonttype": 42,
-    "text.parse_math": False,  # a dollar in a name is a dollar
+    "text.parse_math": False,  # names may contain dollar signs
 }
 
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Make every figure within look alike, whatever the user's own settings are."""
+    """Apply the report's style, independent of the user's settings."""
     import matplotlib as mpl
 
     with mpl.rc_context():
@@ -151,7 +151,7 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
-    """Return an empty figure that lays itself out; no window is ever opened."""
+    """Return an empty figure with automatic layout; no window is opened."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -161,16 +161,16 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def in_pages(items: Sequence[_Item], most: int) -> list[Sequence[_Item]]:
-    """Return the items in groups of so many, for a figure each."""
+    """Split the items into groups of at most this size, one per figure."""
     return [items[at : at + most] for at in range(0, len(items), most)]
 
 
 def page_name(name: str, number: int) -> str:
-    """Return the name of a figure that goes over several pages, from 1; the first has the bare name."""
+    """Return the name of a page of a figure, from 1; the first has no suffix."""
     return name if number == 1 else f"{name}-{number}"
 
 
 def light_grid(axes: "Axes", axis: str) -> None:
-    """Draw thin lines behind the data to read values off."""
+    """Draw thin grid lines behind the data."""
     axes.grid(visible=True, axis=axis, color="#e2e2e2", linewidth=0.5)  # type: ignore[arg-type]
     axes.set_axisbelow(True)

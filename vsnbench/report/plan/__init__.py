@@ -1,1 +1,1 @@
-"""Floor plans of sites, as a person would put them in a paper; trajectories can be drawn over them."""
+"""Floor plans of sites for papers and as a background for trajectories."""

@@ -1,13 +1,13 @@
-"""The building of a floor plan: walls, the windows and doors in them, the names of its rooms."""
+"""Walls, windows, doors and room names of a floor plan."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from vsnbench.protocol.site import Door, Room, Site, Window
-from vsnbench.protocol.walls import doorway, wall_area, walls_of
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
+from vsnbench.sites.geometry.walls import doorway, wall_area, walls_of
+from vsnbench.sites.site import Door, Room, Site, Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ _FLOORS = {"wood": "#fbf8f2", "tiles": "#f1f5f7", "carpet": "#f7f3f5", "concrete
 
 
 def draw_building(ink: Ink, axes: "Axes", site: Site) -> None:
-    """Draw the floors, the walls, and what opens them."""
+    """Draw the floors, walls, windows and doors."""
     for room in site.rooms:
         ink.fill(room.polygon, face=_FLOORS[room.floor], layer=0)
     _draw_walls(axes, site)
@@ -33,7 +33,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
 
     ends = [(door.start, door.end) for door in site.doors]
     ends += [(window.start, window.end) for window in site.windows]
-    solid = wall_area(site).difference(shapely.union_all([doorway(*each) for each in ends]))
+    solid = wall_area(site).difference(shapely.union_all([doorway(*end) for end in ends]))
     for part in shapely.get_parts(solid):
         rings = [Outline(list(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*rings)
@@ -42,7 +42,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Opening:
-    """Where a door or a window lies: its two ends, a unit vector along it and one to its left, the wall's half."""
+    """Geometry of a door or window: its ends, unit vectors along and to the left, half the wall's thickness."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -101,7 +101,7 @@ def _draw_door(ink: Ink, site: Site, door: Door) -> None:
 
 
 def name_room(axes: "Axes", site: Site, room: Room) -> None:
-    """Write the room's name where it has most room among the furniture."""
+    """Write the room's name where the furniture leaves most space."""
     import numpy as np
     import shapely
 

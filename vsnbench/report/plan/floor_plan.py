@@ -1,16 +1,16 @@
-"""Draws a site's floor plan as a person would put it in a paper; trajectories can be drawn over it."""
+"""Draws the floor plan of a site."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.site import Site, StartingPosition
-from vsnbench.protocol.walls import bounds_of
 from vsnbench.report.plan.building import draw_building, name_room
 from vsnbench.report.plan.furniture import GOAL_COLORS, draw_furniture
 from vsnbench.report.plan.ink import INK, Ink
+from vsnbench.sites.categories import GOAL_CATEGORIES
+from vsnbench.sites.geometry.walls import bounds_of
+from vsnbench.sites.site import Site, StartingPosition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ _GRID = "#7d8a96"
 
 @dataclass(frozen=True, slots=True)
 class PlanStyle:
-    """What the plan shows besides walls, doors, windows and furniture."""
+    """What a plan shows besides walls, doors, windows and furniture."""
 
     starts: bool = True
     labels: bool = True
@@ -34,17 +34,17 @@ class PlanStyle:
     scale_bar: bool = True
     legend: bool = True
     highlight: str | None = None
-    """A goal category to show in full colour while the others step back."""
+    """Goal whose targets are in full colour; the others are faded."""
     grid: bool = False
-    """Axes in metres and a line every metre, to read coordinates from."""
+    """Draw axes in metres with a line every metre."""
     success: "BaseGeometry | None" = None
-    """From where STOP succeeds (`protocol.judge.success_region`): outlined on the floor."""
+    """Region in which STOP succeeds (`protocol.judge.success_region`), outlined."""
 
 
 def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | None = None) -> "Axes":
-    """Draw the plan into `axes` (metres, equal scales) or into a new figure, and return the axes.
+    """Draw the plan into `axes` (metres, equal scales) or a new figure, and return the axes.
 
-    What is drawn over it belongs at zorder 10 or above.
+    Further drawings belong at zorder 10 or above.
     """
     wanted = PlanStyle() if style is None else style
     if axes is None:
@@ -80,7 +80,7 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
 
 
 def _draw_grid(axes: "Axes", bounds: tuple[float, float, float, float]) -> None:
-    """Draw a line every metre, and its coordinate on the plan's left and upper side."""
+    """Draw a line every metre with its coordinate on the left and upper side."""
     x_min, y_min, x_max, y_max = bounds
     for x_m in range(math.ceil(x_min), math.floor(x_max) + 1):
         axes.plot([x_m, x_m], [y_min, y_max + 0.05], color=_GRID, linewidth=0.4, zorder=1.5)
@@ -94,12 +94,12 @@ def _draw_grid(axes: "Axes", bounds: tuple[float, float, float, float]) -> None:
     axes.set_ylim(axes.get_ylim()[0], y_max + 0.5)
 
 
-def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi: int = 200) -> None:
-    """Draw the plan into a file; its suffix says the format (.svg, .png, .pdf).
+def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None) -> None:
+    """Save the plan; the suffix gives the format (.svg, .png, .pdf).
 
     Raises:
         OSError: the file cannot be written.
-        ValueError: the format is not known.
+        ValueError: the format is unknown.
     """
     import matplotlib as mpl
 
@@ -107,7 +107,7 @@ def save_floor_plan(site: Site, path: Path, style: PlanStyle | None = None, dpi:
     figure: Figure = axes.figure  # type: ignore[assignment]  # a new figure, never a sub-figure
     with mpl.rc_context({"svg.hashsalt": site.name, "svg.fonttype": "none", "text.parse_math": False}):
         metadata: dict[str, Any] = {"Date": None} if path.suffix == ".svg" else {}
-        figure.savefig(path, dpi=dpi, bbox_inches="tight", pad_inches=0.03, metadata=metadata)
+        figure.savefig(path, dpi=200, bbox_inches="tight", pad_inches=0.03, metadata=metadata)
 
 
 def _new_axes(site: Site) -> "Axes":
@@ -122,7 +122,7 @@ def _new_axes(site: Site) -> "Axes":
 
 
 def success_outline(x_m: "ArrayLike", y_m: "ArrayLike") -> "Line2D":
-    """Return the line that bounds from where STOP succeeds, metres; also the sample for a legend."""
+    """Return the outline of the region in which STOP succeeds, metres; also used as a legend sample."""
     from matplotlib.lines import Line2D
 
     return Line2D(x_m, y_m, color=_SUCCESS, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4.5)
@@ -162,7 +162,7 @@ def _draw_scale_bar(ink: Ink, axes: "Axes", x_m: float, y_m: float) -> None:
 
 
 def _legend_entries(site: Site) -> list[tuple[str, str, float]]:
-    """Return goal category, words and width in metres of every entry of the legend."""
+    """Return goal category, label and width in metres of every legend entry."""
     words = {goal: f"{goal} ({len(site.instances(goal))})" for goal in GOAL_CATEGORIES if site.instances(goal)}
     return [(goal, text, 0.3 + 0.066 * len(text) + 0.18) for goal, text in words.items()]
 
@@ -172,7 +172,7 @@ def _legend_width_m(site: Site) -> float:
 
 
 def _draw_legend(ink: Ink, axes: "Axes", site: Site, x_right_m: float, y_m: float) -> None:
-    """List the goal categories that stand here, with how many of each."""
+    """Draw the legend: the goal categories of the site with their number of instances."""
     left = x_right_m - _legend_width_m(site)
     for goal, words, width in _legend_entries(site):
         box = [(left, y_m - 0.08), (left + 0.2, y_m - 0.08), (left + 0.2, y_m - 0.24), (left, y_m - 0.24)]

@@ -1,11 +1,12 @@
-"""The furniture of a floor plan: what stands and hangs in it, goals in their colours, with its names."""
+"""Furniture of a floor plan, with goals in colour, and its labels."""
 
 import math
 from typing import TYPE_CHECKING
 
-from vsnbench.protocol.categories import GOAL_CATEGORIES
-from vsnbench.protocol.site import Site, SiteObject
 from vsnbench.report.plan.ink import Ink
+from vsnbench.sites.categories import GOAL_CATEGORIES
+from vsnbench.sites.site import Site, SiteObject
+from vsnbench.sites.targets import targets_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,27 +20,30 @@ GOAL_COLORS: dict[str, str] = {
     "monitor": "#ef8a8a",
     "plant": "#9ccc78",
 }
-"""One colour a goal category, the same in every figure of ours."""
+"""Colour of each goal category, the same in all figures."""
 
+_OTHER_GOAL = "#e6c84f"
+"""Colour of a searched object of another category."""
 _FURNITURE_FILL, _FURNITURE_EDGE = "#e9e9e7", "#a3a3a0"
 _LABEL_PT = 5.2
 _DRAWN_LAST = frozenset({"monitor", "lamp"})
 NOT_DRAWN = frozenset({"picture"})
 _OVERHEAD_M = 1.2
-"""What hangs higher than this is above the robot."""
+"""Objects above this height are above the robot."""
 
 
 def _drawing_order(thing: SiteObject) -> tuple[bool, float, bool]:
-    """Rugs first; then from the floor up, so that a monitor is seen on its desk."""
+    """Rugs first, then by height, so that a monitor is drawn on top of its desk."""
     return thing.solid, thing.elevation_m + (thing.category in _DRAWN_LAST), thing.category in GOAL_CATEGORIES
 
 
 def draw_furniture(ink: Ink, axes: "Axes", site: Site, *, highlight: str | None, labels: bool) -> None:
-    """Draw what stands and hangs in a site: goals in their colours, all or only the one to `highlight`."""
+    """Draw the objects of a site; all goals are coloured, or only the targets of the one to `highlight`."""
+    searched = None if highlight is None else {target.id for target in targets_of(site, highlight)}
     for thing in sorted(site.objects, key=_drawing_order):
         if thing.category in NOT_DRAWN:
             continue
-        colored = thing.category in GOAL_COLORS and highlight in (None, thing.category)
+        colored = thing.category in GOAL_COLORS if searched is None else thing.id in searched
         _draw_object(ink, thing, colored=colored)
         if labels and thing.solid and thing.elevation_m <= _OVERHEAD_M:
             _label(axes, thing, [other for other in site.objects if other.elevation_m > thing.elevation_m], colored)
@@ -50,15 +54,15 @@ def _draw_object(ink: Ink, thing: SiteObject, *, colored: bool) -> None:
     if not thing.solid:
         ink.fill(outline, face="#f0ebe4", edge="#d8cfc3", width_pt=0.5, layer=1)
         return
-    overhead = thing.elevation_m > _OVERHEAD_M  # an outline, as architects draw it
-    face = "none" if overhead else GOAL_COLORS[thing.category] if colored else _FURNITURE_FILL
+    overhead = thing.elevation_m > _OVERHEAD_M  # outline only, as in architectural plans
+    face = "none" if overhead else GOAL_COLORS.get(thing.category, _OTHER_GOAL) if colored else _FURNITURE_FILL
     edge = "#4a4a48" if colored else _FURNITURE_EDGE
     ink.fill(outline, face=face, edge=edge, width_pt=0.6, layer=2, dashes=(0, (4, 2)) if overhead else None)
     _draw_front(ink, thing, edge)
 
 
 def _draw_front(ink: Ink, thing: SiteObject, color: str) -> None:
-    """Hint at which side a seat or a bed faces: its back, or the pillows, as a line."""
+    """Draw a line for the back of a seat or the pillows of a bed."""
     share = {"chair": 0.16, "sofa": 0.24, "bed": 0.22, "toilet": 0.28}.get(thing.category)
     if share is None or thing.footprint is not None:
         return
@@ -71,7 +75,7 @@ def _draw_front(ink: Ink, thing: SiteObject, color: str) -> None:
 
 
 def _label(axes: "Axes", thing: SiteObject, above: list[SiteObject], always: bool) -> None:
-    """Write what it is where nothing stands on it; not at all where that is too small, unless `always`."""
+    """Label an object where nothing covers it; if that is too small, only with `always`."""
     words = thing.category.replace("_", " ")
     x_min, y_min, x_max, y_max = _free_strip(thing, above)
     wide, high = x_max - x_min, y_max - y_min
@@ -99,7 +103,7 @@ def _text_m(words: str) -> float:
 
 
 def _free_strip(thing: SiteObject, above: list[SiteObject]) -> tuple[float, float, float, float]:
-    """Return the largest strip of its bounds that nothing standing on it, or hanging over it, covers."""
+    """Return the largest strip of the object's bounds that no object above it covers."""
     x_min, y_min, x_max, y_max = strip = thing.shape.bounds
     for other in above:
         if other.category in NOT_DRAWN or not other.shape.intersects(thing.shape):
@@ -107,5 +111,5 @@ def _free_strip(thing: SiteObject, above: list[SiteObject]) -> tuple[float, floa
         left, low, right, high = other.shape.bounds
         strips = [(x_min, y_min, left, y_max), (right, y_min, x_max, y_max)]
         strips += [(x_min, y_min, x_max, low), (x_min, high, x_max, y_max)]
-        x_min, y_min, x_max, y_max = strip = max(strips, key=lambda each: (each[2] - each[0]) * (each[3] - each[1]))
+        x_min, y_min, x_max, y_max = strip = max(strips, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
     return strip

@@ -1,4 +1,4 @@
-"""What a floor plan is drawn with: areas and lines gathered first, then put on the axes a layer at a time."""
+"""Collects areas and lines of a floor plan and draws them layer by layer."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ SOLID: Dashes = (0, ())
 
 
 class Ink:
-    """Areas and lines of a plan, metres in the site's frame; one artist a layer in place of hundreds."""
+    """Areas and lines of a plan, metres in the site's frame; one artist per layer."""
 
     def __init__(self) -> None:
         self._areas: dict[float, list[tuple[list[tuple[float, float]], str, str, float, Any]]] = {}
@@ -28,7 +28,7 @@ class Ink:
         width_pt: float = 0.0,
         dashes: Dashes | None = None,
     ) -> None:
-        """Add an area; within a layer those that come later lie above."""
+        """Add an area; later areas of a layer cover earlier ones."""
         corners = [(point[0], point[1]) for point in outline]
         self._areas.setdefault(layer, []).append((corners, face, edge, width_pt, dashes or SOLID))
 
@@ -37,15 +37,15 @@ class Ink:
         self._lines.setdefault(layer, []).append((list(points), color, width_pt))
 
     def put_on(self, axes: "Axes") -> None:
-        """Draw everything; the axes' limits stay as they are."""
+        """Draw everything without changing the limits of the axes."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         for layer, areas in self._areas.items():
-            outlines, faces, edges, widths, dashes = (list(each) for each in zip(*areas, strict=True))
+            outlines, faces, edges, widths, dashes = (list(column) for column in zip(*areas, strict=True))
             look: dict[str, Any] = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
             axes.add_collection(PolyCollection(outlines, linestyles=dashes, zorder=layer, **look), autolim=False)
         for layer, lines in self._lines.items():
-            paths, colors, widths = (list(each) for each in zip(*lines, strict=True))
+            paths, colors, widths = (list(column) for column in zip(*lines, strict=True))
             axes.add_collection(
                 LineCollection(paths, colors=colors, linewidths=widths, zorder=layer, capstyle="butt"), autolim=False
             )

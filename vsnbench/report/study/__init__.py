@@ -1,1 +1,1 @@
-"""The report of a study: the locked plan, what became of it, its primary analysis, and everything else apart."""
+"""Report of a study: plan, conduct, deviations, primary analysis and exploratory tables."""

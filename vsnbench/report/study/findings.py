@@ -1,23 +1,26 @@
-"""Reads a study and everything that happened to it: what was planned, what was run, and where the two differ."""
+"""Reads a study with its trials and lists the deviations from its plan."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
-from vsnbench.database.blinding import HIDDEN
-from vsnbench.database.migrate import open_record
-from vsnbench.database.study_entries import AMEND, OVER, SESSION, SESSION_END, SUSPEND, UNBLIND, RecordedStudy
-from vsnbench.database.study_entries import StudyTrialStanding as Standing
-from vsnbench.database.study_queries import trials_of
 from vsnbench.report.study.primary import Primary, analyse, conclusion, in_order
+from vsnbench.results.goals import goals_of_campaign
+from vsnbench.results.reading.blinding import HIDDEN
+from vsnbench.results.schema.engine import reading
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.studies.entries import AMEND, OVER, SESSION, SESSION_END, SUSPEND, UNBLIND, RecordedStudy
+from vsnbench.results.studies.entries import StudyTrialProgress as Standing
+from vsnbench.results.studies.queries import trials_of
 from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import JUDGING
+from vsnbench.values.goal import GoalKind
 
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Where what was run is not what was planned."""
+    """A deviation of the conduct from the plan."""
 
     what: str
     words: str
@@ -25,54 +28,76 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True)
 class StudyFindings:
-    """A study, read whole."""
+    """A study with its trials, analysis and deviations."""
 
     recorded: RecordedStudy
     plan: StudyFile
-    standing: tuple[Standing, ...]
+    progress: tuple[Standing, ...]
     primary: Primary
     deviations: tuple[Deviation, ...]
     conclusion: str
+    goal_kinds: Mapping[str, GoalKind] = field(default_factory=dict)
+    """Kinds of the goals that are not categories."""
 
     @property
     def shown(self) -> Mapping[str, str]:
-        """What the arms are called to people now."""
+        """Displayed names of the arms."""
         return {arm.name: self.recorded.shown(arm.name) for arm in self.recorded.arms}
 
     def of(self, arm: str) -> list[Standing]:
-        """Return an arm's trials."""
-        return [one for one in self.standing if one.arm == arm]
+        """Return the trials of an arm."""
+        return [trial for trial in self.progress if trial.arm == arm]
 
 
-def read_findings(url: str, recorded: RecordedStudy, plan: StudyFile, changed: str = "") -> StudyFindings:
-    """Read what became of a study.
+def read_findings(
+    url: str,
+    recorded: RecordedStudy,
+    plan: StudyFile,
+    changed: str = "",
+    *,
+    differences: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+) -> StudyFindings:
+    """Read a study and analyse it.
 
     Args:
-        url: any SQLAlchemy URL.
+        url: SQLAlchemy URL.
         recorded: the study.
-        plan: what was locked, or last amended.
-        changed: in what the file is not what was locked; empty when it is.
+        plan: its plan, as locked or last amended.
+        changed: differences of the file from the plan; empty if there are none.
+        differences: differences of the record from its lock and log.
+        remarks: checks that could not be made.
 
     Raises:
         RecordError: the record cannot be read.
     """
     with open_record(url) as engine:
-        standing = trials_of(engine, recorded.id)
-    # In the order of the codes: that of the file would tell which is which.
-    primary = in_order(analyse(plan, standing), {arm.name: arm.code for arm in recorded.arms})
+        progress = trials_of(engine, recorded.id)
+        with reading(engine).begin() as connection:
+            goals = [goals_of_campaign(connection, arm.campaign_id) for arm in recorded.arms]
+    # In the order of the codes, because the order of the file would reveal the arms.
+    primary = in_order(analyse(plan, progress), {arm.name: arm.code for arm in recorded.arms})
     shown = {arm.name: recorded.shown(arm.name) for arm in recorded.arms}
+    found = [Deviation("record changed", words) for words in differences]
+    found += [Deviation("not verified", words) for words in remarks]
+    concluded = conclusion(plan, primary, shown, _judging_changed_after(recorded))
+    if differences:
+        concluded = (
+            f"The record was changed outside of vsnbench (see deviations); the conclusion is unreliable: {concluded}"
+        )
     return StudyFindings(
         recorded,
         plan,
-        standing,
+        progress,
         primary,
-        tuple(_deviations(recorded, plan, standing, shown, changed)),
-        conclusion(plan, primary, shown, _judging_changed_after(recorded)),
+        (*found, *_deviations(recorded, plan, progress, shown, changed)),
+        concluded,
+        {name: goal.kind for campaign in goals for name, goal in campaign.items() if goal is not None},
     )
 
 
 def _judging_changed_after(recorded: RecordedStudy) -> int | None:
-    """Return how many results there were when the way of judging was first changed; None for none or never."""
+    """Return the number of results when a judging field was first changed; None if never or without results."""
     for entry in recorded.entries:
         fields = {line[1:].partition(":")[0].strip() for line in entry.text.splitlines()}
         if entry.kind == AMEND and entry.results and fields & set(JUDGING):
@@ -81,7 +106,7 @@ def _judging_changed_after(recorded: RecordedStudy) -> int | None:
 
 
 def _deviations(
-    recorded: RecordedStudy, plan: StudyFile, standing: Sequence[Standing], shown: Mapping[str, str], changed: str
+    recorded: RecordedStudy, plan: StudyFile, progress: Sequence[Standing], shown: Mapping[str, str], changed: str
 ) -> Iterator[Deviation]:
     if changed:
         yield Deviation("file", changed)
@@ -90,30 +115,32 @@ def _deviations(
         when = f"{entry.created_at:%Y-%m-%d %H:%M} by {entry.author} after {entry.results} results: {entry.reason}"
         if entry.kind == AMEND:
             lines = "; ".join(entry.text.splitlines())
-            yield Deviation("amendment", f"{when} ({HIDDEN if recorded.gives_away(lines) else lines})")
-        elif entry.kind == UNBLIND and entry.results < len(standing) and not over:
-            yield Deviation("unblinded early", f"{when} ({entry.results} of {len(standing)} trials)")
+            yield Deviation("amendment", f"{when} ({HIDDEN if recorded.reveals_arm(lines) else lines})")
+        elif entry.kind == UNBLIND and entry.results < len(progress) and not over:
+            yield Deviation("unblinded early", f"{when} ({entry.results} of {len(progress)} trials)")
         elif entry.kind == UNBLIND:
             yield Deviation("unblinded", when)
     if recorded.blind is False:
-        yield Deviation("not blind", "people saw which model drove")
+        yield Deviation("not blinded", "people saw the models' names")
     suspended = Counter(entry.text.partition(":")[0] for entry in recorded.entries if entry.kind == SUSPEND)
     for arm, times in suspended.items():
-        yield Deviation("left out", f"{shown.get(arm, arm)}: its model could not be used in {times} sessions")
+        yield Deviation("left out", f"{shown.get(arm, arm)}: its model was not available in {times} sessions")
     for arm, name in shown.items():
-        if voids := sum(one.voids for one in standing if one.arm == arm):
-            yield Deviation("void attempts", f"{name}: {voids}, each run again")
-    if twice := sum(one.results > 1 for one in standing):
-        yield Deviation("run twice", f"{twice} trials have results from more than one record; the first counts")
-    began = sorted((one for one in standing if one.started_at is not None), key=lambda one: str(one.started_at))
-    out_of_turn = sum(one.rank > later.rank for one, later in pairwise(began))
+        if voids := sum(trial.voids for trial in progress if trial.arm == arm):
+            yield Deviation("void attempts", f"{name}: {voids}, each repeated")
+    if twice := sum(trial.results > 1 for trial in progress):
+        yield Deviation("repeated trials", f"{twice} trials have results from several records; the first counts")
+    began = sorted(
+        (trial for trial in progress if trial.started_at is not None), key=lambda trial: str(trial.started_at)
+    )
+    out_of_turn = sum(earlier.rank > later.rank for earlier, later in pairwise(began))
     if out_of_turn:
-        yield Deviation("order", f"{out_of_turn} trials were run after one that was scheduled later")
+        yield Deviation("order", f"{out_of_turn} trials were run after a trial that was scheduled later")
     if plan.operators:
-        others = {one.operator for one in standing if one.done} - set(plan.operators)
+        others = {trial.operator for trial in progress if trial.done} - set(plan.operators)
         if others:
-            yield Deviation("operators", f"{', '.join(sorted(others))} not named in the plan")
+            yield Deviation("operators", f"not named in the plan: {', '.join(sorted(others))}")
     ended = {entry.process_id for entry in recorded.entries if entry.kind == SESSION_END}
     sessions = [entry for entry in recorded.entries if entry.kind == SESSION]
     if died := sum(entry.process_id not in ended for entry in sessions):
-        yield Deviation("sessions", f"{died} of {len(sessions)} did not end by themselves")
+        yield Deviation("sessions", f"{died} of {len(sessions)} ended abnormally")

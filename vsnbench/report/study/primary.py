@@ -1,122 +1,153 @@
-"""The primary analysis of a study, and the one sentence that may be concluded from it."""
+"""Primary analysis of a study and its conclusion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from vsnbench.database.study_entries import StudyTrialStanding
-from vsnbench.report.verdicts import compared, interval_words
+from vsnbench.report.wording import caution, compared, interval_words, trial_count
+from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
+from vsnbench.statistics.conclusion import Conclusion, Evidence, conclude
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
-from vsnbench.study.stopping import Decision, decide
+from vsnbench.study.stopping import Question, decide
+from vsnbench.study.units import shared_blocks
+from vsnbench.text.sanitize import counted
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the primary analysis says of one pair of arms, or of one arm and a rate."""
+    """Result for one pair of arms, or one arm and a rate."""
 
     first: str
     second: str | None
     """None for a fixed rate."""
     cells: int
+    """Number of different cells, without repetitions."""
+    trials: int
+    """Trials of each arm in these cells."""
     successes: tuple[int, int]
     difference: float
-    """Of the rates, first less second; for a fixed rate the first's rate."""
+    """First rate minus second; for a fixed rate the first rate."""
     low: float
     high: float
     p: float | None
-    """Two-sided and adjusted for all pairs; None for a fixed rate in a whole plan, where the interval decides."""
+    """Two-sided, adjusted for all pairs. None for a fixed rate in a whole plan, which the interval decides, and for a
+    lead that was counted instead of tested."""
     winner: str | None
-    """Who is better: the primary test said so. For a fixed rate, `first` where its rate is above it."""
+    """Better arm according to the primary test; for a fixed rate `first` if its rate is above."""
     loser: str | None
     counted: bool = False
-    """The lead cannot be taken away any more by what is left, and that is all: no test said anything."""
+    """The remaining trials cannot reverse the lead, and no test was decided."""
     open: bool = False
-    """Nothing may be concluded yet."""
+    """No conclusion is possible yet."""
+    units: int = 0
+    """Complete units (blocks or starting positions) evaluated by `decided`; 0 for a whole plan."""
+    conclusion: Conclusion = Conclusion.NOT_SHOWN
+    """Conclusion of `vsnbench.statistics.conclusion`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Primary:
-    """The primary analysis."""
+    """Result of the primary analysis."""
 
     method: str
     about: str
-    """What the inference is about, in words."""
+    """What the inference is about."""
     answers: tuple[Answer, ...]
     cells: int
-    """Cells of the shared goals, with repetitions."""
+    """Planned cells of the shared goals, without repetitions."""
+    trials: int
+    """Planned trials of each arm in these cells."""
     over: str
-    """Why the study is over before every trial is done; empty else."""
+    """Reason why the study ended before all trials were done, or empty."""
     dropped: Mapping[str, int]
+    unit: str = ""
+    """Unit of `dropped`: block or starting position."""
+    planned_units: int = 0
 
 
-THESE = "these cells alone: the starting positions, goals and repetitions of this plan"
-LIKE_THESE = "cells like these: starting positions and goals of which the plan's are examples"
+THESE = "these cells only: the starting positions, goals and repetitions of this plan"
+LIKE_THESE = "cells like these: a population of which the plan's starting positions and goals are a sample"
 
 
-def analyse(study: StudyFile, standing: Sequence[StudyTrialStanding]) -> Primary:
-    """Carry out the analysis that was named beforehand, on the shared goals.
-
-    Args:
-        study: the plan.
-        standing: its trials in the order of the schedule.
-    """
-    shared = [one for one in standing if one.trial.goal in study.goals]
+def analyse(study: StudyFile, progress: Sequence[StudyTrialProgress]) -> Primary:
+    """Carry out the planned analysis on the shared goals."""
+    shared = [trial for trial in progress if trial.trial.goal in study.goals]
     if study.stopping == "decided":
         return _decided(study, shared)
     return _whole_plan(study, shared)
 
 
-def _decided(study: StudyFile, shared: Sequence[StudyTrialStanding]) -> Primary:
-    blocks: dict[int, dict[str, bool]] = {}
-    for one in shared:
-        known = blocks.setdefault(one.block, {})
-        if one.success is not None:
-            known[one.arm] = one.success
-    decision: Decision = decide(study, [blocks[block] for block in sorted(blocks)])
-    answers = []
-    for asked in decision.questions:
-        tested = asked.decided and not asked.counted
-        loser = None
-        if asked.second is not None and asked.winner is not None:
-            loser = asked.second if asked.winner == asked.first else asked.first
-        answers.append(
-            Answer(
-                first=asked.first,
-                second=asked.second,
-                cells=asked.blocks,
-                successes=asked.successes,
-                difference=asked.difference,
-                low=asked.low,
-                high=asked.high,
-                p=asked.p,
-                winner=asked.winner if tested else None,
-                loser=loser if tested else (asked.second or ""),
-                counted=asked.counted,
-                open=not asked.decided and not decision.over,
-            )
-        )
+def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
+    decision = decide(study, shared_blocks(shared, study.goals))
+    answers = [_of_question(study, asked, over=bool(decision.over)) for asked in decision.questions]
     replacement = "without" if study.of_these_cells else "with"
+    what = (
+        "every block" if study.of_these_cells else "every starting position, whose goals and repetitions are one value"
+    )
+    cells, trials = _planned(shared)
     return Primary(
-        method=f"betting confidence sequence {replacement} replacement, at every block; Holm over all pairs",
+        method=f"betting confidence sequence {replacement} replacement, at {what}; Holm over all pairs",
         about=THESE if study.of_these_cells else LIKE_THESE,
         answers=tuple(answers),
-        cells=len(blocks),
+        cells=cells,
+        trials=trials,
         over=decision.over,
         dropped=decision.dropped,
+        unit=decision.unit,
+        planned_units=decision.planned_units,
     )
 
 
-def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialStanding]) -> Primary:
-    complete = all(one.success is not None for one in shared)
-    cells = len({(one.trial.goal, one.trial.start, one.trial.repetition) for one in shared})
+def _of_question(study: StudyFile, asked: Question, *, over: bool) -> Answer:
+    """Return the answer to a question of the betting sequences; a lead that was only counted names no winner."""
+    rate = study.primary.rate if isinstance(study.primary, Rate) else 0.0
+    p = 0.0 if asked.decided and not asked.counted else 1.0  # Holm's decision at an earlier look
+    interval = Interval(asked.low - rate, asked.high - rate)
+    found = conclude(Evidence(asked.difference - rate, interval, p, study.alpha, study.margin))
+    ahead, behind = _sides(asked.first, asked.second, found)
+    return Answer(
+        first=asked.first,
+        second=asked.second,
+        cells=asked.cells,
+        trials=asked.trials,
+        successes=asked.successes,
+        difference=asked.difference,
+        low=asked.low,
+        high=asked.high,
+        p=None if asked.counted else asked.p,
+        winner=ahead,
+        loser=behind,
+        counted=asked.counted,
+        open=not asked.decided and not over,
+        units=asked.units,
+        conclusion=found,
+    )
+
+
+def _sides(first: str, second: str | None, found: Conclusion) -> tuple[str | None, str | None]:
+    """Return the better and the worse arm; for a fixed rate, the arm itself is one of them."""
+    if found.sign > 0:
+        return first, second
+    return (second, first) if found.sign < 0 else (None, None)
+
+
+def _planned(shared: Sequence[StudyTrialProgress]) -> tuple[int, int]:
+    """Return the number of planned cells, and of planned trials of each arm in them."""
+    cells = {(trial.trial.goal, trial.trial.start) for trial in shared}
+    return len(cells), len({(trial.trial.goal, trial.trial.start, trial.trial.repetition) for trial in shared})
+
+
+def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
+    complete = all(trial.success is not None for trial in shared)
+    cells, trials = _planned(shared)
     if isinstance(study.primary, Rate):
         answers = [_against_rate(study, study.primary, shared, complete=complete)]
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
-        return Primary(method, LIKE_THESE, tuple(answers), cells, "", {})
+        return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = list(combinations(study.arms, 2))
     paired = [_paired(shared, first, second) for first, second in pairs]
     adjusted = holm([paired_test(outcomes) for outcomes in paired])
@@ -124,8 +155,11 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialStanding]) -> Prima
         _of_pair(study, pair, outcomes, p, 1 - study.alpha / len(pairs), complete=complete)
         for pair, outcomes, p in zip(pairs, paired, adjusted, strict=True)
     ]
-    method = "paired difference of success; signs of whole starting positions flipped; Holm over all pairs"
-    return Primary(method, LIKE_THESE, tuple(answers), cells, "", {})
+    method = (
+        "paired difference of success; sign-flip test over starting positions, and the interval must exclude "
+        f"{'the margin' if study.margin else '0'}; Holm over all pairs"
+    )
+    return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
 
 
 def _of_pair(
@@ -133,50 +167,54 @@ def _of_pair(
 ) -> Answer:
     first, second = pair
     interval = paired_interval(outcomes, confidence)
-    difference = outcomes.difference
-    beyond = p <= study.alpha and (study.margin == 0 or interval.low > study.margin or interval.high < -study.margin)
-    ahead, behind = (first, second) if difference > 0 else (second, first)
-    found = complete and beyond
+    found = conclude(Evidence(outcomes.difference, interval, p, study.alpha, study.margin, complete))
+    ahead, behind = _sides(first, second, found)
     return Answer(
         first=first,
         second=second,
         cells=len(outcomes.cells),
+        trials=outcomes.first.proportion.trials,
         successes=(outcomes.first.proportion.successes, outcomes.second.proportion.successes),
-        difference=difference,
+        difference=outcomes.difference,
         low=interval.low,
         high=interval.high,
         p=p,
-        winner=ahead if found else None,
-        loser=behind if found else None,
+        winner=ahead,
+        loser=behind,
         open=not complete,
+        conclusion=found,
     )
 
 
-def _against_rate(study: StudyFile, primary: Rate, shared: Sequence[StudyTrialStanding], *, complete: bool) -> Answer:
-    own = [one for one in shared if one.arm == primary.arm and one.success is not None]
-    cells = {(one.trial.goal, one.trial.start) for one in own}
+def _against_rate(study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], *, complete: bool) -> Answer:
+    own = [trial for trial in shared if trial.arm == primary.arm and trial.success is not None]
+    cells = {(trial.trial.goal, trial.trial.start) for trial in own}
     outcomes = Outcomes(tuple(_cell(own, goal, start) for goal, start in sorted(cells)))
-    interval = rate_interval(outcomes, 1 - study.alpha)
-    above, below = interval.low > primary.rate + study.margin, interval.high < primary.rate - study.margin
+    interval, seen = rate_interval(outcomes, 1 - study.alpha), outcomes.proportion.rate
+    apart = Interval(interval.low - primary.rate, interval.high - primary.rate)
+    found = conclude(Evidence(seen - primary.rate, apart, None, study.alpha, study.margin, complete))
+    ahead, behind = _sides(primary.arm, None, found)
     return Answer(
         first=primary.arm,
         second=None,
-        cells=len(own),
+        cells=len(cells),
+        trials=len(own),
         successes=(outcomes.proportion.successes, 0),
-        difference=outcomes.proportion.rate,
+        difference=seen,
         low=interval.low,
         high=interval.high,
         p=None,
-        winner=primary.arm if complete and above else None,
-        loser=primary.arm if complete and below else None,
+        winner=ahead,
+        loser=behind,
         open=not complete,
+        conclusion=found,
     )
 
 
-def _paired(shared: Sequence[StudyTrialStanding], first: str, second: str) -> PairedOutcomes:
-    """Pair the cells in which every repetition of both is judged."""
-    sides = [[one for one in shared if one.arm == arm and one.success is not None] for arm in (first, second)]
-    places = [{(one.trial.goal, one.trial.start) for one in side} for side in sides]
+def _paired(shared: Sequence[StudyTrialProgress], first: str, second: str) -> PairedOutcomes:
+    """Pair the cells in which every repetition of both arms is judged."""
+    sides = [[trial for trial in shared if trial.arm == arm and trial.success is not None] for arm in (first, second)]
+    places = [{(trial.trial.goal, trial.trial.start) for trial in side} for side in sides]
     return PairedOutcomes(
         tuple(
             PairedCell(_cell(sides[0], goal, start), _cell(sides[1], goal, start))
@@ -185,83 +223,83 @@ def _paired(shared: Sequence[StudyTrialStanding], first: str, second: str) -> Pa
     )
 
 
-def _cell(own: Sequence[StudyTrialStanding], goal: str, start: int) -> Cell:
-    results = [bool(one.success) for one in own if (one.trial.goal, one.trial.start) == (goal, start)]
+def _cell(own: Sequence[StudyTrialProgress], goal: str, start: int) -> Cell:
+    results = [bool(trial.success) for trial in own if (trial.trial.goal, trial.trial.start) == (goal, start)]
     return Cell(start, sum(results), len(results))
 
 
 def in_order(primary: Primary, code: Mapping[str, str]) -> Primary:
-    """Return the analysis with pairs, and the arms within each, in the order of the arms' codes."""
+    """Return the analysis with pairs, and the arms within them, in the order of the codes."""
     answers = (
         replace(
-            one,
-            first=one.second,
-            second=one.first,
-            successes=one.successes[::-1],
-            difference=-one.difference,
-            low=-one.high,
-            high=-one.low,
+            answer,
+            first=answer.second,
+            second=answer.first,
+            successes=answer.successes[::-1],
+            difference=0.0 - answer.difference,
+            low=-answer.high,
+            high=-answer.low,
+            conclusion=answer.conclusion.reversed,
         )
-        if one.second is not None and code[one.first] > code[one.second]
-        else one
-        for one in primary.answers
+        if answer.second is not None and code[answer.first] > code[answer.second]
+        else answer
+        for answer in primary.answers
     )
-    ordered = sorted(answers, key=lambda one: (code[one.first], code[one.second] if one.second else ""))
+    ordered = sorted(answers, key=lambda answer: (code[answer.first], code[answer.second] if answer.second else ""))
     dropped = {arm: primary.dropped[arm] for arm in sorted(primary.dropped, key=lambda arm: code[arm])}
     return replace(primary, answers=tuple(ordered), dropped=dropped)
 
 
 def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], changed_after: int | None) -> str:
-    """Return the study's conclusion, one sentence; it says "better" only of whom the primary test did.
+    """Return the study's conclusion as one sentence; only the primary test names a better arm.
 
     Args:
         study: the plan.
         primary: its analysis.
-        shown: what the arms are called to people now.
-        changed_after: results there were when the way of judging was changed; None when it never was.
+        shown: displayed names of the arms.
+        changed_after: number of results when the judging was changed; None if it was not.
     """
     where = "on these cells" if study.of_these_cells else "on the shared goals"
-    said = [_of(study, one, shown, where) for one in primary.answers if not one.open]
-    waiting = sum(one.open for one in primary.answers)
+    sentences = [_of(study, answer, shown, where) for answer in primary.answers if not answer.open]
+    waiting = sum(answer.open for answer in primary.answers)
     if waiting:
-        least = min(one.cells for one in primary.answers)
-        said.append(
-            f"no conclusion {'about ' + str(waiting) + ' of the pairs ' if said else ''}yet: "
-            f"{least} of {primary.cells} cells are done by both"
-            if study.primary.kind == "difference"
-            else f"no conclusion yet: {least} of {primary.cells} cells are done"
-        )
-    words = "; ".join(said)
+        least = min((answer for answer in primary.answers if answer.open), key=lambda answer: answer.trials)
+        done = f"{least.trials} of {trial_count(primary.trials, primary.cells)}"
+        if study.by_starting_position:
+            done = f"{least.units} of {counted(primary.planned_units, primary.unit)}"
+        about = f"about {waiting} of the pairs " if sentences else ""
+        both = " by both" if study.primary.kind == "difference" else ""
+        sentences.append(f"no conclusion {about}yet: {done} are done{both}")
+    words = "; ".join(sentences)
     if changed_after is not None:
-        words += f" (the way of judging was changed after {changed_after} results)"
+        words += f" (the analysis was changed after {changed_after} results)"
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def _of(study: StudyFile, one: Answer, shown: Mapping[str, str], where: str) -> str:
-    k, m = one.successes
-    if not one.cells:
-        return f"nothing is known of {' and '.join(shown[arm] for arm in (one.first, one.second) if arm)}"
-    if one.second is None:
+def _of(study: StudyFile, answer: Answer, shown: Mapping[str, str], where: str) -> str:
+    k, m = answer.successes
+    if not answer.cells:
+        return f"no data for {' and '.join(shown[arm] for arm in (answer.first, answer.second) if arm)}"
+    tried = trial_count(answer.trials, answer.cells)
+    if answer.second is None:
         rate = study.primary.rate if isinstance(study.primary, Rate) else 0.5
-        told = f"{shown[one.first]} succeeds in {k} of {one.cells} cells [{one.low:.0%}, {one.high:.0%}]"
-        if one.winner:
-            return f"{told} {where}, better than {rate:.0%}"
-        if one.loser and not one.counted and one.loser == one.first:
-            return f"{told} {where}, less than {rate:.0%}"
-        return f"{told} {where}: neither above nor below {rate:.0%} was shown"
-    interval = f"{100 * one.difference:+.0f} points {interval_words(Interval(one.low, one.high))}"
-    if one.p is not None and (one.low > 0 or one.high < 0):
-        interval += f"; the test decides, p {compared(one.p)}"
-    if one.winner:
-        ahead, behind = (k, m) if one.winner == one.first else (m, k)
+        text = f"{shown[answer.first]} succeeds in {k} of {tried} [{answer.low:.0%}, {answer.high:.0%}]"
+        if answer.winner:
+            return f"{text} {where}, better than {rate:.0%}"
+        if answer.loser:
+            return f"{text} {where}, less than {rate:.0%}"
+        return f"{text} {where}: neither above nor below {rate:.0%} was shown"
+    if answer.winner:
+        ahead, behind = (k, m) if answer.winner == answer.first else (m, k)
+        better, worse = shown[answer.winner], shown[answer.loser or ""]
+        return f"{better} is better than {worse} {where}: {ahead} against {behind} of {tried}"
+    names = f"{shown[answer.first]} and {shown[answer.second]}"
+    if answer.counted:
         return (
-            f"{shown[one.winner]} is better than {shown[one.loser or '']} {where}: {ahead} against {behind} of "
-            f"{one.cells} cells"
+            f"{names} succeeded in {k} and {m} of {tried}; the remaining trials cannot reverse this lead, but no test "
+            "showed a difference"
         )
-    names = f"{shown[one.first]} and {shown[one.second]}"
-    if one.counted:
-        return (
-            f"{names} succeeded in {k} and {m} of {one.cells} cells, counted and no more: what is left cannot turn it, "
-            "and no test told them apart"
-        )
-    return f"between {names} no difference was shown {where} ({interval}), which does not make them equal"
+    interval = f"{100 * answer.difference:+.0f} points {interval_words(Interval(answer.low, answer.high))}"
+    if doubt := caution(answer.conclusion, study.margin):
+        interval += f"; {doubt}" + (f", p {compared(answer.p)}" if answer.p is not None else "")
+    return f"no difference was shown between {names} {where} ({interval}); this does not show that they are equal"

@@ -1,4 +1,4 @@
-"""What stands in a bathroom."""
+"""Bathroom furniture."""
 
 from vsnbench.simulator.furniture.canvas import Canvas, recolored, rgb
 from vsnbench.simulator.furniture.storage import fronts
@@ -31,7 +31,7 @@ def toilet(c: Canvas) -> None:
 
 
 def vanity(c: Canvas) -> None:
-    """A wash basin set on a cupboard, with a tap."""
+    """A wash basin on a cabinet, with a tap."""
     wood = c.paint("#e6e1d6", "plain", 0.2)
     top = 0.8 * c.height
     c.box((c.back, c.front - 0.04), (c.right + 0.01, c.left - 0.01), (0, 0.08 * c.height), recolored(wood, 0.45))
@@ -50,7 +50,7 @@ def vanity(c: Canvas) -> None:
 
 
 def bathtub(c: Canvas) -> None:
-    """A tub with raised rim and water in it; the tap stands at the narrow end."""
+    """A tub with a raised rim and water; the tap is at the narrow end."""
     white = c.paint(_CERAMIC, "plain", 0.6)
     rim = min(0.08, 0.15 * min(c.depth, c.width))
     c.box((c.back, c.front), (c.right, c.left), (0, 0.72 * c.height), white)
@@ -70,7 +70,7 @@ def bathtub(c: Canvas) -> None:
 
 
 def shower(c: Canvas) -> None:
-    """A tray, glass sides with steel edges, a pipe with its head at the back."""
+    """A tray, glass sides with steel edges, a pipe with a shower head at the back."""
     white = c.paint(_CERAMIC, "plain", 0.5)
     tray = min(0.08, 0.1 * c.height)
     c.box((c.back, c.front), (c.right, c.left), (0, tray), white)

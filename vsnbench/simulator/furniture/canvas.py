@@ -1,4 +1,4 @@
-"""What a furniture model is drawn on: the object's own box, in metres, with its shapes and materials."""
+"""Drawing surface of furniture models: the object's box in metres, with shapes and materials."""
 
 import math
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ def rgb(code: str) -> Vector:
 
 
 def shade(color: Vector, factor: float) -> Vector:
-    """Return the colour made darker (factor under 1) or lighter (over 1)."""
+    """Return a colour made darker (factor below 1) or lighter (above 1)."""
     red, green, blue = (min(1.0, channel * factor) for channel in color)
     return (red, green, blue)
 
@@ -28,7 +28,7 @@ def turn(axis: Vector, angle_rad: float) -> Quaternion:
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Return the rotation that does `second`, then `first`."""
+    """Return the rotation that applies `second`, then `first`."""
     a, b, c, d = first
     e, f, g, h = second
     return (
@@ -50,7 +50,7 @@ def rotation_matrix(rotation: Quaternion) -> tuple[Vector, Vector, Vector]:
 
 
 def extents(shape: Shape, half_size: Vector, rotation: Quaternion) -> Vector:
-    """Return the half sizes of the upright box around a turned shape."""
+    """Return the half sizes of the axis-aligned box around a rotated shape."""
     reach = []
     for row in rotation_matrix(rotation):
         along = [abs(part) * half for part, half in zip(row, half_size, strict=True)]
@@ -65,7 +65,7 @@ def extents(shape: Shape, half_size: Vector, rotation: Quaternion) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One shape of a piece of furniture, in the object's frame: x to its front, y to its left, z up from its foot."""
+    """One shape of a piece of furniture in the object's frame: x to its front, y to its left, z up from its base."""
 
     shape: Shape
     centre: Vector
@@ -76,9 +76,9 @@ class Part:
 
 @dataclass(slots=True)
 class Canvas:
-    """The box of one object, and the parts that were put into it.
+    """Box of one object, and its parts.
 
-    Every part is cut back to the box, so that nothing a model draws can stick out of the object's footprint.
+    Every part is clipped to the box, so that no part is outside the object's footprint.
     """
 
     depth: float
@@ -108,11 +108,11 @@ class Canvas:
         return self.width / 2
 
     def paint(self, code: str, texture: str = "plain", shininess: float = 0.0, glow: float = 0.0) -> Material:
-        """Return a material in the object's own colour, or in `code` when the site gives none."""
+        """Return a material in the object's own colour, or in `code` if the site gives none."""
         return Material(self.color or rgb(code), texture, shininess, glow)
 
     def box(self, x: Span, y: Span, z: Span, material: Material) -> None:
-        """Put a box between the given edges."""
+        """Add a box between the given edges."""
         edges = []
         for span, low, high in (
             (x, self.back, self.front),
@@ -133,22 +133,22 @@ class Canvas:
         )
 
     def cylinder(self, x: float, y: float, z: Span, radius: float, material: Material) -> None:
-        """Put an upright cylinder."""
+        """Add an upright cylinder."""
         self.place(Shape.CYLINDER, (x, y, sum(z) / 2), (radius, radius, abs(z[1] - z[0]) / 2), material)
 
     def rod(self, axis: str, centre: Vector, radius: float, length: float, material: Material) -> None:
-        """Put a lying cylinder along `x` or `y`."""
+        """Add a horizontal cylinder along `x` or `y`."""
         rotation = turn((0, 1, 0), math.pi / 2) if axis == "x" else turn((1, 0, 0), math.pi / 2)
         self.place(Shape.CYLINDER, centre, (radius, radius, length / 2), material, rotation)
 
-    def ellipsoid(self, centre: Vector, half_size: Vector, material: Material, rotation: Quaternion = UPRIGHT) -> None:
-        """Put an ellipsoid."""
-        self.place(Shape.ELLIPSOID, centre, half_size, material, rotation)
+    def ellipsoid(self, centre: Vector, half_size: Vector, material: Material) -> None:
+        """Add an ellipsoid."""
+        self.place(Shape.ELLIPSOID, centre, half_size, material)
 
     def place(
         self, shape: Shape, centre: Vector, half_size: Vector, material: Material, rotation: Quaternion = UPRIGHT
     ) -> None:
-        """Put any shape, made smaller and moved as far as it takes to keep it in the object's box."""
+        """Add any shape, shrunk and moved to fit into the object's box."""
         room = (self.depth / 2, self.width / 2, self.height / 2)
         reach = extents(shape, half_size, rotation)
         scale = min(1.0, *(free / need for free, need in zip(room, reach, strict=True)))
@@ -157,14 +157,14 @@ class Canvas:
             return
         reach = extents(shape, half, rotation)
         middle = (0.0, 0.0, self.height / 2)
-        kept = _vector(
+        clipped = _vector(
             axis + min(max(value - axis, need - free), free - need)
             for value, axis, free, need in zip(centre, middle, room, reach, strict=True)
         )
-        self.parts.append(Part(shape, kept, half, material, rotation))
+        self.parts.append(Part(shape, clipped, half, material, rotation))
 
     def legs(self, inset: float, thickness: float, top: float, material: Material, round_: bool = False) -> None:
-        """Put four legs from the floor to `top`, `inset` from the edges."""
+        """Add four legs from the floor to `top`, `inset` from the edges."""
         half = min(thickness, self.depth / 3, self.width / 3) / 2
         for x in (self.back + inset + half, self.front - inset - half):
             for y in (self.right + inset + half, self.left - inset - half):
@@ -175,7 +175,7 @@ class Canvas:
 
 
 def recolored(material: Material, factor: float) -> Material:
-    """Return the material darker or lighter."""
+    """Return a darker or lighter material."""
     return replace(material, color=shade(material.color, factor))
 
 

@@ -23,7 +23,7 @@ def counter(c: Canvas) -> None:
 
 
 def stove(c: Canvas) -> None:
-    """An oven with a window and knobs under four burners."""
+    """An oven with a window and knobs below four burners."""
     body = c.paint("#d7d9db", "metal", 0.5)
     plinth = 0.1 * c.height
     c.box((c.back, c.front - 0.06), (c.right, c.left), (0, plinth), Material(rgb("#4a4743")))

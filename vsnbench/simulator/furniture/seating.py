@@ -71,7 +71,7 @@ def armchair(c: Canvas) -> None:
 
 
 def sofa(c: Canvas) -> None:
-    """A couch with as many seat cushions as fit, arms, a cushioned back and two throw pillows."""
+    """A couch with as many seat cushions as fit, arms, a cushioned back and two pillows."""
     _couch(c, c.paint("#35558a", "fabric"), seats=max(2, round((c.width - 0.4) / 0.6)))
 
 
@@ -88,21 +88,25 @@ def _couch(c: Canvas, cloth: Material, seats: int) -> None:
     for edge, inner in ((c.right, c.right + arm), (c.left, c.left - arm)):
         c.box((c.back, c.front), (edge, inner), (foot, 0.72 * c.height - arm / 4), cloth)
         c.rod("x", (0, (edge + inner) / 2, 0.72 * c.height - arm / 4), arm / 2, c.depth, cloth)
-    each = (c.width - 2 * arm) / seats
+    seat_width = (c.width - 2 * arm) / seats
     for k in range(seats):
-        y = c.right + arm + k * each
+        y = c.right + arm + k * seat_width
         gap = 0.006
-        c.box((c.back + back, c.front), (y + gap, y + each - gap), (seat - cushion + 0.01, seat - 0.02), cloth)
-        c.ellipsoid((back / 2, y + each / 2, seat - 0.035), ((c.depth - back) * 0.49, each * 0.49 - gap, 0.045), cloth)
+        c.box((c.back + back, c.front), (y + gap, y + seat_width - gap), (seat - cushion + 0.01, seat - 0.02), cloth)
+        c.ellipsoid(
+            (back / 2, y + seat_width / 2, seat - 0.035),
+            ((c.depth - back) * 0.49, seat_width * 0.49 - gap, 0.045),
+            cloth,
+        )
         c.box(
             (c.back + back, c.back + back + 0.14 * c.depth),
-            (y + gap, y + each - gap),
+            (y + gap, y + seat_width - gap),
             (seat, 0.98 * c.height),
             recolored(cloth, 1.06),
         )
         c.ellipsoid(
-            (c.back + back + 0.14 * c.depth, y + each / 2, (seat + c.height) / 2),
-            (0.045 * c.depth, each * 0.45, (c.height - seat) * 0.45),
+            (c.back + back + 0.14 * c.depth, y + seat_width / 2, (seat + c.height) / 2),
+            (0.045 * c.depth, seat_width * 0.45, (c.height - seat) * 0.45),
             recolored(cloth, 1.06),
         )
     c.rod("y", (c.back + back / 2, 0, c.height - back / 2), back / 2, c.width - arm, cloth)
@@ -118,7 +122,7 @@ def _couch(c: Canvas, cloth: Material, seats: int) -> None:
 
 
 def bed(c: Canvas) -> None:
-    """A wooden frame with headboard at the back, mattress, blanket, pillows."""
+    """A wooden frame with a headboard at the back, mattress, blanket and pillows."""
     wood = Material(rgb("#6b4426"), "wood", 0.15)
     linen = Material(rgb("#f1eee6"), "cloth")
     blanket = c.paint("#6d4d8e", "fabric")

@@ -1,4 +1,4 @@
-"""Cupboards of every kind: sideboards, wardrobes, nightstands, shelves."""
+"""Cabinets: sideboards, wardrobes, nightstands, shelves."""
 
 from vsnbench.simulator.furniture.canvas import Canvas, Span, recolored, rgb
 from vsnbench.simulator.primitives import Material
@@ -8,7 +8,7 @@ _BOOKS = ("#7f2f2c", "#2d4f6e", "#c9a24b", "#3f6b4a", "#d9d2c0", "#5b3b63", "#b5
 
 
 def fronts(c: Canvas, y: Span, z: Span, columns: int, rows: int, front: Material, handle: str = "edge") -> None:
-    """Put doors (one row, upright handles at the `edge`, or `low` on it) or drawers (`middle`) on a carcass."""
+    """Add doors (one row, upright handles at the `edge`, or `low` on it) or drawers (`middle`) to a carcass."""
     gap, thick = 0.004, min(0.018, c.depth / 5)
     grip = c.front - 0.014
     face = grip - 0.002
@@ -34,12 +34,12 @@ def fronts(c: Canvas, y: Span, z: Span, columns: int, rows: int, front: Material
 
 
 def carcass(c: Canvas, z: Span, material: Material) -> None:
-    """Put the closed body behind the fronts."""
+    """Add the closed body behind the fronts."""
     c.box((c.back, c.front - 0.02), (c.right, c.left), z, material)
 
 
 def cabinet(c: Canvas) -> None:
-    """A cupboard with doors under a top board."""
+    """A cabinet with doors below a top board."""
     wood = c.paint("#b98a5a", "wood", 0.2)
     plinth = min(0.07, 0.12 * c.height)
     c.box((c.back, c.front - 0.05), (c.right + 0.02, c.left - 0.02), (0, plinth), recolored(wood, 0.45))
@@ -50,7 +50,7 @@ def cabinet(c: Canvas) -> None:
 
 
 def sideboard(c: Canvas) -> None:
-    """A low, long piece with drawers in the middle and doors beside them, on feet."""
+    """A long low piece with drawers in the middle and doors on both sides, on feet."""
     wood = c.paint("#6f4a2d", "wood", 0.25)
     foot = min(0.1, 0.22 * c.height)
     c.legs(0.05, 0.04, foot, Material(rgb("#2b211a"), "wood"), round_=True)
@@ -64,7 +64,7 @@ def sideboard(c: Canvas) -> None:
 
 
 def wall_cabinet(c: Canvas) -> None:
-    """A kitchen cupboard that hangs on the wall."""
+    """A kitchen cabinet on the wall."""
     body = Material(rgb("#e7e3da"), "plain", 0.15)
     carcass(c, (0, c.height), body)
     c.box((c.back, c.front), (c.right, c.left), (c.height - 0.02, c.height), body)
@@ -81,7 +81,7 @@ def wall_cabinet(c: Canvas) -> None:
 
 
 def wardrobe(c: Canvas) -> None:
-    """A tall cupboard with long doors, the middle one a mirror when there are three."""
+    """A tall cabinet with long doors; the middle one of three is a mirror."""
     wood = c.paint("#d9cbb2", "wood", 0.15)
     plinth = min(0.08, 0.1 * c.height)
     c.box((c.back, c.front - 0.04), (c.right, c.left), (0, plinth), recolored(wood, 0.6))

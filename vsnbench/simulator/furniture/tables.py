@@ -1,4 +1,4 @@
-"""Tables, and what stands on them: screens."""
+"""Tables and screens."""
 
 from vsnbench.simulator.furniture.canvas import Canvas, recolored, rgb
 from vsnbench.simulator.primitives import Material
@@ -20,7 +20,7 @@ def dining_table(c: Canvas) -> None:
 
 
 def coffee_table(c: Canvas) -> None:
-    """A low table with a shelf, a magazine and a bowl under its top's edge."""
+    """A low table with a shelf, a magazine and a bowl below the edge of its top."""
     wood = c.paint("#5d3a22", "wood", 0.3)
     thick = min(0.04, 0.12 * c.height)
     c.box((c.back, c.front), (c.right, c.left), (c.height - thick, c.height), wood)
@@ -32,7 +32,7 @@ def coffee_table(c: Canvas) -> None:
 
 
 def desk(c: Canvas) -> None:
-    """A white top on metal legs, drawers on the right of whoever sits in front."""
+    """A white top on metal legs, with drawers on the right of the user."""
     top = c.paint("#e4dfd6", "plain", 0.2)
     metal = Material(rgb("#8d9196"), "metal", 0.5)
     thick = min(0.035, 0.1 * c.height)

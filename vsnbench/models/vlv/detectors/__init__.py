@@ -1,1 +1,1 @@
-"""Object detectors behind one contract: Mask R-CNN, any ONNX file of the same form, and the simulator's own."""
+"""Object detectors: Mask R-CNN, ONNX files of the same form, and a simulated detector."""

@@ -1,4 +1,4 @@
-"""What a region detector does with boxes: anchors, decoding, clipping, and keeping the best of those that overlap.
+"""Box operations of region detectors: anchors, decoding, clipping and non-maximum suppression.
 
 Boxes are rows (left, top, right, bottom) in pixels.
 """
@@ -10,18 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-_LARGEST_LOG = math.log(1000.0 / 16)
+_MAX_LOG = math.log(1000.0 / 16)
 
 
 def anchors(image: tuple[int, int], features: Sequence[Tensor], sizes_px: Sequence[int]) -> list[Tensor]:
-    """Return for each feature map (1, C, h, w) its anchors (h * w * 3, 4): three shapes at each of its cells.
+    """Return the anchors (h * w * 3, 4) of each feature map (1, C, h, w): three shapes per cell.
 
     Args:
         image: (height, width) of the padded image.
-        features: one map a size, finest first.
+        features: one map per size, finest first.
         sizes_px: side of the square anchor on each map.
     """
-    made = []
+    grids = []
     for feature, size_px in zip(features, sizes_px, strict=True):
         height, width = feature.shape[-2:]
         tall = torch.sqrt(torch.tensor([0.5, 1.0, 2.0], device=feature.device))
@@ -31,8 +31,8 @@ def anchors(image: tuple[int, int], features: Sequence[Tensor], sizes_px: Sequen
         x = torch.arange(width, device=feature.device, dtype=torch.float32) * (image[1] // width)
         down, right = torch.meshgrid(y, x, indexing="ij")
         shifts = torch.stack([right, down, right, down], 2).reshape(-1, 1, 4)
-        made.append((shifts + half.round()).reshape(-1, 4))
-    return made
+        grids.append((shifts + half.round()).reshape(-1, 4))
+    return grids
 
 
 def decode(offsets: Tensor, reference: Tensor, weights: tuple[float, float, float, float]) -> Tensor:
@@ -42,8 +42,8 @@ def decode(offsets: Tensor, reference: Tensor, weights: tuple[float, float, floa
     offsets = offsets.reshape(reference.shape[0], -1, 4)
     new_x = offsets[..., 0] / weights[0] * width[:, None] + x[:, None]
     new_y = offsets[..., 1] / weights[1] * height[:, None] + y[:, None]
-    half_width = 0.5 * torch.exp((offsets[..., 2] / weights[2]).clamp(max=_LARGEST_LOG)) * width[:, None]
-    half_height = 0.5 * torch.exp((offsets[..., 3] / weights[3]).clamp(max=_LARGEST_LOG)) * height[:, None]
+    half_width = 0.5 * torch.exp((offsets[..., 2] / weights[2]).clamp(max=_MAX_LOG)) * width[:, None]
+    half_height = 0.5 * torch.exp((offsets[..., 3] / weights[3]).clamp(max=_MAX_LOG)) * height[:, None]
     return torch.stack([new_x - half_width, new_y - half_height, new_x + half_width, new_y + half_height], -1)
 
 
@@ -54,7 +54,7 @@ def clip(boxes: Tensor, image: tuple[int, int]) -> Tensor:
 
 
 def large(boxes: Tensor, least_px: float) -> Tensor:
-    """Return (N,) whether both sides of a box are at least so long."""
+    """Return (N,): whether both sides of a box are at least `least_px` long."""
     return (boxes[:, 2] - boxes[:, 0] >= least_px) & (boxes[:, 3] - boxes[:, 1] >= least_px)
 
 
@@ -64,10 +64,10 @@ def best_of_overlapping(boxes: Tensor, scores: Tensor, groups: Tensor, most_over
     Args:
         boxes: (N, 4).
         scores: (N,).
-        groups: (N,) only boxes of one group suppress each other.
-        most_overlap: intersection over union above which the worse box goes.
+        groups: (N,) group of each box; only boxes of the same group suppress each other.
+        most_overlap: intersection over union above which the worse box is dropped.
     """
-    kept = []
+    selected = []
     for group in torch.unique(groups):
         members = torch.nonzero(groups == group)[:, 0]
         members = members[torch.sort(scores[members], descending=True, stable=True).indices]
@@ -76,10 +76,10 @@ def best_of_overlapping(boxes: Tensor, scores: Tensor, groups: Tensor, most_over
         for k in range(len(members)):
             if alive[k]:
                 alive[k + 1 :] &= ~overlap[k, k + 1 :]
-        kept.append(members[torch.from_numpy(alive).to(members.device)])
-    if not kept:
+        selected.append(members[torch.from_numpy(alive).to(members.device)])
+    if not selected:
         return torch.zeros(0, dtype=torch.int64, device=boxes.device)
-    together = torch.cat(kept)
+    together = torch.cat(selected)
     return together[torch.sort(scores[together], descending=True, stable=True).indices]
 
 

@@ -1,15 +1,15 @@
-"""Opens the detector that the settings name, or for `auto` the best that there is a file for."""
+"""Opens the detector of the settings; `auto` chooses by the available files."""
 
 import logging
 from pathlib import Path
 from typing import Final
 
 from vsnbench.errors import ModelError
-from vsnbench.models.torch_runtime import require_torch
+from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.checkpoints.weights import find_weights, weights_directory
 from vsnbench.models.vlv.detectors.contract import Detector
 from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
 from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
-from vsnbench.models.weights import find_weights, weights_directory
 
 logger = logging.getLogger(__name__)
 
@@ -31,21 +31,22 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
         return SimulatedDetector(settings)
     if given is not None and not given.is_file():
         raise ModelError(
-            f"no detector at {given} (detector_weights)", advice="detector_weights is a path from here, or a whole one"
+            f"no detector at {given} (detector_weights)",
+            advice="write detector_weights as an absolute path, or relative to the working directory",
         )
     if kind is DetectorKind.ONNX:
         from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 
         return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold)
     require_torch()
-    from vsnbench.models.torch_runtime import available_device
+    from vsnbench.models.checkpoints.torch_runtime import available_device
     from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
 
     return MaskRCNNDetector(_file(given, MASK_RCNN_FILE), available_device(device), settings.detector_threshold)
 
 
 def _resolved(settings: VLVSettings) -> DetectorKind:
-    """Return what `auto` means here."""
+    """Return the kind of detector, with `auto` resolved."""
     if settings.detector is not DetectorKind.AUTO:
         return settings.detector
     if settings.detector_weights:
@@ -55,8 +56,8 @@ def _resolved(settings: VLVSettings) -> DetectorKind:
     if (weights_directory() / ONNX_FILE).is_file():
         return DetectorKind.ONNX
     logger.warning(
-        "vlv has no detector's weights (%s or %s in %s): it uses the simulator's own labels, which only a simulated "
-        "robot has",
+        "no weights of a detector for vlv (%s or %s in %s): it uses the simulator's labels, which only simulated "
+        "robots have",
         MASK_RCNN_FILE,
         ONNX_FILE,
         weights_directory(),

@@ -1,4 +1,4 @@
-"""COCO's classes as detectors number them."""
+"""COCO's classes by number."""
 
 from typing import Final
 
@@ -95,6 +95,6 @@ CLASSES_91: Final = (
     "hair drier",
     "toothbrush",
 )
-"""By the number that COCO's annotations and torchvision's detectors use; N/A were never annotated."""
+"""By their numbers in COCO's annotations and torchvision's detectors; N/A were never annotated."""
 CLASSES_80: Final = tuple(name for name in CLASSES_91[1:] if name != "N/A")
-"""Without the gaps and the background."""
+"""Without gaps and background."""

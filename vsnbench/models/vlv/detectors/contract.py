@@ -1,14 +1,15 @@
-"""What every detector is: an image in, boxes with classes, scores and masks out."""
+"""Interface of detectors: from an image to boxes with classes, scores and masks."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.settings import DetectorKind
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.values.observation import Observation, Sensor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,34 +17,33 @@ class Detection:
     """One object found in an image."""
 
     label: str
-    """In COCO's words."""
+    """Class in COCO."""
     score: float
     box: tuple[float, float, float, float]
     """left, top, right, bottom in pixels."""
     mask: npt.NDArray[np.bool_]
-    """(H, W): the pixels that show it."""
+    """(H, W): pixels of the object."""
 
 
-class Detector(Protocol):
-    """Finds objects in what a camera sees."""
+class Detector(ABC):
+    """Detects objects in camera images."""
 
     kind: DetectorKind
     """Never `auto`."""
     name: str
-    """What it is, in words, for every record and report."""
+    """Description for records and reports."""
     classes: frozenset[str]
-    """The classes it can find, in COCO's words."""
+    """COCO classes that it can detect."""
     sensors: frozenset[Sensor]
-    """What it needs."""
+    """Sensors that it needs."""
     weights_sha256: str
-    """Of its weights; empty without any."""
+    """Hash of its weights; empty without weights."""
     settings: Mapping[str, Any]
-    """JSON-serialisable."""
+    """JSON-serializable."""
 
     def begin(self, seed: int) -> None:
-        """Start an episode; whatever is random in it follows from `seed`."""
-        ...
+        """Start an episode. All randomness follows from `seed`. Does nothing by default."""
 
+    @abstractmethod
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
-        """Return what is seen, best score first."""
-        ...
+        """Return the detected objects, best score first."""

@@ -1,4 +1,4 @@
-"""Lays a small mask of a box over the whole image."""
+"""Scales the mask of a box to the image."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ _AT_LEAST = 0.5
 def paste_mask(
     mask: npt.NDArray[np.float32], box: tuple[float, float, float, float], image: tuple[int, int]
 ) -> npt.NDArray[np.bool_]:
-    """Return (H, W): where the object is.
+    """Return (H, W): the pixels of the object.
 
     Args:
         mask: (M, M) probabilities within the box.
@@ -19,7 +19,7 @@ def paste_mask(
     import cv2
 
     side = mask.shape[0]
-    padded = np.pad(mask, 1)  # so that the mask fades out at the box's edge
+    padded = np.pad(mask, 1)  # the mask fades out at the box's edge
     grow = (side + 2) / side
     x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
     half_width, half_height = (box[2] - box[0]) / 2 * grow, (box[3] - box[1]) / 2 * grow

@@ -1,4 +1,4 @@
-"""The paper's detector: Mask R-CNN R50-FPN with COCO's classes, from a weights file of torchvision's layout."""
+"""The paper's detector: Mask R-CNN R50-FPN with COCO's classes, from weights in torchvision's layout."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,24 +8,19 @@ import numpy as np
 import torch
 
 from vsnbench.models.vlv.detectors.coco import CLASSES_91
-from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN, Objects
 from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
 from vsnbench.models.vlv.settings import DetectorKind
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.values.observation import Observation, Sensor
 
 
-class MaskRCNNDetector:
+class MaskRCNNDetector(Detector):
     """Runs the network on the camera's image."""
 
     def __init__(self, path: Path, device: str, threshold: float) -> None:
         """Load the weights.
-
-        Args:
-            path: the weights file.
-            device: of PyTorch.
-            threshold: lower scores are left out.
 
         Raises:
             ModelError: the weights cannot be used.
@@ -43,16 +38,13 @@ class MaskRCNNDetector:
         self._network.load_state_dict(dict(weights.tensors))
         self._network.eval().to(device)
 
-    def begin(self, seed: int) -> None:
-        """Nothing in it is random."""
-
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
-        """Return the objects over the threshold, best first."""
+        """Return the objects above the threshold, best first."""
         height, width = observation.rgb.shape[:2]
         return self.detections(self.run(observation), (height, width))
 
     def detections(self, found: Objects, image: tuple[int, int]) -> tuple[Detection, ...]:
-        """Return the found objects over the threshold, with masks over an image of (height, width)."""
+        """Return the objects above the threshold, with masks for an image of (height, width)."""
         detections = []
         for box, label, score, mask in zip(
             found.boxes.tolist(), found.labels.tolist(), found.scores.tolist(), found.masks.cpu().numpy(), strict=True
@@ -65,7 +57,7 @@ class MaskRCNNDetector:
 
     @torch.inference_mode()
     def run(self, observation: Observation) -> Objects:
-        """Return everything that the network found."""
+        """Return all objects that the network found."""
         image = torch.from_numpy(np.ascontiguousarray(observation.rgb.transpose(2, 0, 1))).to(self._device)
         objects: Objects = self._network(image.to(torch.float32) / 255)
         return objects

@@ -1,7 +1,7 @@
-"""Mask R-CNN with ResNet-50 and a feature pyramid, in PyTorch alone, with torchvision's names and numbers.
+"""Mask R-CNN with ResNet-50 and a feature pyramid in PyTorch, with torchvision's names and numbers.
 
-torchvision itself is not needed: from the package index it comes with compiled operators that want CUDA libraries, and
-does not import beside a CPU build of PyTorch.
+It does not use torchvision, whose package has compiled operators that need CUDA libraries and cannot be imported with a
+CPU build of PyTorch.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from vsnbench.models.vlv.residual_network import Bottleneck, ResidualNetwork
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 _SHORT_SIDE_PX, _LONG_SIDE_PX, _MULTIPLE_PX = 800.0, 1333.0, 32
 _ANCHOR_SIZES_PX = (32, 64, 128, 256, 512)
-_MOST_PROPOSALS: Final = 1000
+_MAX_PROPOSALS: Final = 1000
 _PROPOSAL_OVERLAP, _OBJECT_OVERLAP = 0.7, 0.5
 _LEAST_SCORE: Final = 0.05
-_MOST_OBJECTS: Final = 100
+_MAX_OBJECTS: Final = 100
 
 
 class FrozenNormalisation(nn.Module):
@@ -42,7 +42,7 @@ class FrozenNormalisation(nn.Module):
 
 
 class FeaturePyramid(nn.Module):
-    """Brings the four layers to 256 channels and adds coarse ones to fine ones; a fifth map is the fourth, thinned."""
+    """Converts the four layers to 256 channels and adds coarse to fine ones. The fifth map subsamples the fourth."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -75,7 +75,7 @@ class Backbone(nn.Module):
 
 
 class ProposalHead(nn.Module):
-    """Says of each anchor whether it holds an object, and how to shift it."""
+    """Scores each anchor as object or background, and predicts its offsets."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -104,15 +104,15 @@ class ProposalNetwork(nn.Module):
             zip(features, anchors(padded, features, _ANCHOR_SIZES_PX), strict=True)
         ):
             logits, offsets = self.head(feature)
-            best = logits.topk(min(_MOST_PROPOSALS, logits.numel())).indices
+            best = logits.topk(min(_MAX_PROPOSALS, logits.numel())).indices
             boxes.append(clip(decode(offsets[best], anchor[best], (1.0, 1.0, 1.0, 1.0))[:, 0], image))
             scores.append(torch.sigmoid(logits[best]))
             levels.append(torch.full_like(best, level))
         together, score, level_of = torch.cat(boxes), torch.cat(scores), torch.cat(levels)
         fit = large(together, 1e-3)
         together, score, level_of = together[fit], score[fit], level_of[fit]
-        kept = best_of_overlapping(together, score, level_of, _PROPOSAL_OVERLAP)[:_MOST_PROPOSALS]
-        return together[kept]
+        best = best_of_overlapping(together, score, level_of, _PROPOSAL_OVERLAP)[:_MAX_PROPOSALS]
+        return together[best]
 
 
 class BoxHead(nn.Module):
@@ -147,8 +147,8 @@ class MaskPredictor(nn.Module):
 
     def forward(self, regions: Tensor) -> Tensor:
         """Map (N, 256, 14, 14) to logits (N, classes, 28, 28)."""
-        answer: Tensor = self.mask_fcn_logits(torch.relu(self.conv5_mask(regions)))
-        return answer
+        logits: Tensor = self.mask_fcn_logits(torch.relu(self.conv5_mask(regions)))
+        return logits
 
 
 class RegionHeads(nn.Module):
@@ -164,12 +164,12 @@ class RegionHeads(nn.Module):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Objects:
-    """What was found in an image, best first."""
+    """Objects in an image, best first."""
 
     boxes: Tensor
-    """(N, 4) in pixels of the image as it was given."""
+    """(N, 4) in pixels of the original image."""
     labels: Tensor
-    """(N,) numbers of classes; 0 is the background and never occurs."""
+    """(N,) numbers of classes; 0 (background) does not occur."""
     scores: Tensor
     masks: Tensor
     """(N, 28, 28) probabilities within the boxes."""
@@ -208,12 +208,12 @@ class MaskRCNN(nn.Module):
         scores, boxes, labels = scores.reshape(-1), boxes.reshape(-1, 4), labels.reshape(-1)
         fit = (scores > _LEAST_SCORE) & large(boxes, 1e-2)
         scores, boxes, labels = scores[fit], boxes[fit], labels[fit]
-        kept = best_of_overlapping(boxes, scores, labels, _OBJECT_OVERLAP)[:_MOST_OBJECTS]
-        return boxes[kept], labels[kept], scores[kept]
+        best = best_of_overlapping(boxes, scores, labels, _OBJECT_OVERLAP)[:_MAX_OBJECTS]
+        return boxes[best], labels[best], scores[best]
 
 
 def _prepare(image: Tensor) -> tuple[Tensor, tuple[int, int]]:
-    """Return the image normalised, resized and padded (1, 3, H', W'), and its size before padding."""
+    """Normalise, resize and pad the image to (1, 3, H', W'). Returns it with its size before padding."""
     mean, std = torch.tensor(_MEAN, device=image.device), torch.tensor(_STD, device=image.device)
     image = (image - mean[:, None, None]) / std[:, None, None]
     short, long = min(image.shape[1:]), max(image.shape[1:])

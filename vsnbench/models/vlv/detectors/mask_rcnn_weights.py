@@ -1,4 +1,4 @@
-"""Reads a Mask R-CNN of torchvision's layout: its released COCO file, or one saved by any of its later versions."""
+"""Reads Mask R-CNN weights in torchvision's layout: the released COCO file, or files of later versions."""
 
 import re
 from collections.abc import Mapping
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vsnbench.errors import ModelError
-from vsnbench.models.safe_checkpoint import load_checkpoint
-from vsnbench.models.weights import file_sha256
+from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
+from vsnbench.models.checkpoints.weights import file_sha256
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -23,21 +23,17 @@ _OLDER_MASK: Final = re.compile(r"^roi_heads\.mask_head\.mask_fcn(\d)\.(weight|b
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MaskRCNNWeights:
-    """What the file holds, by the names of `MaskRCNN`."""
+    """Contents of the file, by the names of `MaskRCNN`."""
 
     path: Path
     sha256: str
     tensors: "Mapping[str, Tensor]"
     classes: int
-    """The background included."""
+    """Number of classes, including the background."""
 
 
 def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     """Read and check the weights of a Mask R-CNN R50-FPN.
-
-    Args:
-        path: the file.
-        classes: how many the detector must have been trained for, the background included.
 
     Raises:
         ModelError: the file cannot be read safely, is another model's, or was trained for other classes.
@@ -48,17 +44,17 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
 
     content: Any = load_checkpoint(path)
     if isinstance(content, Mapping) and isinstance(content.get("model"), Mapping):
-        content = content["model"]  # as torchvision's training scripts save it
+        content = content["model"]  # the format of torchvision's training scripts
     if not isinstance(content, Mapping):
-        raise ModelError(f"{path}: not a detector's weights: it holds a {type(content).__name__}")
+        raise ModelError(f"{path}: not a detector's weights: it contains a {type(content).__name__}")
     if "model_state_dict" in content:
-        raise ModelError(f"{path}: VLV's value network, not a detector", advice="give it with --weights")
+        raise ModelError(f"{path}: VLV's value network, not a detector", advice="name it with --weights")
     named = {_newest(str(key)): tensor for key, tensor in content.items() if not str(key).endswith("batches_tracked")}
     if _HEAD not in named or not all(isinstance(tensor, torch.Tensor) for tensor in named.values()):
-        raise ModelError(f"{path}: not the weights of a Mask R-CNN: there is no {_HEAD} among its {len(named)} keys")
+        raise ModelError(f"{path}: not the weights of a Mask R-CNN: {_HEAD} is missing among its {len(named)} keys")
     found = int(named[_HEAD].shape[0]) if named[_HEAD].ndim else 0
     if found != classes:
-        raise ModelError(f"{path}: trained for {found} classes with the background, COCO's has {classes}")
+        raise ModelError(f"{path}: trained for {found} classes including the background, COCO has {classes}")
     with torch.device("meta"):
         shapes = {name: tuple(tensor.shape) for name, tensor in MaskRCNN(classes).state_dict().items()}
     missing, surplus = sorted(shapes.keys() - named.keys()), sorted(named.keys() - shapes.keys())
@@ -70,13 +66,13 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
         if tuple(named[name].shape) != shape:
             raise ModelError(f"{path}: {name} has shape {tuple(named[name].shape)}, Mask R-CNN needs {shape}")
         if not bool(torch.isfinite(named[name]).all()):
-            raise ModelError(f"{path}: {name} holds NaN or infinite numbers; the file is spoilt")
+            raise ModelError(f"{path}: {name} contains NaN or infinite numbers; the file is damaged")
     tensors = {name: named[name].to(torch.float32) for name in shapes}
     return MaskRCNNWeights(path, file_sha256(path), tensors, classes)
 
 
 def _newest(name: str) -> str:
-    """Return the newest of torchvision's names for a tensor."""
+    """Return torchvision's newest name of a tensor."""
     for older, newer in _OLDER_NAMES:
         name = older.sub(newer, name)
     return _OLDER_MASK.sub(lambda match: f"roi_heads.mask_head.{int(match[1]) - 1}.0.{match[2]}", name)

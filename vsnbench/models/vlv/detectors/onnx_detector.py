@@ -1,4 +1,4 @@
-"""A detector from an ONNX file: image in, boxes, labels, scores and masks out, as torchvision exports Mask R-CNN."""
+"""A detector from an ONNX file in the form of torchvision's exported Mask R-CNN."""
 
 import ast
 from collections.abc import Mapping
@@ -10,36 +10,32 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
+from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
-from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.settings import DetectorKind
-from vsnbench.models.weights import file_sha256
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.values.observation import Observation, Sensor
 
 _OUTPUTS: Final = ("boxes", "labels", "scores", "masks")
 _NAMES_KEY: Final = "names"
-_FARTHEST_PX: Final = 1e6
-"""No box of an image that this could come from reaches further."""
+_MAX_PX: Final = 1e6
+"""Largest plausible coordinate of a box."""
 
 
-class ONNXDetector:
-    """Runs a file through onnxruntime.
+class ONNXDetector(Detector):
+    """Runs an ONNX file in onnxruntime.
 
     The file has one input, float32 (3, H, W) or (1, 3, H, W) in [0, 1], and the outputs boxes (N, 4), labels (N,) and
-    scores (N,); with masks (N, 1, M, M) within the boxes or over the image where it has them, else a box is all mask.
-    Its metadata may name the classes (`names`, a list or a mapping from number to name); else they are COCO's 91.
+    scores (N,), optionally masks (N, 1, M, M) within the boxes or over the image; without masks, the mask is the box.
+    Its metadata can name the classes (`names`, a list or a mapping from number to name); the default is COCO's 91.
     """
 
     def __init__(self, path: Path, threshold: float) -> None:
         """Load the file.
 
-        Args:
-            path: the file.
-            threshold: lower scores are left out.
-
         Raises:
-            ModelError: onnxruntime is missing, or the file is no such detector.
+            ModelError: onnxruntime is missing, or the file is not such a detector.
         """
         try:
             import onnxruntime as ort
@@ -49,17 +45,17 @@ class ONNXDetector:
         options.log_severity_level = 3
         try:
             self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime's own errors share no base class
+        except Exception as error:  # onnxruntime's errors have no common base class
             reason = str(error).partition("\n")[0][:160]
             raise ModelError(f"{path}: onnxruntime cannot load it ({reason})") from error
         inputs = self._session.get_inputs()
         self._outputs = [output.name for output in self._session.get_outputs()]
         missing = [name for name in _OUTPUTS[:3] if name not in self._outputs]
         if len(inputs) != 1 or missing:
-            has = ", ".join(self._outputs) or "none"
+            names = ", ".join(self._outputs) or "none"
             raise ModelError(
                 f"{path}: not a detector: it needs one input and the outputs {', '.join(_OUTPUTS[:3])} (and masks); "
-                f"it has {len(inputs)} inputs and the outputs {has}"
+                f"it has {len(inputs)} inputs and the outputs {names}"
             )
         self._input = inputs[0]
         self._classes = _classes_of(self._session.get_modelmeta().custom_metadata_map, path)
@@ -71,14 +67,11 @@ class ONNXDetector:
         self.weights_sha256 = file_sha256(path)
         self.settings: Mapping[str, Any] = {"threshold": threshold, "masks": "masks" in self._outputs}
 
-    def begin(self, seed: int) -> None:
-        """Nothing in it is random."""
-
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
-        """Return the objects over the threshold, best first.
+        """Return the objects above the threshold, best first.
 
         Raises:
-            ModelError: the file's answer has not the form it should.
+            ModelError: the outputs are invalid.
         """
         height, width = observation.rgb.shape[:2]
         image = np.ascontiguousarray(observation.rgb.transpose(2, 0, 1)).astype(np.float32) / 255
@@ -109,8 +102,8 @@ class ONNXDetector:
 
 
 @dataclass(frozen=True, slots=True)
-class _Answer:
-    """What the file said of one image, in the shapes that it has to have."""
+class _Outputs:
+    """Validated outputs for an image."""
 
     boxes: npt.NDArray[np.float64]
     """(N, 4) left, top, right, bottom in pixels, finite."""
@@ -120,15 +113,15 @@ class _Answer:
     """(N, M, M) or over the image (N, H, W)."""
 
 
-def _checked(named: Mapping[str, Any], name: str) -> _Answer:
-    """Return the file's outputs, or say what is wrong with them.
+def _checked(named: Mapping[str, Any], name: str) -> _Outputs:
+    """Validate the outputs.
 
     Raises:
-        ModelError: one of them has no such shape or numbers.
+        ModelError: a shape or number is invalid.
     """
     for output in _OUTPUTS[: 4 if "masks" in named else 3]:
         if not isinstance(named[output], np.ndarray) or named[output].dtype.kind not in "fiub":
-            raise ModelError(f"{name}: its output {output} is no array of numbers")
+            raise ModelError(f"{name}: its output {output} is not an array of numbers")
     boxes, labels, scores = (np.asarray(named[output], np.float64) for output in _OUTPUTS[:3])
     boxes = boxes[0] if boxes.ndim == 3 and len(boxes) == 1 else boxes
     labels, scores = labels.reshape(-1), scores.reshape(-1)
@@ -136,8 +129,8 @@ def _checked(named: Mapping[str, Any], name: str) -> _Answer:
         raise ModelError(
             f"{name}: boxes of shape {boxes.shape}, {len(labels)} labels and {len(scores)} scores do not fit together"
         )
-    if not (np.abs(boxes) < _FARTHEST_PX).all() or not (np.abs(labels) < _FARTHEST_PX).all():
-        raise ModelError(f"{name}: boxes or labels are not finite, or absurd")
+    if not (np.abs(boxes) < _MAX_PX).all() or not (np.abs(labels) < _MAX_PX).all():
+        raise ModelError(f"{name}: boxes or labels are not finite, or out of range")
     masks = None
     if "masks" in named:
         masks = np.asarray(named["masks"], np.float32)
@@ -146,17 +139,17 @@ def _checked(named: Mapping[str, Any], name: str) -> _Answer:
         if len(boxes) and not masks.size:
             raise ModelError(f"{name}: masks without a pixel")
         masks = masks.reshape(len(boxes), *masks.shape[-2:])
-    return _Answer(boxes, labels.astype(np.int64), scores, masks)
+    return _Outputs(boxes, labels.astype(np.int64), scores, masks)
 
 
 def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
-    """Return the file's classes by number."""
+    """Return the classes by number."""
     text = metadata.get(_NAMES_KEY)
     if text is None:
         return {number: name for number, name in enumerate(CLASSES_91) if number and name != "N/A"}
     try:
         names = ast.literal_eval(text)
-    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError) as error:  # all that literal_eval raises
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError) as error:  # all exceptions of literal_eval
         raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping") from error
     if isinstance(names, list | tuple):
         names = dict(enumerate(names))
@@ -164,8 +157,8 @@ def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:
         raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is neither a list nor a mapping")
     known = {"sofa": "couch", "diningtable": "dining table", "tvmonitor": "tv", "pottedplant": "potted plant"}
     if not all(isinstance(number, int) and isinstance(name, str) for number, name in names.items()):
-        raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is no mapping from numbers to names")
+        raise ModelError(f"{path}: its metadata `{_NAMES_KEY}` is not a mapping from numbers to names")
     found: dict[int, str] = {number: known.get(name) or name for number, name in names.items()}
     if not set(found.values()) & set(CLASSES_80):
-        raise ModelError(f"{path}: none of its {len(found)} classes is one of COCO's")
+        raise ModelError(f"{path}: none of its {len(found)} classes is in COCO")
     return found

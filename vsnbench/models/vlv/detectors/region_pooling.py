@@ -1,4 +1,4 @@
-"""Cuts regions of one size out of feature maps of several scales (RoIAlign over a feature pyramid)."""
+"""Pools regions of feature maps of several scales to one size (RoIAlign over a feature pyramid)."""
 
 from collections.abc import Sequence
 
@@ -8,18 +8,18 @@ from torch import Tensor, nn
 _SAMPLES = 2
 """Samples along each side of a bin."""
 _CANONICAL_SIDE_PX, _CANONICAL_LEVEL = 224.0, 4.0
-_MOST_SAMPLES = 1 << 17
-"""Positions sampled at once: bounds the memory."""
+_MAX_SAMPLES = 1 << 17
+"""Maximum number of positions sampled at once, which limits memory."""
 
 
 def pool_regions(features: Sequence[Tensor], boxes: Tensor, image: tuple[int, int], size: int) -> Tensor:
-    """Return (N, C, size, size) for boxes (N, 4), each from the map that suits its size.
+    """Return (N, C, size, size) for boxes (N, 4), each from the map that matches its size.
 
     Args:
         features: maps (1, C, h, w) of strides 4, 8, 16, 32.
-        boxes: in pixels of the image.
+        boxes: boxes in pixels of the image.
         image: its (height, width) before padding.
-        size: bins a side.
+        size: number of bins per side.
     """
     scales = [_scale(feature.shape[-2], image[0]) for feature in features]
     finest, coarsest = -torch.log2(torch.tensor(scales[0])), -torch.log2(torch.tensor(scales[-1]))
@@ -27,7 +27,7 @@ def pool_regions(features: Sequence[Tensor], boxes: Tensor, image: tuple[int, in
     level = torch.floor(_CANONICAL_LEVEL + torch.log2(side / _CANONICAL_SIDE_PX) + 1e-6)
     level = (level.clamp(float(finest), float(coarsest)) - finest.to(boxes.device)).to(torch.int64)
     pooled = torch.zeros(boxes.shape[0], features[0].shape[1], size, size, device=boxes.device)
-    chunk = max(1, _MOST_SAMPLES // (size * _SAMPLES) ** 2)
+    chunk = max(1, _MAX_SAMPLES // (size * _SAMPLES) ** 2)
     for index, (feature, scale) in enumerate(zip(features, scales, strict=True)):
         members = torch.nonzero(level == index)[:, 0]
         for some in torch.split(members, chunk):
@@ -41,7 +41,7 @@ def _scale(feature_px: int, image_px: int) -> float:
 
 
 def _align(feature: Tensor, boxes: Tensor, size: int) -> Tensor:
-    """Return (n, C, size, size): means of bilinear samples; coordinates beyond the border count as on it."""
+    """Return (n, C, size, size): means of bilinear samples. Coordinates are clamped to the map."""
     height, width = feature.shape[-2:]
     count = size * _SAMPLES
     steps = (torch.arange(count, device=boxes.device, dtype=torch.float32) + 0.5) / count

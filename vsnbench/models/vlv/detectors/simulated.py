@@ -1,6 +1,6 @@
-"""The simulator's own labels as a detector that misses some objects and sees some that are not there.
+"""A simulated detector: the simulator's labels with misses and false detections.
 
-It is no vision at all and works in simulation only; its name says so in every record and report.
+It uses no vision and works only in simulation. Its name shows this in records and reports.
 """
 
 from collections.abc import Mapping
@@ -10,24 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
-from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL
 from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
-from vsnbench.protocol.observation import InstanceImage, Observation, Sensor
+from vsnbench.values.observation import InstanceImage, Observation, Sensor
 
 _CLASSES: Final = tuple(sorted([*CLASS_OF_GOAL.values(), "potted plant", "tv"]))
 _CLASS_OF_CATEGORY: Final = {**CLASS_OF_GOAL, "plant": "potted plant", "monitor": "tv"}
-_LIKELIEST_WRONG: Final = 0.5
-"""Chance of a wrong detection at one look, however many are owed."""
-_SURE, _UNSURE = (0.70, 0.99), (0.50, 0.85)
-"""Ranges of the scores of right and wrong detections: they overlap, as those of real detectors do."""
+_MAX_FALSE_RATE: Final = 0.5
+"""Maximum probability of a false detection in an observation."""
+_TRUE_SCORES, _FALSE_SCORES = (0.70, 0.99), (0.50, 0.85)
+"""Ranges of the scores of true and false detections, which overlap as for real detectors."""
 
 
-class SimulatedDetector:
-    """Finds a visible object with the recall's chance at each look, and adds wrong detections to the precision."""
+class SimulatedDetector(Detector):
+    """Detects visible objects with the probability of the recall, and adds false detections to meet the precision."""
 
     def __init__(self, settings: VLVSettings) -> None:
-        """Take recall, precision, range, least area and box error from the settings `simulated_*`."""
+        """Read recall, precision, range, minimum area and box error from the settings `simulated_*`."""
         self.kind = DetectorKind.SIMULATED
         self.name = (
             f"simulated detector: recall {settings.simulated_recall:g}, "
@@ -43,21 +43,21 @@ class SimulatedDetector:
         self.begin(0)
 
     def begin(self, seed: int) -> None:
-        """Start an episode; misses and wrong detections follow from `seed`."""
+        """Start an episode. Misses and false detections follow from `seed`."""
         self._random = np.random.default_rng(seed)
-        self._owed = 0.0
+        self._false_debt = 0.0
 
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
-        """Return what it finds.
+        """Return the detected objects.
 
         Raises:
-            ModelError: the observation has no instance image; only simulated robots have one.
+            ModelError: the observation has no instance image, which only simulated robots have.
         """
         image = observation.instances
         if image is None:
             raise ModelError(
-                "the simulated detector got no instance image: it works on simulated robots only",
-                advice="name real weights, docs/vlv.md says how",
+                "the simulated detector needs an instance image: it works on simulated robots only",
+                advice="name the weights of a detector: see docs/vlv.md",
             )
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []
@@ -69,15 +69,15 @@ class SimulatedDetector:
             if label is None:
                 others.append(mask)
             elif self._random.random() < self._settings.simulated_recall:
-                found.append(self._detection(mask, label, _SURE))
-        # Wrong detections are owed to the precision and fall due at any look, also where nothing right is to be seen.
-        self._owed += len(found) * (1 / self._settings.simulated_precision - 1)
-        wrong = []
-        if self._random.random() < min(self._owed, _LIKELIEST_WRONG):
-            self._owed -= 1
+                found.append(self._detection(mask, label, _TRUE_SCORES))
+        # True detections accumulate a debt of false ones, which can be paid in any observation.
+        self._false_debt += len(found) * (1 / self._settings.simulated_precision - 1)
+        false = []
+        if self._random.random() < min(self._false_debt, _MAX_FALSE_RATE):
+            self._false_debt -= 1
             label = str(self._random.choice(_CLASSES))
-            wrong.append(self._detection(self._wrong_place(others, image), label, _UNSURE))
-        return tuple(sorted([*found, *wrong], key=lambda detection: -detection.score))
+            false.append(self._detection(self._false_mask(others, image), label, _FALSE_SCORES))
+        return tuple(sorted([*found, *false], key=lambda detection: -detection.score))
 
     def _near_and_large(self, mask: npt.NDArray[np.bool_], observation: Observation) -> bool:
         if np.count_nonzero(mask) < self._settings.simulated_min_area * mask.size:
@@ -86,7 +86,7 @@ class SimulatedDetector:
             return True
         depth = observation.depth_m[mask]
         depth = depth[np.isfinite(depth)]
-        # Nothing but invalid depth is nearer than the camera measures, or lost; near is the likelier.
+        # An object with only invalid depth is probably nearer than the camera's range.
         return depth.size == 0 or float(np.median(depth)) <= self._settings.simulated_range_m
 
     def _detection(self, mask: npt.NDArray[np.bool_], label: str, scores: tuple[float, float]) -> Detection:
@@ -103,8 +103,8 @@ class SimulatedDetector:
         )
         return Detection(label, float(self._random.uniform(*scores)), box, mask)
 
-    def _wrong_place(self, others: list[npt.NDArray[np.bool_]], image: InstanceImage) -> npt.NDArray[np.bool_]:
-        """Return the pixels of a thing that is no goal, or of a piece of the image where there is none."""
+    def _false_mask(self, others: list[npt.NDArray[np.bool_]], image: InstanceImage) -> npt.NDArray[np.bool_]:
+        """Return the mask of another object, or of a random part of the image if there is none."""
         if others:
             return others[int(self._random.integers(len(others)))]
         height, width = image.ids.shape

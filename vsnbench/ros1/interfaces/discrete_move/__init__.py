@@ -1,1 +1,1 @@
-"""`discrete_move` for the tools of ROS, where upstream's package is not built."""
+"""Package `discrete_move` for the tools of ROS, where that of upstream is not built."""

@@ -1,4 +1,4 @@
-"""The service type that `rosservice call /discrete_move` looks for by name."""
+"""Service type that `rosservice call /discrete_move` imports by name."""
 
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, DiscreteServerResponse
 

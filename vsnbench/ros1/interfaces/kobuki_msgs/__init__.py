@@ -1,1 +1,1 @@
-"""`kobuki_msgs` for the tools of ROS, where the package is not installed."""
+"""Package `kobuki_msgs` for the tools of ROS, where it is not installed."""

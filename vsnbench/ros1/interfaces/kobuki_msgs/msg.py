@@ -1,4 +1,4 @@
-"""The message types that `rostopic echo` looks for by name."""
+"""Message types that `rostopic echo` imports by name."""
 
 from vsnbench.ros1.battery import SensorState
 from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent

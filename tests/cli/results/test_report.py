@@ -1,0 +1,127 @@
+"""`vsnbench report`, `compare`, `export` and `import` as a user types them."""
+
+import json
+import queue
+import threading
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.report.records import Attempt, Lab
+from tests.web.browser import Browser
+from vsnbench.cli.main import build_app
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.report.output import serve_page
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    lab = Lab(tmp_path / "results")
+    lab.directory.mkdir()
+    for model, limit in (("vlv", 8), ("random", 1)):
+        lab.write([Attempt(start=start, success=start <= limit) for start in range(1, 16)], model=model)
+    return lab
+
+
+def vsnbench(*words: object) -> Result:
+    arguments = [str(word) for word in words]
+    return CliRunner().invoke(build_app(arguments[0]), arguments, catch_exceptions=True)
+
+
+def test_report_prints_rates_with_their_intervals(lab: Lab) -> None:
+    outcome = vsnbench("report", "--results", lab.directory)
+    assert outcome.exit_code == 0
+    for words in ("vlv: success by goal", "8/15", "53.33", "[30.12, 75.19]", "15/15"):
+        assert words in outcome.stdout
+
+
+def test_report_speaks_json_to_scripts(lab: Lab) -> None:
+    outcome = vsnbench("report", "--results", lab.directory, "--format", "json", "--model", "random")
+    (model,) = json.loads(outcome.stdout)["models"]
+    assert (model["model"], model["total"]["successes"], model["total"]["episodes"]) == ("random", 1, 15)
+
+
+def test_only_reference_needs_no_record() -> None:
+    outcome = vsnbench("report", "--only-reference", "--results", "/nowhere")
+    assert outcome.exit_code == 0
+    for words in ("22/75", "29.33", "[20.24, 40.44]", "19/90", "21.11", "[13.95, 30.63]", "0.278", "0.833", "5.22"):
+        assert words in outcome.stdout
+    whole = json.loads(vsnbench("report", "--only-reference", "--format", "json").stdout)
+    assert whole["interval"] == "wilson"
+    stability = whole["published_stability"]
+    assert (stability["hours"], stability["kilometres"], len(stability["robots"])) == (38, 5.22, 2)
+    models = whole["models"]
+    assert [model["published"] for model in models] == [True, True]
+
+
+def test_the_paper_is_laid_beside_ours(lab: Lab) -> None:
+    outcome = vsnbench("report", "--results", lab.directory, "--reference", "paper", "--format", "markdown")
+    row = next(
+        line for line in outcome.stdout.splitlines() if line.startswith("| chair") and "apartment of" not in line
+    )
+    assert "13.33" in outcome.stdout  # 8/15 less 6/15, points
+    assert "8/15" in row
+
+
+def test_output_writes_everything(lab: Lab, tmp_path: Path) -> None:
+    outcome = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "out")
+    assert outcome.exit_code == 0
+    written = {Path(line) for line in outcome.stdout.splitlines()}
+    assert {path.name for path in written} >= {
+        *("report.html", "report.md", "report.csv", "report.json", "tables.tex", "report.tex"),
+        *("success-by-goal.svg", "success-by-goal.png", "success-by-goal.pdf", "outcomes-over-actions.svg"),
+    }
+    assert all(path.is_file() for path in written)
+    assert not list((tmp_path / "out").rglob("*.part"))
+
+
+def test_output_that_cannot_be_written_is_one_line(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    outcome = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "file")
+    assert isinstance(outcome.exception, RecordError)
+    assert "cannot write" in str(outcome.exception)
+
+
+def test_the_page_is_served_to_this_machine_only() -> None:
+    addresses: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=serve_page, args=("<p>hello</p>", 0, addresses.put), daemon=True).start()
+    address = addresses.get(timeout=10)
+    assert address.startswith("http://127.0.0.1:")
+    assert Browser(address).ask("GET", "/").status == 403
+    browser = Browser(address).enter()
+    assert browser.ask("GET", "/").body == b"<p>hello</p>"
+    assert browser.ask("GET", "/vsnbench.db").status == 404
+    with pytest.raises(UsageError) as error:
+        serve_page("", urlsplit(address).port or 0, addresses.put)
+    assert error.value.code == "port-unavailable"
+
+
+def test_compare_says_what_can_be_concluded(lab: Lab) -> None:
+    outcome = vsnbench("compare", "vlv", "random", "--results", lab.directory)
+    assert outcome.exit_code == 0
+    assert "vlv succeeds more often than random" in " ".join(outcome.stdout.split())
+    answer = json.loads(vsnbench("compare", "paper:vlv", "paper:pirlnav", "--format", "json").stdout)
+    (one,) = answer["comparisons"]
+    assert [round(rate["p"], 3) for rate in one["rates"]] == [0.278, 0.833]
+
+
+def test_what_does_not_exist_is_said_in_a_line(lab: Lab, tmp_path: Path) -> None:
+    nowhere = vsnbench("report", "--results", tmp_path / "nowhere")
+    assert isinstance(nowhere.exception, RecordError)
+    unknown = vsnbench("report", "--results", lab.directory, "--model", "pirlnav")
+    assert isinstance(unknown.exception, UsageError)
+    assert isinstance(vsnbench("report", "--format", "pdf").exception, UsageError)
+    assert isinstance(vsnbench("compare", "vlv", "nobody", "--results", lab.directory).exception, UsageError)
+    assert isinstance(vsnbench("export", "tum", tmp_path, 99, "--results", lab.directory).exception, UsageError)
+
+
+def test_what_is_exported_can_be_imported(lab: Lab, tmp_path: Path) -> None:
+    assert vsnbench("export", "habitat", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
+    file, other = tmp_path / "h" / "episode_results.json", tmp_path / "other"
+    under = ("--max-steps", 500, "--success-distance", 1)
+    outcome = vsnbench("import", "habitat", file, "--model", "vlv", "--site", "hm3d", *under, "--results", other)
+    assert outcome.exit_code == 0, outcome.exception
+    (model,) = json.loads(vsnbench("report", "--results", other, "--format", "json").stdout)["models"]
+    assert (model["total"]["successes"], model["total"]["episodes"], model["environment"]) == (8, 15, "simulated")

@@ -1,0 +1,32 @@
+"""`vsnbench place`: how far off its mark a robot stands, in words, as JSON, and by the exit code."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.console import vsnbench
+
+SMALL = ("place", "--robot", "simulated:turtlebot2@160x120")
+
+
+def test_where_one_look_is_not_enough_the_next_command_is_said_and_it_settles_the_place(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    looked = vsnbench(monkeypatch, capsys, *SMALL, "--start", "1")
+    assert (looked.code, looked.out.splitlines()[0]) == (1, "not determined: left-right")
+    assert looked.out.splitlines()[-1] == "next: the same command with --turn"
+    turned = vsnbench(monkeypatch, capsys, *SMALL, "--start", "1", "--turn", "--json", "--picture", "seen.png")
+    said = json.loads(turned.out)
+    assert (said["determined"], said["method"], turned.code) == (True, "turn", int(not said["within_tolerance"]))
+    assert Path("seen.png").read_bytes()[1:4] == b"PNG"
+    assert [path.name for path in tmp_path.iterdir()] == ["seen.png"], "no record is made"
+
+
+def test_a_mark_that_the_site_lacks_is_named_with_those_that_it_has(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, *SMALL, "--start", "99")
+    assert (answer.code, answer.out) == (2, "")
+    assert "starting position 99 is not in site 'apartment': it has 1, 2, 3" in answer.err

@@ -1,0 +1,131 @@
+"""`vsnbench run --keep`: the files differ, the steps do not, and later readers see which files are missing."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.console import vsnbench
+from tests.cli.running.test_run import STORY, rows
+from vsnbench.errors import UsageError
+from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
+from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.setup.launch import launch
+from vsnbench.runner.setup.request import RunRequest
+
+WORDS = ("--model", "oracle", "--goal", "bed", "--starts", "2", "--max-steps", "5", "--workers", "1")
+
+
+def test_what_is_kept_changes_nothing_that_happened(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+) -> None:
+    stories = {}
+    for kept in KeepFiles:
+        results = tmp_path / kept
+        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, "--keep", kept, "--results", str(results))
+        assert answer.code == 0, answer.err
+        stories[kept] = rows(results, STORY)
+        files = sorted(path.suffix for path in (results / "episodes").rglob("*.*"))
+        images = [] if kept is KeepFiles.NONE else [*[".jpg"] * 5, *[".png"] * 5, ".tum"]
+        assert files == sorted([*images, *([".rrd"] if kept is KeepFiles.ALL else [])])
+    assert len(stories[KeepFiles.ALL]) == 5
+    assert stories[KeepFiles.ALL] == stories[KeepFiles.IMAGES]
+    # The oracle reads no colours, and nobody keeps them: they are not drawn, so that there is nothing to hash.
+    *same, rgb_digest, depth_digest = zip(*stories[KeepFiles.ALL], strict=True)
+    assert [*same, (None,) * 5, depth_digest] == list(zip(*stories[KeepFiles.NONE], strict=True))
+    assert None not in (*rgb_digest, *depth_digest)
+    assert rows(tmp_path / KeepFiles.NONE, "SELECT images_directory FROM episode") == [("",)]
+    for kept, told in ((KeepFiles.IMAGES, 0), (KeepFiles.NONE, 1)):
+        place = ("--results", str(tmp_path / kept))
+        viewed = vsnbench(monkeypatch, capsys, "view", "1", "--path", *place)
+        assert (viewed.code, caplog.text.count("episode 1 has no recorded images")) == (0, told)
+        assert Path(viewed.out.strip()).stat().st_size > 10_000
+    bag = vsnbench(
+        monkeypatch, capsys, "export", "bag", "1", str(tmp_path / "e.bag"), "--results", str(tmp_path / KeepFiles.NONE)
+    )
+    assert (bag.code, caplog.text.count("keeps no images: the bag")) == (0, 1)
+    report = vsnbench(
+        *(
+            monkeypatch,
+            capsys,
+            "report",
+            "--output",
+            str(tmp_path / "pages"),
+            "--results",
+            str(tmp_path / KeepFiles.NONE),
+        )
+    )
+    assert report.code == 0
+    assert "1 episodes have no images." in (tmp_path / "pages" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("usual", "options"),
+    [
+        (KeepFiles.IMAGES, {}),
+        (KeepFiles.IMAGES, {"robot": "simulated:lola2", "noise": True}),
+        (KeepFiles.ALL, {"attended": True}),
+        (KeepFiles.ALL, {"rehearsal": True}),
+        (KeepFiles.ALL, {"robot": "lola2"}),
+        (KeepFiles.ALL, {"robot": "mylab.robot:Robot"}),
+    ],
+)
+def test_rerun_copies_are_made_at_once_only_with_an_operator(usual: KeepFiles, options: dict[str, Any]) -> None:
+    request = RunRequest("oracle", ("bed",), ResultsDirectory.locate(), **options)
+    assert request.files_to_keep is usual
+    assert [replace(request, keep=keep).files_to_keep for keep in KeepFiles] == list(KeepFiles)
+
+
+def test_a_run_says_what_it_keeps(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for words, said in (
+        ((), "--keep images: images are kept"),
+        (("--keep", "none"), "--keep none: no images"),
+    ):
+        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
+        assert answer.code == 0
+        assert answer.err.count(said) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--keep", "some"), "all, images, none"),
+        (("--keep", "lean"), "use --keep images"),
+        (("--keep", "images", "--live"), "--live"),
+    ],
+)
+def test_what_cannot_be_kept_is_refused_in_one_line(
+    words: tuple[str, ...],
+    reason: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / "new"))
+    assert answer.code == 2
+    assert reason in answer.err
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.robots import test_registry
+
+    name = f"{test_registry.__name__}:OutsideRobot"
+    real = test_registry.RobotIdentity(test_registry.load_profile("lola2"), name, simulated=False)
+    monkeypatch.setattr(test_registry.OutsideRobot, "identity", real)
+    request = RunRequest(
+        model="forward",
+        goals=("bed",),
+        results=ResultsDirectory.locate(tmp_path / "new"),
+        robot=name,
+        keep=KeepFiles.NONE,
+    )
+    with pytest.raises(UsageError, match="cannot be rendered again"):
+        launch(request, TerminalOperatorProvider(unattended=True))
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,37 @@
+"""`vsnbench study new`: the arms that it accepts."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.console import vsnbench
+from vsnbench.study.file import parse_study, read_text
+
+
+def test_arms_are_named_by_their_classes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "study.yaml"
+    arms = "oracle,our.lab:Walker,late=our.lab:Runner"
+    assert vsnbench(monkeypatch, capsys, "study", "new", str(file), "--arm", arms, "--goal", "chair").code == 0
+    study = parse_study(read_text(file), str(file))
+    models = {name: arm.model for name, arm in study.arms.items()}
+    assert models == {"oracle": "oracle", "Walker": "our.lab:Walker", "late": "our.lab:Runner"}
+
+
+@pytest.mark.parametrize(
+    ("arms", "says"),
+    [
+        ("random,vsnbench.models.baselines.random_walk:RandomWalk", "arms random and RandomWalk are the same model"),
+        ("first=oracle,second=oracle", "arms first and second are the same model"),
+        ("our.lab:Walker,their.lab:Walker,oracle", "two arms have the name Walker"),
+    ],
+)
+def test_a_model_or_a_name_given_twice_is_refused(
+    arms: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "study.yaml"
+    answer = vsnbench(monkeypatch, capsys, "study", "new", str(file), "--arm", arms, "--goal", "chair")
+    assert answer.code == 2
+    assert says in answer.err
+    assert not file.exists()

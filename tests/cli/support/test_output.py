@@ -1,0 +1,169 @@
+"""Every verb that prints a result prints it as JSON, and alone, where it is asked to; exit codes; completion."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from tests.cli.console import vsnbench
+from vsnbench.cli.main import VERBS, build_app
+from vsnbench.cli.support.output import WITHOUT_RESULT, join_long_lines, resumable
+from vsnbench.errors import ExitCode
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "command-line.md"
+
+
+def verbs() -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield every verb that can be typed, with its command: found by walking the parser, so that none is forgotten."""
+    for verb in VERBS:
+        command: Any = get_command(build_app(verb)).commands[verb]  # type: ignore[attr-defined]
+        if not hasattr(command, "commands"):
+            yield (verb,), command
+        for name, own in getattr(command, "commands", {}).items():
+            yield (verb, name), own
+
+
+ALL = dict(verbs())
+
+
+def test_ctrl_c_with_no_trial_under_way_says_what_next(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(KeyboardInterrupt), resumable():
+        raise KeyboardInterrupt
+    assert "the same command resumes" in capsys.readouterr().err
+
+
+def test_what_prints_no_result_is_a_verb_that_there_is() -> None:
+    assert ALL.keys() > WITHOUT_RESULT
+
+
+@pytest.mark.parametrize("words", [words for words in ALL if words not in WITHOUT_RESULT], ids=" ".join)
+def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]) -> None:
+    options = {option for parameter in ALL[words].params for option in parameter.opts}
+    assert {"--json", "--quiet"} <= options
+
+
+COMMON = {"--json", "--quiet", "--verbose", "--help"}
+MAX_OPTIONS = 24
+
+
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_a_command_has_at_most_24_options_of_its_own(words: tuple[str, ...]) -> None:
+    options = {each.opts[0] for each in ALL[words].params if each.param_type_name == "option"}
+    assert len(options - COMMON) <= MAX_OPTIONS, sorted(options)
+
+
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_every_option_and_argument_has_a_help_sentence(words: tuple[str, ...]) -> None:
+    texts = {each.name: each.help or "" for each in ALL[words].params}
+    assert [name for name, text in texts.items() if not text.endswith(".") or text[0].islower()] == []
+
+
+def test_prose_of_a_help_fills_the_terminal_and_what_is_to_be_typed_keeps_its_lines() -> None:
+    prose = f"{'Long ' * 20}line\nthat goes on."
+    assert join_long_lines(f"First.\n\n    {prose}") == "First.\n\n    " + prose
+    assert join_long_lines(f"First.\n\n{prose}") == f"First.\n\n{'Long ' * 20}line that goes on."
+    typed = f"Two.\n\nvsnbench {'word ' * 20}\nvsnbench sites\n\n    vsnbench {'word ' * 20}\n    vsnbench"
+    assert join_long_lines(typed) == typed
+
+
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_what_is_to_be_typed_fits_into_a_line_of_the_terminal(words: tuple[str, ...]) -> None:
+    margin = 2
+    typed = [line for line in (ALL[words].help or "").splitlines() if line.strip().startswith("vsnbench ")]
+    assert [line for line in typed if len(line) > 80 - margin] == []
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("VSNBENCH_RESULTS", str(tmp_path / "results"))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("init .", {"files": ["vsnbench.toml", "lab.yaml", ".gitignore"], "kept": []}),
+        ("models new walker", {"model": "walker.policy:Walker"}),
+        ("robots check turtlebot2", {"robot": "turtlebot2", "warnings": []}),
+        ("robots show lola2", {"name": "lola2"}),
+        ("sites export apartment --map map.yaml", {"files": ["map.yaml", "map.pgm"]}),
+        ("db upgrade", {"schema_before": None}),
+        ("study new --arm oracle --arm random --goal chair", {"files": ["study.yaml"]}),
+    ],
+)
+def test_with_json_and_quiet_nothing_but_the_result_is_printed(
+    line: str, expected: dict[str, Any], lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, *line.split(), "--json", "--quiet")
+    assert (answer.code, answer.err) == (0, "")
+    told = json.loads(answer.out)
+    assert {name: told[name] for name in expected} == expected
+
+
+def test_notes_are_kept_back_by_quiet_and_errors_are_not(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "next: " in vsnbench(monkeypatch, capsys, "init", "loud").err
+    quiet = vsnbench(monkeypatch, capsys, "init", "quiet", "-q")
+    assert (quiet.err, quiet.out.splitlines()) == (
+        "",
+        [f"quiet/{name}" for name in ("vsnbench.toml", "lab.yaml", ".gitignore")],
+    )
+    refused = vsnbench(monkeypatch, capsys, "sites", "check", "nowhere", "--quiet")
+    assert refused.code != ExitCode.DONE
+    assert refused.err.startswith("vsnbench: error: ")
+
+
+def test_a_quiet_run_prints_what_is_done_and_nothing_else(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("run", "--model=random", "--goal=chair", "--starts=1", "--max-steps=1")
+    answer = vsnbench(monkeypatch, capsys, *words, "-q")
+    assert (answer.code, answer.err) == (ExitCode.DONE, "")
+    assert re.fullmatch(r"the only trial is done; results in \S+\n", answer.out)
+    as_json = vsnbench(monkeypatch, capsys, *words, "-q", "--json")
+    assert (as_json.err, json.loads(as_json.out)["done"]) == ("", 1)
+    swept = vsnbench(monkeypatch, capsys, *words, "--seed=0-1", "-q")
+    assert swept.err == ""
+    assert re.fullmatch(r"all 2 trials are done; results in \S+\n", swept.out)
+
+
+def test_a_page_that_nobody_would_hear_of_is_refused(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "run", "--model=oracle", "--goal=chair", "--console", "-q")
+    assert answer.code == ExitCode.USAGE
+    assert "--quiet hides the address of --console" in answer.err
+
+
+def test_the_documented_exit_codes_are_those_that_there_are() -> None:
+    documented = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)}
+    assert documented == set(ExitCode)
+
+
+@pytest.mark.parametrize(
+    ("shell", "typed", "expected"),
+    [("bash", "si", {"sites"}), ("zsh", "sites che", {"check"}), ("bash", "episodes list --outc", {"--outcome"})],
+)
+def test_a_shell_that_asks_is_told_what_can_come_next(shell: str, typed: str, expected: set[str], lab: Path) -> None:
+    line = f"vsnbench {typed}"
+    asked = {
+        "bash": {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)},
+        "zsh": {"_TYPER_COMPLETE_ARGS": line},
+    }[shell]
+    answer = subprocess.run(
+        [sys.executable, "-m", "vsnbench.cli.main"],
+        env=os.environ | asked | {"_VSNBENCH_COMPLETE": f"complete_{shell}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert expected <= set(re.findall(r"[a-z-]+", answer.stdout)), answer

@@ -1,0 +1,111 @@
+"""Bases to drive in tests: exact, late, sluggish, weak or stuck, all on a clock that is only counted."""
+
+import math
+from dataclasses import dataclass
+
+from vsnbench.control.command import Command, MotionStatus
+from vsnbench.control.controller import MotionController
+from vsnbench.control.law import heading_after
+from vsnbench.control.settings import MotionSettings
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One moment of a motion: what was commanded and where the base truly was."""
+
+    at_s: float
+    command: Command
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class BaseModel:
+    """How a base answers to commands, and how its odometry reports it."""
+
+    command_delay_s: float = 0.0
+    """A command acts this much later."""
+    sluggishness_s: float = 0.0
+    """Time constant of the first-order lag of its speed."""
+    odometry_delay_s: float = 0.0
+    """A reading reaches the controller this much after it was taken."""
+    odometry_period_s: float = 0.02
+    stamped: bool = True
+    """Whether the controller is told when a reading was taken."""
+    gain: float = 1.0
+    """True speed over commanded speed."""
+    swerve_rad_per_m: float = 0.0
+    """Heading error that driving straight brings about."""
+    quantum_rad: float = 0.0
+    """Resolution of the heading it reports."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion from start to end."""
+
+    controller: MotionController
+    start: Pose
+    end: Pose
+    samples: tuple[Sample, ...]
+
+    @property
+    def displacement_m(self) -> float:
+        """How far the base truly moved."""
+        return self.start.distance_to(self.end)
+
+    @property
+    def turn_rad(self) -> float:
+        """How far the base truly turned."""
+        return self.end.heading_rad - self.start.heading_rad
+
+
+def move(
+    action: Action,
+    base: BaseModel,
+    settings: MotionSettings,
+    start: Pose | None = None,
+    target_heading_rad: float | None = None,
+) -> Motion:
+    """Let a controller drive a base to the end of one action, and then watch it stand for half a second."""
+    start = start if start is not None else Pose(0.0, 0.0, 0.0)
+    target = heading_after(action, start.heading_rad, settings) if target_heading_rad is None else target_heading_rad
+    controller = MotionController(action, start, target, settings)
+    tick_s = 0.005
+    every = max(round(settings.control_period_s / tick_s), 1)
+    truth = [start]
+    commands: list[Command] = []
+    samples: list[Sample] = []
+    linear = angular = 0.0
+    command = Command()
+    ticks_left = 100
+    while ticks_left > 0:
+        tick = len(truth) - 1
+        now_s = tick * tick_s
+        if tick % every == 0:
+            taken = max(int((now_s - base.odometry_delay_s) / base.odometry_period_s + 1e-9), 0)
+            seen = truth[round(taken * base.odometry_period_s / tick_s)]
+            if base.quantum_rad:
+                rounded = round(seen.heading_rad / base.quantum_rad) * base.quantum_rad
+                seen = Pose(seen.x_m, seen.y_m, rounded)
+            command = controller.step(seen, now_s, taken * base.odometry_period_s if base.stamped else None)
+            samples.append(Sample(now_s, command, truth[-1]))
+        commands.append(command)
+        acting = commands[tick - round(base.command_delay_s / tick_s)] if now_s >= base.command_delay_s else Command()
+        follow = 1.0 if base.sluggishness_s == 0 else 1 - math.exp(-tick_s / base.sluggishness_s)
+        linear += follow * (acting.linear_m_s * base.gain - linear)
+        angular += follow * (acting.angular_rad_s * base.gain - angular)
+        here = truth[-1]
+        step_rad = angular * tick_s + base.swerve_rad_per_m * linear * tick_s
+        middle = here.heading_rad + step_rad / 2
+        truth.append(
+            Pose(
+                here.x_m + linear * tick_s * math.cos(middle),
+                here.y_m + linear * tick_s * math.sin(middle),
+                here.heading_rad + step_rad,
+            )
+        )
+        if controller.status is not MotionStatus.MOVING:
+            ticks_left -= 1
+    return Motion(controller, start, truth[-1], tuple(samples))

@@ -1,5 +1,0 @@
-"""The PostgreSQL of the record's own tests."""
-
-from tests.database.conftest import postgresql, postgresql_server
-
-__all__ = ["postgresql", "postgresql_server"]

@@ -1,0 +1,37 @@
+"""The fit's derivatives are those of its residuals, for the pose and for all that the camera may err by."""
+
+import numpy as np
+import pytest
+
+from benchmarks.support.placement_trials import NoisyEye
+from vsnbench.localization.fit import ErrorModel, Fit, FitState
+from vsnbench.localization.looks import Sighting, SmallLook
+from vsnbench.localization.twin import twin_of
+from vsnbench.robots.profiles import load_profile
+from vsnbench.sites.site import load_site
+
+APARTMENT = load_site("apartment")
+CAMERA = load_profile("turtlebot2").camera.model_copy(update={"tilt_deg": -12.0})
+UNKNOWNS = ("x", "y", "heading", "scale", "tilt", "turn", "roll", "focal", "height", "forward")
+
+
+@pytest.fixture(scope="module")
+def fit() -> tuple[Fit, FitState]:
+    twin, start = twin_of(APARTMENT), APARTMENT.starts[4]
+    look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(start.pose)
+    sighting = Sighting(twin, CAMERA, [SmallLook.of(look, CAMERA, 80)])
+    return Fit(sighting, ErrorModel()), FitState.at(start.pose, twin)
+
+
+@pytest.mark.parametrize("number", range(len(UNKNOWNS)), ids=UNKNOWNS)
+def test_a_derivative_is_the_change_of_the_residuals(fit: tuple[Fit, FitState], number: int) -> None:
+    equations, state = fit
+    look, tiny = equations.sighting.looks[0], np.zeros(len(UNKNOWNS))
+    tiny[number] = 1e-6
+    here = equations._rows_of(look, state, 0.06)
+    there = equations._rows_of(look, state.moved(tiny, np.zeros_like(state.steps)), 0.06)
+    same = here.group.shape == there.group.shape
+    assert same
+    change = (there.residual_m - here.residual_m) / 1e-6
+    # A few pixels at edges show another face after the step.
+    assert np.mean(np.abs(change - here.common[:, number]) < 1e-3 * (1 + np.abs(change))) > 0.99

@@ -1,0 +1,75 @@
+"""What a Habitat agent is handed is what Habitat would hand it, and its answers become actions of the protocol."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsnbench.models.remote.vsnbench_policy import Camera, HabitatAgent, Observation, Pose, WireError, decision_of
+
+DEPTH_M = np.array([[0.2, 2.75, 9.0, np.nan, np.nan]], np.float32)
+BEYOND = np.array([[False, False, False, False, True]])
+TURN = {"0": "STOP", "1": "MOVE_FORWARD", "2": "TURN_LEFT", "3": "TURN_RIGHT"}
+
+
+class Agent:
+    """Answers what the test says, and keeps what it is handed."""
+
+    def __init__(self, answer: Any = 0) -> None:
+        self.answer = answer
+
+    def reset(self) -> None:
+        pass
+
+    def act(self, observations: dict[str, Any]) -> Any:
+        self.seen = observations
+        return self.answer
+
+
+def look(heading_rad: float = 0.0, beyond_range: Any = None) -> Observation:
+    return Observation(None, DEPTH_M, Pose(1.0, -0.5, heading_rad), 0.0, Camera({}), beyond_range)
+
+
+def answered(answer: Any, actions: dict[str, str]) -> tuple[str, str]:
+    agent = HabitatAgent(Agent, {"arguments": {"answer": answer}, "actions": actions})
+    agent.reset("chair", 1)
+    decision = decision_of(agent.act(look()))
+    return decision["action"], decision["raw_action"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "decision"),
+    [
+        (4, ("NOOP", "4")),
+        (np.int64(5), ("MOVE_BACKWARD", "5")),
+        ("look_down", ("NOOP", "look_down")),
+        ({"action": 4, "action_args": {}}, ("NOOP", "4")),
+        ({"action": "turn_left", "action_args": None}, ("TURN_LEFT", "turn_left")),
+    ],
+)
+def test_looking_up_or_down_can_count_without_a_movement(answer: Any, decision: tuple[str, str]) -> None:
+    assert answered(answer, {**TURN, "4": "NOOP", "5": "MOVE_BACKWARD", "look_down": "noop"}) == decision
+
+
+@pytest.mark.parametrize("answer", [4, "look_up", {"action": "velocity_control", "action_args": {"linear": 1.0}}])
+def test_an_action_that_is_not_mapped_is_refused_with_what_to_set(answer: Any) -> None:
+    with pytest.raises(WireError, match=r'"actions": .*"NOOP"'):
+        answered(answer, TURN)
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, math.pi, -math.pi, 3.2, -9.4, 100.0])
+def test_the_compass_stays_within_half_a_turn(heading_rad: float) -> None:
+    compass = HabitatAgent(Agent).observations(look(heading_rad))["compass"]
+    assert compass.dtype == np.float32
+    assert -math.pi <= float(compass[0]) <= math.pi
+    assert math.cos(float(compass[0]) - heading_rad) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("normalize", "depth"), [(True, [0.0, 0.5, 1.0, 0.0, 1.0]), (False, [0.5, 2.75, 5.0, 0.5, 5.0])]
+)
+def test_depth_beyond_the_range_is_far_and_depth_that_is_missing_is_not(normalize: bool, depth: list[float]) -> None:
+    agent = HabitatAgent(Agent, {"normalize_depth": normalize})
+    np.testing.assert_allclose(agent.observations(look(beyond_range=BEYOND))["depth"][0, :, 0], depth)
+    assert agent.observations(look())["depth"][0, 4, 0] == depth[0]

@@ -1,0 +1,54 @@
+"""Recorded results as DataFrames."""
+
+from pathlib import Path
+
+import pytest
+
+import vsnbench
+from tests.report.records import Attempt, Lab, step, void
+from vsnbench.errors import RecordError
+from vsnbench.report import frames
+from vsnbench.report.analysis.episodes_frame import COLUMNS, Selection
+from vsnbench.values.action import Action
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    lab = Lab(tmp_path)
+    taken = [step(1, Action.MOVE_FORWARD, "LOOK_DOWN", x_m=0.25), step(2, Action.STOP, x_m=0.25)]
+    lab.write([void(), Attempt(steps=taken), Attempt("bed", success=False, distance_m=1.2), Attempt("bed", 2)])
+    return lab
+
+
+def test_episodes_are_rows_with_their_condition(lab: Lab) -> None:
+    episodes = vsnbench.open_results(lab.directory).episodes()
+    assert list(episodes.columns) == [*COLUMNS, "model", "weights_label", "robot", "environment", "site"]
+    assert episodes["state"].tolist() == ["void", "counted", "counted", "counted"]
+    assert set(episodes["model"]) == {"vlv"}
+
+
+def test_steps_are_rows_in_their_order(lab: Lab) -> None:
+    steps = vsnbench.open_results(lab.directory).steps(2, 3)
+    assert steps["episode_id"].tolist()[:2] == [2, 2]
+    assert steps["raw_action"].tolist()[:2] == ["LOOK_DOWN", "STOP"]
+    assert steps["world_x_m"].tolist()[:2] == [1.25, 1.25]
+
+
+def test_campaigns_are_rows_that_episodes_refer_to(lab: Lab) -> None:
+    results = vsnbench.open_results(lab.url)
+    campaigns = results.campaigns()
+    assert list(campaigns.columns) == list(frames.CAMPAIGN_COLUMNS)
+    assert set(campaigns["campaign"]) == set(results.episodes()["campaign"])
+    assert set(campaigns["model"]) == {"vlv"}
+
+
+def test_missing_results_are_refused_when_opened(tmp_path: Path) -> None:
+    with pytest.raises(RecordError):
+        vsnbench.open_results(tmp_path / "nothing")
+
+
+def test_the_functions_of_version_0_1_still_work_with_a_warning(lab: Lab) -> None:
+    with pytest.warns(DeprecationWarning, match="open_results"):
+        assert frames.episodes(lab.directory, Selection(goals=["bed"]))["goal"].tolist() == ["bed", "bed"]
+    with pytest.warns(DeprecationWarning, match="open_results"):
+        assert frames.steps(lab.directory, [2])["raw_action"].tolist() == ["LOOK_DOWN", "STOP"]

@@ -1,0 +1,54 @@
+"""No password leaves a database URL for a screen, the record, or another program's command line."""
+
+import pytest
+
+from vsnbench.errors import UsageError
+from vsnbench.results.database_url import libpq_connection, parse_url, redacted_url, without_passwords
+
+DRIVERS = ["postgresql", "postgresql+psycopg", "postgresql+psycopg2", "postgresql+asyncpg", "postgresql+pg8000"]
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_every_spelling_of_a_driver_reaches_libpq_alike(driver: str) -> None:
+    string, secrets = libpq_connection(f"{driver}://lab:p%40ss%2Fword@db.lab:5433/trials?sslmode=disable")
+    assert string == "host='db.lab' port='5433' user='lab' dbname='trials' sslmode='disable'"
+    assert secrets == {"PGPASSWORD": "p@ss/word"}
+
+
+def test_what_a_connection_string_would_misread_is_escaped() -> None:
+    string, secrets = libpq_connection("postgresql://o%27hara%20%5C@h/d")
+    assert string == r"host='h' user='o\'hara \\' dbname='d'"
+    assert secrets == {}, "libpq looks into ~/.pgpass"
+
+
+def test_a_password_given_as_a_parameter_is_one_too() -> None:
+    url = "postgresql+psycopg://lab@h/d?password=secret&sslmode=require"
+    assert redacted_url(url) == "postgresql+psycopg://lab@h/d?sslmode=require"
+    assert libpq_connection(url) == ("host='h' user='lab' dbname='d' sslmode='require'", {"PGPASSWORD": "secret"})
+
+
+def test_another_kind_of_database_has_no_backup_of_ours() -> None:
+    with pytest.raises(UsageError, match="neither SQLite nor PostgreSQL") as caught:
+        libpq_connection("mysql://lab:secret@h/d")
+    assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("typed", "kept"),
+    [
+        ("--db postgresql+psycopg://lab:secret@h/d", "--db postgresql+psycopg://lab:***@h/d"),
+        ("--db=postgresql://lab:sec/r@et@h/d --seed 1", "--db=postgresql://lab:***@h/d --seed 1"),
+        ("'--db=postgresql://:secret@h/d'", "'--db=postgresql://:***@h/d'"),
+        ("--db postgresql://lab@h/d?sslmode=x&password=secret", "--db postgresql://lab@h/d?sslmode=x&password=***"),
+        ("--note mail:anna@lab --results a:b", "--note mail:anna@lab --results a:b"),
+    ],
+)
+def test_a_command_line_is_kept_without_passwords(typed: str, kept: str) -> None:
+    assert without_passwords(typed) == kept
+
+
+@pytest.mark.parametrize("url", ["postgresql://lab:secret@h:port/d", "postgresql+a+b://lab:secret@h/d"])
+def test_what_is_no_url_is_said_without_its_password(url: str) -> None:
+    with pytest.raises(UsageError, match="not a database URL") as caught:
+        parse_url(url)
+    assert "secret" not in str(caught.value)

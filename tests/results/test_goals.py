@@ -1,0 +1,113 @@
+"""Definitions of goals in the record, through a run, a report and a merge."""
+
+from pathlib import Path
+
+import pytest
+from sqlalchemy import select
+
+from tests.sites.goal_sites import GOALS, write_site
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.interop.merge import merge, merge_source
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.summary import summarise
+from vsnbench.report.build import read
+from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
+from vsnbench.results.goals import definitions
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.schema.tables import Goal, Trial
+from vsnbench.runner.executors.capacity import WorkerOptions
+from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.setup.launch import launch
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.sites.site import Site, load_site
+from vsnbench.values.goal import GoalKind
+
+
+def run(site: Path, goals: str, results: Path, seed: int = 0, model: str = "oracle") -> ResultsDirectory:
+    directory = ResultsDirectory.locate(results)
+    request = RunRequest(
+        model,
+        tuple(goals.split(",")),
+        directory,
+        str(site),
+        starts="1",
+        seed=seed,
+        workers=WorkerOptions(1),
+        keep=KeepFiles.NONE,
+    )
+    launch(request, TerminalOperatorProvider(unattended=True))
+    return directory
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    return write_site(tmp_path)
+
+
+def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definition(site: Path, tmp_path: Path) -> None:
+    names = "red-armchair,window-corner,photo-bed,cold-box,to-the-kitchen,chair"
+    results = run(site, names, tmp_path / "r")
+    with open_record(results.database_url) as engine:
+        with engine.connect() as connection:
+            goals = definitions(connection)
+            assert goals["photo-bed"].kind is GoalKind.IMAGE
+            photograph = connection.scalar(select(Goal.image).where(Goal.name == "photo-bed"))
+            assert photograph == (tmp_path / "bed.png").read_bytes()
+            assert connection.execute(select(Trial.goal).where(Trial.goal_id.is_(None))).scalars().all() == ["chair"]
+        recorded = Site.model_validate(episode_details(engine, 1).provenance.site_content)
+    assert recorded.sha256 == load_site("apartment").sha256
+    assert {goal.id: goal.sha256 for goal in recorded.goals} == {goal.id: goal.sha256 for goal in load_site(site).goals}
+    report = read(results.database_url, Selection())
+    assert report.counted()["success"].tolist() == [True] * 6
+    assert report.goals["to-the-kitchen"].kind is GoalKind.INSTRUCTION
+    (summary,) = summarise(report).conditions
+    totals = {kind.kind: (kind.summary.successes, kind.summary.planned) for kind in summary.kinds}
+    assert totals == {
+        GoalKind.CATEGORY: (2, 2),
+        GoalKind.TEXT: (2, 2),
+        GoalKind.IMAGE: (1, 1),
+        GoalKind.INSTRUCTION: (1, 1),
+    }
+
+
+def test_a_report_of_categories_has_no_totals_by_kind(site: Path, tmp_path: Path) -> None:
+    results = run(site, "chair,bed", tmp_path / "r", model="random")
+    (summary,) = summarise(read(results.database_url, Selection())).conditions
+    assert summary.kinds == ()
+
+
+def test_a_changed_goal_is_refused_in_its_campaign_and_not_pooled_with_others(site: Path, tmp_path: Path) -> None:
+    results = run(site, "red-armchair", tmp_path / "r")
+    write_site(tmp_path, GOALS.replace("the red armchair", "the old armchair"))
+    with pytest.raises(UsageError) as refused:
+        run(site, "red-armchair", tmp_path / "r")
+    assert refused.value.code == "goal-changed"
+    run(site, "red-armchair", tmp_path / "r", seed=1)
+    report = read(results.database_url, Selection())
+    names = set(report.counted()["goal"])
+    assert len(names) == 2
+    assert names == set(report.planned["goal"])
+    assert names <= set(report.goals)
+    assert all(name.startswith("red-armchair@") for name in names)
+
+
+def test_a_merge_keeps_definitions_and_refuses_different_ones(site: Path, tmp_path: Path) -> None:
+    first, mine = run(site, "photo-bed", tmp_path / "a"), tmp_path / "mine"
+    merge(ResultsDirectory.locate(mine), [merge_source(str(tmp_path / "a"))])
+    with open_record(ResultsDirectory.locate(mine).database_url) as engine, engine.connect() as connection:
+        image = connection.execute(select(Goal.image).join(Trial, Trial.goal_id == Goal.id)).scalar_one()
+    assert image == (tmp_path / "bed.png").read_bytes()
+    assert first.database_url
+    write_site(tmp_path, GOALS.replace("targets: [bed-1]", "targets: [{category: bed}]"))
+    run(site, "photo-bed", tmp_path / "b")
+    with pytest.raises(RecordError) as refused:
+        merge(ResultsDirectory.locate(mine), [merge_source(str(tmp_path / "b"))])
+    assert refused.value.code == "goal-changed"
+
+
+def test_a_model_of_categories_is_not_given_a_sentence_and_nothing_is_written(site: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as refused:
+        run(site, "red-armchair", tmp_path / "r", model="vlv")
+    assert refused.value.code == "goal-kind"
+    assert not (tmp_path / "r").exists()

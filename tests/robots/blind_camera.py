@@ -1,0 +1,168 @@
+"""A robot with a faulty depth camera, a model that only drives forward, and counts of the results."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from tests.runner.stand_ins import NOBODY
+from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import Robot
+from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.observation import Observation
+
+FAULTS = ("right", "nan", "frozen", "millimetres", "holes", "minimum range")
+MINIMUM_RANGE_M = 0.6
+NODE = Path(__file__).parent / "nodes" / "faulty_robot.py"
+BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "blind_camera.py"
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """What a fault of the depth camera over ROS may lead to."""
+
+    moves: int
+    """Number of movements that may pass before it is noticed."""
+    says: str
+    """Part of the reason of the episode's end."""
+
+
+ENDINGS = {
+    "nan": Ending(0, "the depth camera stays blind"),
+    "frozen": Ending(1, "the camera is frozen"),
+    "millimetres": Ending(0, "32FC1 is in metres"),
+    "ahead": Ending(0, "s ahead of the odometry"),
+}
+
+
+class FaultyRobot(SimulatedRobot):
+    """The simulated robot with a depth camera that can be made faulty."""
+
+    fault = "right"
+    seed = 0
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        """Begin with a camera that has seen nothing yet."""
+        super().begin(start, seed)
+        self._rng = np.random.default_rng(self.seed)
+        self._frozen: np.ndarray | None = None
+
+    def observe(self) -> Observation:
+        """Return what the camera says."""
+        seen = super().observe()
+        assert seen.depth_m is not None
+        depth_m = seen.depth_m
+        invalid = np.float32(np.nan)
+        if self.fault == "nan":
+            depth_m = np.full_like(depth_m, invalid)
+        elif self.fault == "frozen":
+            self._frozen = depth_m if self._frozen is None else self._frozen
+            depth_m = self._frozen.copy()
+        elif self.fault == "millimetres":
+            depth_m = depth_m * np.float32(1000)
+        elif self.fault == "holes":
+            depth_m = np.where(self._rng.random(depth_m.shape) < 0.5, invalid, depth_m)
+        elif self.fault == "minimum range":
+            depth_m = np.where(depth_m < MINIMUM_RANGE_M, invalid, depth_m)
+        return replace(seen, depth_m=depth_m)
+
+
+class ForwardOnly(Policy):
+    """A model that chooses nothing but MOVE_FORWARD."""
+
+    card = ModelCard("forward only")
+
+    def reset(self, goal: str, seed: int) -> None:
+        """Forget nothing."""
+
+    def act(self, _observation: Observation) -> Decision:
+        """Return MOVE_FORWARD."""
+        return Decision(Action.MOVE_FORWARD)
+
+
+@dataclass
+class Counts:
+    """What came of the episodes of one fault; also their recorder."""
+
+    on_begin: Callable[[], None] = lambda: None
+    actions: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    collisions: int = 0
+    ends: Counter[str] = field(default_factory=Counter)
+    words: str = ""
+
+    def kept_photo(self, plan: EpisodePlan) -> None:
+        """Return no photo."""
+
+    def begin(self, *_: Any) -> None:
+        """Take that the robot is at its start."""
+        self.on_begin()
+
+    def step(self, step: Step) -> None:
+        """Count an action."""
+        self.actions += 1
+        if step.guard is not None and step.guard.refusal is not None:
+            self.refused[step.guard.refusal.value] += 1
+        if step.result is not None and step.result.collision is not None:
+            self.collisions += 1
+
+    def event(self, kind: str, text: str) -> None:
+        """Keep why a sensor was lost."""
+        if kind == "sensor_lost":
+            self.words = text
+
+    def intervention(self, *_: Any) -> None:
+        """Keep nothing."""
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        """Count the end."""
+        self.ends[outcome.verdict.end_reason.value] += 1
+
+    @property
+    def moves(self) -> int:
+        """Number of movements that the guard let pass."""
+        return self.actions - self.refused.total()
+
+    def __iadd__(self, other: "Counts") -> Self:
+        """Add the counts of other episodes."""
+        self.actions += other.actions
+        self.refused += other.refused
+        self.collisions += other.collisions
+        self.ends += other.ends
+        self.words = other.words or self.words
+        return self
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the counts as JSON."""
+        counted = {"moves": self.moves, "refused": dict(self.refused), "collisions": self.collisions}
+        return counted | {"ends": dict(self.ends), "words": self.words}
+
+    def __str__(self) -> str:
+        refused = ", ".join(f"{count} {why}" for why, count in sorted(self.refused.items()))
+        ends = ", ".join(f"{count} {why}" for why, count in sorted(self.ends.items()))
+        return (
+            f"{self.moves} moves, {self.refused.total()} refused ({refused}), "
+            f"{self.collisions} collisions; ends: {ends}" + (f" ({self.words})" if self.words else "")
+        )
+
+
+def drive(
+    robot: Robot, site: Site, starts: Iterable[int], actions: int, on_begin: Callable[[], None] = lambda: None
+) -> Counts:
+    """Run one episode from each start and count what came of it; `on_begin` is called once the robot is there."""
+    counts, parameters = Counts(on_begin), ProtocolParameters(max_actions=actions)
+    for number in starts:
+        plan = EpisodePlan(site, "chair", site.start(number), 1, parameters)
+        with StopRequests() as stop:
+            run_episode(robot, ForwardOnly(), plan, counts, NOBODY, stop)
+    return counts

@@ -1,0 +1,94 @@
+"""The simulated robot executes movements with parameters, and stops for what it sees."""
+
+import math
+
+import pytest
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import DrivingView
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.episode.path_guard import MAX_AGE_S, PathGuard
+from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.movement import Drive, Trajectory, Velocity, Waypoint
+from vsnbench.values.pose import Pose
+
+ROOM = Site.model_validate(
+    {
+        "name": "room",
+        "rooms": [{"name": "room", "polygon": [[-3, -3], [3, -3], [3, 3], [-3, 3]]}],
+        "walls": [
+            {"start": start, "end": end}
+            for start, end in [([-3, -3], [3, -3]), ([3, -3], [3, 3]), ([3, 3], [-3, 3]), ([-3, 3], [-3, -3])]
+        ],
+        "starts": [{"number": 1, "position": [0, 0], "heading_deg": 0}],
+    }
+)
+
+
+def robot_at(x_m: float, speed_m_s: float = 0.3) -> SimulatedRobot:
+    profile = load_profile("turtlebot2")
+    speeds = profile.speeds.model_copy(update={"linear_m_s": speed_m_s})
+    robot = SimulatedRobot(ROOM, profile.model_copy(update={"speeds": speeds}))
+    robot.begin(StartingPosition(number=1, position=(x_m, 0.0), heading_deg=0.0), 1)
+    return robot
+
+
+def guard_of(robot: SimulatedRobot) -> PathGuard:
+    return PathGuard(robot.profile, ProtocolParameters())
+
+
+@pytest.mark.parametrize(
+    ("movement", "target"),
+    [
+        (Waypoint(1.2, 0.8), Pose(1.2, 0.8)),
+        (Waypoint(-1.0, 0.5, math.pi / 2), Pose(-1.0, 0.5)),
+        (Trajectory(((0.4, 0.0), (0.8, 0.2), (1.0, 0.6))), Pose(1.0, 0.6)),
+    ],
+)
+def test_a_free_movement_ends_at_its_target(movement: Drive, target: Pose) -> None:
+    robot = robot_at(0.0)
+    result = robot.drive(movement, guard_of(robot))
+    assert (result.completed, result.blocked, result.failure) == (True, "", "")
+    assert robot.locate().pose.distance_to(target) < 0.02
+    assert result.path_m is not None
+    assert result.path_m >= math.hypot(target.x_m, target.y_m) - 0.03
+
+
+@pytest.mark.parametrize("speed_m_s", [0.2, 0.3, 0.5])
+@pytest.mark.parametrize("movement", [Waypoint(4.0, 0.0), Trajectory(((2.0, 0.0), (4.0, 0.1)))])
+def test_a_wall_ahead_stops_a_movement_before_it_is_touched(movement: Drive, speed_m_s: float) -> None:
+    robot = robot_at(0.0, speed_m_s)
+    result = robot.drive(movement, guard_of(robot))
+    assert result.blocked
+    assert not result.completed
+    assert result.collision is None
+    left_m = 2.95 - robot.locate().pose.x_m - robot.profile.base.radius_m
+    assert 0.1 < left_m < 0.7
+    assert result.displacement_m > 1.0, "it drove until it saw the wall near"
+
+
+def test_velocities_towards_a_wall_are_blocked_and_touch_nothing() -> None:
+    robot = robot_at(1.0, 0.5)
+    results = [robot.drive(Velocity(0.5, 0.0, 2.0), guard_of(robot)) for _ in range(4)]
+    assert not any(result.collision for result in results)
+    assert results[-1].blocked
+    assert results[-1].displacement_m < 0.05
+
+
+def test_a_turn_on_the_spot_needs_no_free_way() -> None:
+    robot = robot_at(2.5)
+    result = robot.drive(Waypoint(-1.0, 0.0), guard_of(robot))
+    assert result.completed
+
+
+def test_an_old_depth_image_stops_the_robot() -> None:
+    robot = robot_at(0.0)
+    guard, depth_m = guard_of(robot), robot.observe().depth_m
+    assert depth_m is not None
+
+    def view(age_s: float) -> DrivingView:
+        return DrivingView(depth_m, robot.profile.camera, age_s, 0.3, 0.0, 1.0)
+
+    assert guard(view(0.1)) == ""
+    assert guard(view(MAX_AGE_S + 0.01)) != ""

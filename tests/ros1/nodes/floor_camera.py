@@ -1,0 +1,35 @@
+"""A camera over a bare floor, askew and with a lens, on raw and compressed topics."""
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from tests.robots.floor_images import HEIGHT, LENS, WIDTH, K, compressed, depth_mm
+
+rospy.init_node("floor_camera")
+color = rospy.Publisher("/camera/color/image_raw", Image, queue_size=1)
+depth = rospy.Publisher("/camera/depth/image_raw", Image, queue_size=1)
+infos = [rospy.Publisher(f"/camera/{part}/camera_info", CameraInfo, queue_size=1) for part in ("color", "depth")]
+packed = {topic: rospy.Publisher(topic, CompressedImage, queue_size=1) for topic in compressed()}
+contents, measured, seen = compressed(), depth_mm(), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+
+
+def image(pixels: np.ndarray, encoding: str, stamp: rospy.Time) -> Image:
+    message = Image(height=HEIGHT, width=WIDTH, encoding=encoding, step=pixels[0].nbytes, data=pixels.tobytes())
+    message.header.stamp = stamp
+    return message
+
+
+while not rospy.is_shutdown():
+    stamp = rospy.Time.now()
+    for publisher in infos:
+        info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="plumb_bob", D=LENS.distortion, K=K)
+        info.header.stamp = stamp
+        publisher.publish(info)
+    color.publish(image(seen, "rgb8", stamp))
+    depth.publish(image(measured, "16UC1", stamp))
+    for topic, content in contents.items():
+        message = CompressedImage(format=content.format, data=content.data)
+        message.header.stamp = stamp
+        packed[topic].publish(message)
+    rospy.sleep(0.05)

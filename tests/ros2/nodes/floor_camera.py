@@ -1,0 +1,39 @@
+"""A camera over a bare floor, askew and with a lens, on raw and compressed topics over ROS 2."""
+
+import array
+import sys
+import time
+
+import numpy as np
+
+from vsnbench.ros2.installation import require_ros2
+
+require_ros2()
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from tests.robots.floor_images import HEIGHT, LENS, WIDTH, K, compressed, depth_mm
+from vsnbench.ros2.messages import image_message, time_of
+from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
+
+node = Ros2Node("floor_camera")
+make = node.rclpy.create_publisher
+color = make(Image, "/camera/color/image_raw", SENSOR_DATA)
+depth = make(Image, "/camera/depth/image_raw", SENSOR_DATA)
+infos = [make(CameraInfo, f"/camera/{part}/camera_info", SENSOR_DATA) for part in ("color", "depth")]
+packed = {topic: make(CompressedImage, topic, SENSOR_DATA) for topic in compressed()}
+contents, measured, seen = compressed(), depth_mm(), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+sys.stdout.write("up\n")
+sys.stdout.flush()
+while True:
+    stamp_s = time.time()
+    for publisher in infos:
+        info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="plumb_bob", d=list(LENS.distortion), k=K)
+        info.header.stamp = time_of(stamp_s)
+        publisher.publish(info)
+    color.publish(image_message(seen, "rgb8", stamp_s))
+    depth.publish(image_message(measured, "16UC1", stamp_s))
+    for topic, content in contents.items():
+        message = CompressedImage(format=content.format, data=array.array("B", content.data))
+        message.header.stamp = time_of(stamp_s)
+        packed[topic].publish(message)
+    time.sleep(0.05)

@@ -1,0 +1,174 @@
+"""Trials on a pool of workers: their order, void episodes, lost workers and requests to stop."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.runner.stand_ins import PLAN, PROFILE
+from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, PlannedTrial, Trial
+from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.runner.executors.contract import EpisodeStored, PoolEvent, TrialPool, WorkerLost
+from vsnbench.runner.executors.pool import PoolExecutor
+from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
+from vsnbench.runner.loop.follow_up import LOST_WORKER_LIMIT
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.contract import AbsentOperator, Display, EndedEpisode
+from vsnbench.runner.setup.trial_setup import SetupDescription
+from vsnbench.runner.stopping.requests import Stopped, StopRequest, StopRequests, of_signal
+from vsnbench.sites.site import Site
+from vsnbench.values.robot_identity import RobotIdentity
+
+DONE = EpisodeOutcome(Verdict(EndReason.STOP, False, "failed"), 3, None, 0.1)
+VOID = EpisodeOutcome(Verdict(EndReason.MODEL_ERROR, None, "void"), 0, None, 0.1, "act: no weights")
+
+
+class ScriptedPool(TrialPool):
+    """Two workers; what becomes of each trial is scripted, in the order in which they are begun."""
+
+    summary = "2 workers: scripted"
+
+    def __init__(self, script: Sequence[EpisodeOutcome | str]) -> None:
+        self._script = deque(script)
+        self._at: deque[Trial] = deque()
+        self.begun: list[int] = []
+        self.stopped: list[StopRequest] = []
+
+    @property
+    def description(self) -> SetupDescription:
+        raise NotImplementedError("the executor must not ask a pool for its setup")
+
+    @property
+    def free(self) -> int:
+        return 2 - len(self._at)
+
+    @property
+    def busy(self) -> int:
+        return len(self._at)
+
+    def begin(self, journal: Journal, trial: Trial, recording: RecordingOptions) -> None:
+        self._at.append(trial)
+        self.begun.append(trial.start)
+
+    def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+        trial, what = self._at.popleft(), self._script.popleft()
+        return [WorkerLost(trial, what) if isinstance(what, str) else EpisodeStored(1, trial, what)]
+
+    def stop(self, request: StopRequest) -> None:
+        self.stopped.append(request)
+
+    def kill(self) -> None: ...
+
+
+class Lines(Display):
+    """Collects what is shown."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.ended: list[EndedEpisode] = []
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+    def episode_ended(self, ended: EndedEpisode) -> None:
+        self.ended.append(ended)
+
+
+@dataclass
+class Rig:
+    """A campaign in a new database."""
+
+    journal: Journal
+    campaign: OpenCampaign
+    results: ResultsDirectory
+    site: Site = PLAN.site
+    parameters: ProtocolParameters = PLAN.parameters
+
+    def run(self, pool: TrialPool, lines: Lines, stop: StopRequests | None = None) -> SessionResult:
+        operator = AbsentOperator(lines)
+        with stop or StopRequests() as stopping:
+            recording = RecordingOptions(self.results)
+            context = SessionContext(self.journal, operator, stopping, self.site, self.parameters, recording)
+            source = CampaignSource(self.journal, self.campaign)
+            reason = run(source, PoolExecutor(context, self.campaign, pool), operator)
+        return SessionResult.of(source.rules, self.journal.campaign_progress(self.campaign), reason)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    results = ResultsDirectory.locate(tmp_path, None)
+    results.prepare()
+    trials = [PlannedTrial(PLAN.goal, number) for number in range(1, 9)]
+    robot = RobotIdentity(PROFILE, "simulated", simulated=True)
+    plan = CampaignPlan(PLAN.site, robot, ModelIdentity("scripted"), PLAN.parameters, 0, trials)
+    with Journal.open(results.database_url) as journal:
+        yield Rig(journal, journal.find_or_create_campaign(plan), results)
+
+
+def test_every_trial_runs_once_in_the_order_of_the_plan(rig: Rig) -> None:
+    pool, lines = ScriptedPool([DONE] * 8), Lines()
+    result = rig.run(pool, lines)
+    assert pool.begun == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert (result.episodes, result.void, result.stopped_because) == (8, 0, "")
+    assert [ended.plan.start.number for ended in lines.ended] == pool.begun
+    assert lines.lines == ["2 workers: scripted"]
+
+
+def test_a_trial_of_a_lost_worker_runs_again_after_the_others(rig: Rig) -> None:
+    pool, lines = ScriptedPool([DONE, "SIGKILL", *[DONE] * 7]), Lines()
+    assert rig.run(pool, lines).episodes == 8
+    assert pool.begun == [1, 2, 3, 4, 5, 6, 7, 8, 2]
+    assert lines.lines[1:] == ["a worker ended with SIGKILL at chair from 2; the trial will run again"]
+
+
+def test_the_loop_waits_for_workers_that_replace_lost_ones(rig: Rig) -> None:
+    class Starting(ScriptedPool):
+        ready = True
+
+        @property
+        def free(self) -> int:
+            return super().free if self.ready else 0
+
+        def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+            if not self.busy:
+                self.ready = True
+                return []
+            happened = super().events(timeout_s)
+            self.ready = not isinstance(happened[0], WorkerLost)
+            return happened
+
+    pool = Starting([*["SIGKILL"] * 2, *[DONE] * 8])
+    assert rig.run(pool, Lines()).episodes == 8
+    assert pool.begun == [1, 2, 3, 4, 5, 6, 7, 8, 1, 2]
+
+
+def test_three_consecutive_voids_begin_no_trial_and_let_running_ones_end(rig: Rig) -> None:
+    pool = ScriptedPool([VOID, DONE, VOID, VOID, VOID, DONE])
+    result = rig.run(pool, Lines())
+    assert result.stopped_because == "3 consecutive void episodes, the last: act: no weights"
+    assert pool.begun == [1, 2, 3, 4, 5, 6]
+    assert (result.episodes, result.void) == (6, 4)
+
+
+def test_ten_consecutive_lost_workers_end_the_session(rig: Rig) -> None:
+    pool = ScriptedPool(["SIGSEGV"] * (LOST_WORKER_LIMIT + 1))
+    result = rig.run(pool, Lines())
+    assert result.stopped_because == (
+        f"{LOST_WORKER_LIMIT} consecutive workers ended without a result, the last with SIGSEGV"
+    )
+    assert result.left == 8
+
+
+def test_a_stop_request_reaches_the_workers(rig: Rig) -> None:
+    pool, stop, request = ScriptedPool([DONE] * 8), StopRequests(), of_signal(15)
+    stop.ask(request)
+    with pytest.raises(Stopped):
+        rig.run(pool, Lines(), stop)
+    assert pool.stopped == [request]

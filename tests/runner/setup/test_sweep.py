@@ -1,0 +1,116 @@
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput
+from vsnbench.runner.executors.capacity import WorkerOptions
+from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.selection import named_site
+from vsnbench.runner.setup.sweep import (
+    NEXT_STARTUP_S,
+    STARTUP_S,
+    UNKNOWN_PACE_S,
+    cost_of,
+    plan_sweep,
+    run_sweep,
+    undone,
+)
+
+REQUEST = RunRequest(
+    "forward", ("chair",), ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2)
+)
+
+
+def test_a_sweep_has_every_combination_and_seeds_vary_slowest() -> None:
+    sweep = plan_sweep(REQUEST, ("forward", "random"), (0, 1, 5), ("apartment", "flat:3", "flat:4", "flat:9"))
+    assert [(one.seed, one.site, one.model) for one in sweep.requests] == [
+        (seed, site, model)
+        for seed in (0, 1, 5)
+        for site in ("apartment", "flat:3", "flat:4", "flat:9")
+        for model in ("forward", "random")
+    ]
+    assert set(sweep.site_names) == {"apartment", "twin-3", "twin-4", "twin-9"}
+    assert all(15 <= trials <= 18 for trials in sweep.trials)
+
+
+def test_a_generated_site_has_its_own_name() -> None:
+    assert named_site("flat:3").name == "twin-3"
+    assert named_site("apartment").name == "apartment"
+
+
+@pytest.mark.parametrize(
+    ("models", "seeds", "sites", "reason"),
+    [
+        (("forward", "typo"), (0,), ("apartment",), "no model 'typo'"),
+        (("forward",), range(100_000), tuple(f"flat:{seed}" for seed in range(10)), "more than 100,000"),
+        (("forward",), (0,), ("nowhere",), "site 'nowhere' does not exist"),
+    ],
+)
+def test_an_invalid_sweep_is_refused_before_anything_runs(
+    models: Sequence[str], seeds: Sequence[int], sites: Sequence[str], reason: str
+) -> None:
+    with pytest.raises((UsageError, SiteError), match=reason):
+        plan_sweep(REQUEST, models, seeds, sites)
+
+
+def test_a_sweep_refuses_real_robots_and_options_of_one_model() -> None:
+    with pytest.raises(UsageError) as refused:
+        plan_sweep(replace(REQUEST, robot="turtlebot2"), ("forward",), (0, 1), ("apartment",))
+    assert refused.value.code == "real-robot"
+    with pytest.raises(UsageError, match="--weights is for one model"):
+        plan_sweep(replace(REQUEST, model_options={"weights": "x"}), ("forward", "random"), (0,), ("apartment",))
+    with pytest.raises(UsageError) as refused:
+        plan_sweep(replace(REQUEST, goals=("zebra",)), ("forward",), (0, 1), ("apartment",))
+    assert refused.value.code == "unknown-goal"
+
+
+def test_the_estimate_uses_recorded_times_and_the_trials_left() -> None:
+    sweep = plan_sweep(REQUEST, ("forward", "random"), (0, 1), ("apartment",))
+    guessed = cost_of(sweep, NO_THROUGHPUT)
+    assert (guessed.campaigns, guessed.trials, guessed.done, guessed.known_from) == (4, 60, 0, 0)
+    assert math.isclose(guessed.seconds, 60 * UNKNOWN_PACE_S / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
+    pace = Throughput({"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0): 15})
+    known = cost_of(sweep, pace)
+    assert (known.trials, known.done, known.known_from) == (60, 15, 49)
+    assert math.isclose(known.seconds, (15 * 1.0 + 30 * 5.0) / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
+
+
+def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:
+    asked = replace(REQUEST, goals=("bathtub,chair",), starts="1")
+    lacking = "flat:3"
+    assert "bathtub" not in named_site(lacking).categories
+    assert plan_sweep(asked, ("forward",), (0,), (lacking, "flat:0")).trials == (2, 2)
+    with pytest.raises(UsageError) as refused:
+        plan_sweep(asked, ("forward",), (0, 1), (lacking,))
+    assert refused.value.code == "unknown-goal"
+
+
+def test_a_goal_that_no_generated_site_has_is_refused_before_anything_runs() -> None:
+    with pytest.raises(UsageError) as refused:
+        plan_sweep(replace(REQUEST, goals=("chair", "zebra")), ("forward",), (0,), ("flat:3", "flat:0"))
+    assert refused.value.code == "unknown-goal"
+
+
+def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    results = ResultsDirectory.locate(tmp_path / "results")
+    asked = replace(REQUEST, results=results, starts="1", parameters=ProtocolParameters(max_actions=1))
+    operators = TerminalOperatorProvider(unattended=True)
+    with caplog.at_level(logging.WARNING):
+        both = replace(asked, goals=("bathtub", "chair"), workers=WorkerOptions(1))
+        swept = list(run_sweep(plan_sweep(both, ("forward",), (0,), ("flat:3", "flat:0")), operators))
+        assert [len(each.launched.campaign.trials) for each in swept if each.launched] == [1, 2]
+        only = replace(both, goals=("bathtub",))
+        swept = list(run_sweep(plan_sweep(only, ("forward",), (0,), ("flat:3", "flat:0")), operators))
+    assert [each.is_skipped for each in swept] == [True, False]
+    assert undone(swept) == (0, 0)
+    assert sum("bathtub" in record.getMessage() for record in caplog.records) == 2, "one line for each campaign"

@@ -1,0 +1,77 @@
+"""The emergency stop key, on a pseudo-terminal."""
+
+import os
+import pty
+import termios
+import threading
+
+import pytest
+
+from vsnbench.runner.stopping.emergency_key import EmergencyStop
+from vsnbench.runner.stopping.requests import Ends, StopAuthor, StopRequest
+
+
+@pytest.fixture
+def terminal():
+    master, slave = pty.openpty()
+    yield master, slave
+    os.close(master)
+    os.close(slave)
+
+
+def cooked(descriptor: int) -> bool:
+    return bool(termios.tcgetattr(descriptor)[3] & termios.ICANON)
+
+
+class Asked:
+    """Somebody who can be asked to stop."""
+
+    def __init__(self) -> None:
+        self.requests: list[StopRequest] = []
+        self.halted = threading.Event()
+
+    def ask(self, request: StopRequest) -> None:
+        assert not self.halted.is_set(), "or the halted movement would be taken for the base's failure"
+        self.requests.append(request)
+
+    def stop_key(self, descriptor: int | None = None) -> EmergencyStop:
+        return EmergencyStop(self.halted.set, self.ask, descriptor)
+
+
+@pytest.mark.parametrize("key", [b" ", b"\x1b"])
+def test_the_key_requests_the_end_of_the_episode_and_halts_the_robot(terminal, key) -> None:
+    master, slave = terminal
+    asked = Asked()
+    with asked.stop_key(slave):
+        os.write(master, key)
+        assert asked.halted.wait(10)
+    (request,) = asked.requests
+    assert (request.author, request.ends) == (StopAuthor.PERSON, Ends.EPISODE)
+    assert request.description == "stopped with the emergency stop key"
+
+
+def test_other_keys_do_nothing(terminal) -> None:
+    master, slave = terminal
+    asked = Asked()
+    with asked.stop_key(slave):
+        os.write(master, b"x")
+        os.write(master, b" ")
+        assert asked.halted.wait(10)
+    assert len(asked.requests) == 1
+
+
+def test_the_terminal_is_restored_for_answers_and_at_the_end(terminal) -> None:
+    _, slave = terminal
+    assert cooked(slave)
+    with Asked().stop_key(slave) as stop:
+        assert not cooked(slave)
+        with stop.off():
+            assert cooked(slave)
+        assert not cooked(slave)
+    assert cooked(slave)
+
+
+def test_without_a_terminal_no_thread_runs() -> None:
+    before = threading.active_count()
+    with Asked().stop_key(), Asked().stop_key() as stop, stop.off():
+        assert threading.active_count() == before

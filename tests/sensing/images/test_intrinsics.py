@@ -1,0 +1,157 @@
+"""Images are rectified to the ideal camera: exact geometry, no mixed depth, ideal images unchanged."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics, Rectifier, rectifier_of
+from vsnbench.values.camera import Camera
+
+CAMERA = Camera(width=160, height=120, horizontal_fov_deg=60, mount_height_m=0.6)
+BENT = (0.1, -0.15, 0.001, -0.001, 0.02)
+FISHEYE = (0.02, -0.01, 0.001, 0.0)
+
+
+def info(intrinsics: Intrinsics, generation: int = 1, **other: Any) -> Any:
+    """Return them as a camera_info message of a ROS generation."""
+    one = intrinsics
+    k = [one.focal_x_px, 0.0, one.center_x_px, 0.0, one.focal_y_px, one.center_y_px, 0.0, 0.0, 1.0]
+    p = [one.focal_x_px, 0.0, one.center_x_px, 0.0, 0.0, one.focal_y_px, one.center_y_px, 0.0, 0.0, 0.0, 1.0, 0.0]
+    model = one.distortion_model or "plumb_bob"
+    fields = {"K": k, "D": list(one.distortion), "P": p} | other
+    fields = {name if generation == 1 else name.lower(): value for name, value in fields.items()}
+    return SimpleNamespace(width=one.width, height=one.height, distortion_model=model, **fields)
+
+
+def ideal() -> Intrinsics:
+    return Intrinsics(160, 120, CAMERA.focal_px, CAMERA.focal_px, *CAMERA.center_px)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_an_image_of_the_ideal_camera_is_only_turned_upright(turns: int) -> None:
+    upright = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
+    raw = np.ascontiguousarray(np.rot90(upright, turns))
+    height, width = raw.shape[:2]
+    same = Intrinsics(width, height, CAMERA.focal_px, CAMERA.focal_px, (width - 1) / 2, (height - 1) / 2)
+    rectifier = Rectifier(CAMERA, same, turns)
+    assert not rectifier.resamples
+    assert np.array_equal(rectifier.image(raw), upright)
+    assert np.array_equal(rectifier.labels(raw[..., 0]), upright[..., 0])
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    focal=st.floats(0.92, 1.08),
+    center_x_px=st.floats(-8, 8),
+    center_y_px=st.floats(-8, 8),
+    roll_deg=st.floats(-6, 6),
+    lens=st.sampled_from([("", ()), ("plumb_bob", BENT), ("equidistant", FISHEYE)]),
+    turns=st.integers(0, 3),
+    right=st.floats(-0.35, 0.35),
+    down=st.floats(-0.25, 0.25),
+)
+def test_a_ray_is_found_where_the_profiles_camera_has_it(
+    focal: float,
+    center_x_px: float,
+    center_y_px: float,
+    roll_deg: float,
+    lens: tuple[str, tuple[float, ...]],
+    turns: int,
+    right: float,
+    down: float,
+) -> None:
+    width, height = (120, 160) if turns % 2 else (160, 120)
+    real = Intrinsics(
+        width,
+        height,
+        focal * CAMERA.focal_px,
+        focal * CAMERA.focal_px,
+        (width - 1) / 2 + center_x_px,
+        (height - 1) / 2 + center_y_px,
+        lens[1],
+        lens[0],
+    )
+    # Where the real camera, rolled and mounted in quarter turns, sees the ray.
+    roll = math.radians(roll_deg)
+    a = math.cos(roll) * right + math.sin(roll) * down
+    b = math.cos(roll) * down - math.sin(roll) * right
+    for _ in range(turns):
+        a, b = b, -a
+    ((column, row),) = real.project(np.array([a]), np.array([b]))
+    rows, columns = np.indices((height, width))
+    spot = np.exp(-((rows - row) ** 2 + (columns - column) ** 2) / 8)
+    rolled = CAMERA.model_copy(update={"roll_deg": roll_deg})
+    seen = Rectifier(rolled, real, turns).labels(spot)
+    at_row, at_column = (np.indices(seen.shape) * seen).sum(axis=(1, 2)) / max(seen.sum(), 1e-9)
+    (cx, cy) = CAMERA.center_px
+    inside = 8 < column < width - 8 and 8 < row < height - 8
+    if inside and seen.sum() > 20:
+        assert at_column == pytest.approx(cx + CAMERA.focal_px * right, abs=1.0)
+        assert at_row == pytest.approx(cy + CAMERA.focal_px * down, abs=1.0)
+
+
+def test_depth_beyond_the_real_image_is_invalid_and_never_mixed() -> None:
+    narrow = Intrinsics(160, 120, 1.06 * CAMERA.focal_px, 1.06 * CAMERA.focal_px, *CAMERA.center_px)
+    depth_m = np.where(np.indices((120, 160))[1] < 80, 1.0, 3.0).astype(np.float32)
+    seen = Rectifier(CAMERA, narrow).depth(depth_m)
+    assert set(np.unique(np.round(seen[~np.isnan(seen)], 5))) == {1.0, 3.0}
+    assert np.isnan(seen[:, 0]).all()
+    assert Rectifier(CAMERA, narrow).image(np.full((120, 160, 3), 9, np.uint8))[60, 0].tolist() == [0, 0, 0]
+
+
+def test_depth_of_a_plane_is_exact_between_pixels() -> None:
+    real = Intrinsics(160, 120, 0.97 * CAMERA.focal_px, 0.97 * CAMERA.focal_px, 82.3, 57.6)
+    rows, columns = np.indices((120, 160))
+
+    def plane_m(intrinsics: Intrinsics) -> Any:
+        right = (columns - intrinsics.center_x_px) / intrinsics.focal_x_px
+        down = (rows - intrinsics.center_y_px) / intrinsics.focal_y_px
+        return (1 / (0.5 + 0.1 * right + 0.6 * down)).astype(np.float32)
+
+    seen = Rectifier(CAMERA, real).depth(plane_m(real))
+    assert np.nanmax(np.abs(seen / plane_m(ideal()) - 1)[2:-2, 2:-2]) < 1e-4
+    assert np.isfinite(seen).mean() > 0.9
+
+
+@pytest.mark.parametrize("generation", [1, 2])
+def test_both_generations_publish_the_same_calibration(generation: int) -> None:
+    bent = Intrinsics(160, 120, 139.0, 140.0, 78.0, 61.0, BENT, "plumb_bob")
+    assert Intrinsics.of(info(bent, generation), "/camera/color/image_raw") == bent
+    flat = Intrinsics.of(info(bent, generation), "/camera/color/image_rect_color")
+    assert flat is not None
+    assert flat.distortion == ()
+    assert Intrinsics.of(info(bent, generation, K=[0.0] * 9), "/camera/color/image_raw") is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Intrinsics(160, 120, 139.0, 139.0, 79.5, 59.5, (0.1, 0.2), "plumb_bob"),
+        Intrinsics(160, 120, 139.0, 139.0, 79.5, 59.5, (0.1,) * 5, "division"),
+        Intrinsics(160, 120, 139.0, 400.0, 79.5, 59.5),
+        Intrinsics(160, 120, 139.0, math.nan, 79.5, 59.5),
+    ],
+    ids=["two coefficients", "unknown model", "not a camera's", "nan"],
+)
+def test_a_calibration_that_cannot_be_used_is_refused(wrong: Intrinsics) -> None:
+    with pytest.raises(CalibrationError, match="/camera/color/image_raw"):
+        Intrinsics.of(info(wrong), "/camera/color/image_raw")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "focal_px"), [(160, 120, 90.0), (160, 90, CAMERA.focal_px)], ids=["field of view", "shape"]
+)
+def test_a_calibration_of_another_camera_is_refused(width: int, height: int, focal_px: float) -> None:
+    other = Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
+    with pytest.raises(CalibrationError):
+        rectifier_of(other, CAMERA, "/camera/color/image_raw")
+
+
+def test_a_calibration_at_another_resolution_is_scaled() -> None:
+    large = Intrinsics(640, 480, 4 * CAMERA.focal_px, 4 * CAMERA.focal_px, 319.5, 239.5)
+    assert not rectifier_of(large, CAMERA, "/camera/color/image_raw").resamples

@@ -1,0 +1,101 @@
+"""Shading of pixels in parallel gives the same result as scalar arithmetic."""
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from tests.simulator.rendering.test_renderer import CAMERA, furnished
+from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer, eye_of
+from vsnbench.simulator.rendering.shading import STRETCH, TONES
+from vsnbench.simulator.rendering.textures import FULL, LEVELS, SIZE, SKY
+from vsnbench.simulator.scene import build_scene
+from vsnbench.values.pose import Pose
+
+
+@pytest.mark.parametrize("pose", [Pose(1.0, 1.0, 0.5), Pose(4.2, 3.2, -2.0), Pose(1.5, 3.5, -0.9)])
+def test_surface_pixels_equal_scalar_arithmetic(pose: Pose) -> None:
+    renderer = Renderer(build_scene(furnished()))
+    frame, eye = renderer.render(CAMERA, pose), eye_of(CAMERA, pose)
+    faces = renderer._buffers[CAMERA.height, CAMERA.width][1].copy()
+    rgb, shaded = shade_alone(renderer, eye, frame, faces)
+    assert np.count_nonzero(shaded) > 0.9 * shaded.size
+    assert np.array_equal(frame.rgb[shaded], rgb[shaded])
+
+
+def shade_alone(
+    renderer: Renderer, eye: Eye, frame: Frame, faces: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_]]:
+    """Return the colours (H, W, 3) of all pixels that show a surface, computed by the textbook, and which those are."""
+    mesh, light = renderer._mesh, renderer._light
+    height, width = faces.shape
+    focal, cx, cy = CAMERA.focal_px, (width - 1) / 2, (height - 1) / 2
+    cos, sin, level, rise = np.cos(eye.heading_rad), np.sin(eye.heading_rad), np.cos(eye.tilt_rad), np.sin(eye.tilt_rad)
+    right, down = np.array([sin, -cos, 0.0]), np.array([cos * rise, sin * rise, -level])
+    forward, at = np.array([cos * level, sin * level, rise]), np.array([eye.x_m, eye.y_m, eye.z_m])
+    tones, atlas, level_start = renderer._tones, renderer._atlas.astype(np.float32), renderer._levels
+    rgb = np.zeros((height, width, 3), np.uint8)
+    shown = (faces >= 0) & (mesh.texture[faces] != SKY)
+    f32 = np.float32
+    for row in range(height):
+        ahead = forward + (row - cy) / focal * down
+        column = 0
+        while column < width:
+            face, first = faces[row, column], column
+            run = first
+            while run < width and faces[row, run] == face:
+                run += 1
+            column = run
+            if not shown[row, first]:
+                continue
+            s_axis, t_axis, picture, thing = mesh.axis_s[face], mesh.axis_t[face], mesh.texture[face], mesh.owner[face]
+            (map_s, off_s, map_t, off_t), place = mesh.texture_map[face], light.place[face]
+            for start in range(first, run, STRETCH):
+                end = min(run, start + STRETCH)
+                z = frame.depth_m[row, start:end].astype(np.float64)
+                offset = np.arange(start, end) - cx
+                s = dot(s_axis, at) + z * (dot(s_axis, ahead) + dot(s_axis, right) / focal * offset)
+                t = dot(t_axis, at) + z * (dot(t_axis, ahead) + dot(t_axis, right) / focal * offset)
+                wide, high = light.size[face]
+                ls = np.clip(s * place[0] + place[1], 0, wide - 1)
+                lt = np.clip(t * place[2] + place[3], 0, high - 1)
+                i, j = np.minimum(ls.astype(int), wide - 2), np.minimum(lt.astype(int), high - 2)
+                cells = light.start[face] + j * wide + i
+                corners = (cells, cells + 1, cells + wide, cells + wide + 1)
+                color = between(light.values, corners, (ls - i).astype(f32), (lt - j).astype(f32))
+                color = (color + f32(mesh.glow[thing])) * mesh.colors[thing].astype(f32)
+                if picture != 0:
+                    middle = (start + end) // 2
+                    far = frame.depth_m[row, middle if middle < run else start]
+                    normal = mesh.normals[face]
+                    tilt = abs(dot(normal, ahead) + dot(normal, right) / focal * ((start + end) * 0.5 - cx))
+                    footprint = far / focal / np.sqrt(max(tilt, 0.02)) * np.sqrt(map_s * map_t) * SIZE
+                    size_level = 0
+                    while footprint > 1.4 and size_level < LEVELS - 1:
+                        footprint, size_level = footprint * 0.5, size_level + 1
+                    size = SIZE >> size_level
+                    u, v = (s * map_s + off_s) * size - 0.5, (t * map_t + off_t) * size - 0.5
+                    iu, iv = np.floor(u).astype(int), np.floor(v).astype(int)
+                    base = picture * ((4 * SIZE * SIZE - 1) // 3) + level_start[size_level]
+                    texels = tuple(base + ((iv + b) % size) * size + (iu + a) % size for b in (0, 1) for a in (0, 1))
+                    color = color * (between(atlas, texels, (u - iu).astype(f32), (v - iv).astype(f32)) * f32(1 / FULL))
+                steps = np.minimum((color * f32(TONES / 2)).astype(int), TONES - 1)
+                rgb[row, start:end] = tones[steps]
+    return rgb, shown
+
+
+def dot(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> float:
+    """Return the inner product, summed from the left."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def between(
+    table: npt.NDArray[np.float32],
+    corners: tuple[npt.NDArray[np.int64], ...],
+    fs: npt.NDArray[np.float32],
+    ft: npt.NDArray[np.float32],
+) -> npt.NDArray[np.float32]:
+    """Return what lies between four rows of a table, (N, 3)."""
+    both = fs * ft
+    shares = (np.float32(1) - fs - (ft - both), fs - both, ft - both, both)
+    parts = [table[corner, :3] * share[:, None] for corner, share in zip(corners, shares, strict=True)]
+    return np.asarray(parts[0] + parts[1] + parts[2] + parts[3])

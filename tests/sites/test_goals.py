@@ -1,0 +1,114 @@
+"""Goals of a site file: what they mean, and which are refused."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.sites.goal_sites import GOALS, write_site
+from vsnbench.errors import SiteError
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.human_verdict import taped
+from vsnbench.protocol.judge import EndReason, distance_to_goal, stop_succeeds
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.sites.goals import MAX_IMAGE_BYTES
+from vsnbench.sites.site import Site, load_site, site_file_faults
+from vsnbench.sites.targets import describe_goal, targets_of
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.goal import GoalKind
+from vsnbench.values.pose import Pose
+
+RULES = ProtocolParameters()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return load_site(write_site(tmp_path))
+
+
+def test_goals_do_not_change_the_hash_of_the_site_and_have_their_own(site: Site, tmp_path: Path) -> None:
+    assert site.sha256 == load_site("apartment").sha256
+    before = {goal.id: goal.sha256 for goal in site.goals}
+    changed = load_site(write_site(tmp_path, GOALS.replace("the red armchair", "the old armchair")))
+    after = {goal.id: goal.sha256 for goal in changed.goals}
+    assert {name for name in before if before[name] != after[name]} == {"red-armchair"}
+
+
+def test_a_recorded_definition_reads_back_with_the_same_hash(site: Site) -> None:
+    back = Site.model_validate({**site.content(), "goals": [goal.content() for goal in site.goals]})
+    assert [goal.sha256 for goal in back.goals] == [goal.sha256 for goal in site.goals]
+
+
+def test_a_policy_receives_words_or_the_photograph(site: Site) -> None:
+    assert describe_goal(site, "red-armchair") == "the red armchair"
+    assert describe_goal(site, "cold-box") == "refrigerator"
+    photo = describe_goal(site, "photo-bed")
+    assert (photo.kind, None if photo.image is None else photo.image.shape) == (GoalKind.IMAGE, (48, 64, 3))
+
+
+def test_targets_are_objects_categories_points_and_regions(site: Site) -> None:
+    found = {goal.id: [target.id for target in targets_of(site, goal.id)] for goal in site.goals}
+    assert found["red-armchair"] == ["armchair"]
+    assert found["cold-box"] == ["refrigerator-1"]
+    assert found["window-corner"] == ["point:1"]
+    assert found["to-the-kitchen"] == ["region:kitchen"]
+
+
+def test_a_region_is_reached_only_with_the_base_inside_it(site: Site) -> None:
+    inside, outside = Pose(1.5, 6.2), Pose(1.5, 5.85)
+    assert stop_succeeds(site, "to-the-kitchen", inside, RULES) == "region:kitchen"
+    assert stop_succeeds(site, "to-the-kitchen", outside, RULES) is None
+    measured = distance_to_goal(site, "to-the-kitchen", Fix(outside, PoseSource.SURVEYED), RULES)
+    assert (measured.distance_m, measured.in_sight) == (pytest.approx(0.05), False)
+    for distance_m, success in ((0.0, True), (0.05, False)):
+        assert taped(EndReason.STOP, 9, distance_m, "region:kitchen", RULES).success is success
+
+
+@pytest.mark.parametrize(("goal", "at"), [("to-the-kitchen", Pose(1.5, 6.2)), ("window-corner", Pose(1.6, 1.0))])
+def test_the_shortest_path_is_zero_where_stop_succeeds(site: Site, goal: str, at: Pose) -> None:
+    space = free_space(site, 0.177)
+    assert stop_succeeds(site, goal, at, RULES)
+    assert space.geodesic_to_goal_m(at, goal, RULES) == pytest.approx(0.0, abs=1e-6)
+    assert 2 < space.geodesic_to_goal_m(site.start(1).pose, goal, RULES) < 20
+
+
+def test_an_instruction_has_trials_from_its_starts_only(site: Site) -> None:
+    assert {number for goal, number in site.excluded if goal == "to-the-kitchen"} == set(range(4, 16))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "- {id: a, kind: text, text: the sofa, targets: [sofa-9]}",
+        "- {id: a, kind: text, text: the sofa, targets: []}",
+        "- {id: a, kind: text, text: the sofa}",
+        "- {id: a, kind: text, targets: [sofa-1]}",
+        "- {id: a, kind: text, text: the sofa, targets: [{category: piano}]}",
+        "- {id: a, kind: text, text: the sofa, targets: [{point: [1, 1], region: [[0, 0], [1, 0], [1, 1]]}]}",
+        "- {id: a, kind: text, text: the sofa, targets: [{region: [[0, 0], [1, 1], [1, 0], [0, 1]]}]}",
+        "- {id: a, kind: text, text: the sofa, targets: [{point: [1, .nan]}]}",
+        "- {id: a, kind: text, text: the sofa, image: bed.png, targets: [sofa-1]}",
+        "- {id: a, kind: smell, text: the sofa, targets: [sofa-1]}",
+        "- {id: a, kind: instruction, text: turn, targets: [sofa-1]}",
+        "- {id: a, kind: instruction, text: turn, targets: [sofa-1], starts: [99]}",
+        "- {id: a, kind: category, category: piano}",
+        "- {id: couch, kind: text, text: the sofa, targets: [sofa-1]}",
+        "- {id: counter, kind: text, text: the sofa, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: gone.png, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: lab.yaml, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: ../secret.png, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: /etc/passwd, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: large.png, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: cut.png, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: {sha256: ''}, targets: [sofa-1]}",
+        "- {id: a, kind: text, text: x, targets: [sofa-1]}\n  - {id: a, kind: text, text: y, targets: [sofa-1]}",
+    ],
+)
+def test_a_wrong_goal_is_refused_in_one_line(tmp_path: Path, wrong: str) -> None:
+    path = write_site(tmp_path, f"\ngoals:\n  {wrong}\n")
+    image = (tmp_path / "bed.png").read_bytes()
+    (tmp_path / "large.png").write_bytes(image + bytes(MAX_IMAGE_BYTES))
+    (tmp_path / "cut.png").write_bytes(image[:40])
+    with pytest.raises(SiteError) as refused:
+        load_site(path)
+    assert "\n" not in str(refused.value)
+    assert site_file_faults(path)

@@ -1,0 +1,83 @@
+"""Mistakes in a site file get one-line errors: wrong unit, decimal comma, missing field, misspelt category."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from vsnbench.sites.length_unit import check_rooms
+from vsnbench.sites.site import embedded_sites, load_site, site_file_faults
+
+
+def apartment() -> str:
+    return embedded_sites()["apartment"].read_text(encoding="utf-8")
+
+
+def problems(tmp_path: Path, text: str) -> list[str]:
+    path = tmp_path / "flat.yaml"
+    path.write_text(text, encoding="utf-8")
+    return [fault.problem for fault in site_file_faults(path)]
+
+
+@pytest.mark.parametrize(("times", "unit"), [(100, "centimetres"), (1000, "millimetres")])
+def test_another_unit_is_one_line_that_names_the_room(tmp_path: Path, times: int, unit: str) -> None:
+    text = re.sub(r"(?<![\w.])\d+\.\d+(?![\w.])", lambda found: f"{float(found[0]) * times:g}", apartment())
+    (problem,) = problems(tmp_path, text)
+    assert f"this looks like {unit}" in problem
+    assert problem.startswith(f"room {load_site('apartment').rooms[0].name} reaches to ")
+
+
+@pytest.mark.parametrize("content", [None, [], {"rooms": 3}, {"rooms": [None, {"polygon": "x"}]}])
+def test_content_that_is_not_a_site_passes_unchanged(content: object) -> None:
+    assert check_rooms(content) == content
+
+
+def test_all_mistakes_are_reported_together(tmp_path: Path) -> None:
+    text = apartment().replace("category: chair,", "category: chairs,", 1)
+    text = re.sub(r"heading_deg: -?\d+(?=, size_m)", "heading_deg: '1,5'", text, count=1)
+    assert problems(tmp_path, text) == [
+        "expected a number, got '1,5': write 1.5, with a point",
+    ]
+    number = re.search(r"number: 1,.*", apartment())
+    assert number is not None
+    left_out = apartment().replace(number[0], re.sub(r", heading_deg: -?[\d.]+", "", number[0]))
+    assert problems(tmp_path, left_out) == ["required field is missing"]
+    commas = re.sub(r"position: \[(\d+)\.(\d+), (\d+)\.(\d+)\]", r"position: [\1,\2, \3,\4]", apartment(), count=1)
+    assert problems(tmp_path, commas) == [
+        "expected 2 values, got 4: is this a decimal comma? Write 1.5, not 1,5: [0.38, 7.12]"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "expected"),
+    [
+        ("size_m: [2.05, ", "size_m: [2050, ", "this looks like millimetres; in metres it is 2.05"),
+        ("size_m: [2.05, ", "size_m: [2000, ", "this looks like centimetres or millimetres; in metres it is 20 or 2"),
+        ("size_m: [2.05, ", "size_m: [205, ", "this looks like centimetres; in metres it is 2.05"),
+        (
+            "position: [8.8, 4.32]",
+            "position: '8.8, 4.32'",
+            "expected a list of coordinates",
+        ),
+        ("position: [8.8, 4.32]", "position: [8.8, 4.32, 0]", "a height after x and y?"),
+        ("position: [8.8, 4.32]", "pos: [8.8, 4.32]", "unknown field: did you mean position?"),
+        ("heading_deg: 165", "heading_deg: North-West", "up 90: write 135"),
+        (
+            "category: rug",
+            "category: round rug",
+            "'round rug': write rug, and use the field model",
+        ),
+        ("starts:", "starts:\nplaces:", "expected a list, got nothing"),
+    ],
+)
+def test_a_mistake_is_reported_with_its_fix(tmp_path: Path, right: str, wrong: str, expected: str) -> None:
+    assert right in apartment()
+    faults = [f"{fault.problem} {fault.advice}" for fault in site_file_faults(place(tmp_path, right, wrong))]
+    assert [fault for fault in faults if expected in fault], faults
+
+
+def place(tmp_path: Path, right: str, slip: str) -> Path:
+    """Write the apartment's file with one slip."""
+    path = tmp_path / "flat.yaml"
+    path.write_text(apartment().replace(right, slip, 1), encoding="utf-8")
+    return path

@@ -1,0 +1,103 @@
+"""The configuration file: precedence, sections, and errors."""
+
+from pathlib import Path
+
+import pytest
+
+from vsnbench.config import (
+    FILE_NAME,
+    ClusterConfig,
+    Config,
+    ConsoleConfig,
+    IsolationConfig,
+    apply_config_defaults,
+    config_defaults,
+    load_config,
+    read_config_file,
+)
+from vsnbench.errors import UsageError
+
+
+def by_name(directory: Path, environment: dict[str, str]) -> dict[str, tuple[str, str]]:
+    return {each.name: (each.value, each.source) for each in config_defaults(directory, environment)}
+
+
+def test_the_environment_comes_before_the_file_and_the_nearest_file_counts(tmp_path: Path) -> None:
+    file = tmp_path / FILE_NAME
+    file.write_text('site = "lab.yaml"\nrobot = "lola2"\nresults = "kept"\n')
+    below = tmp_path / "a" / "b"
+    below.mkdir(parents=True)
+    found = by_name(below, {"VSNBENCH_ROBOT": "turtlebot2"})
+    assert found["robot"] == ("turtlebot2", "VSNBENCH_ROBOT")
+    assert found["site"] == (str(tmp_path / "lab.yaml"), str(file))
+    assert found["results"] == (str(tmp_path / "kept"), str(file))
+    assert found["operator"] == ("", "")
+
+
+def test_the_name_of_an_embedded_site_is_not_a_path(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text('site = "apartment"\n')
+    assert read_config_file(tmp_path / FILE_NAME).defaults == {"site": "apartment"}
+
+
+def test_sections_override_built_in_values_and_their_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text(
+        '[console]\naddress = "0.0.0.0"\ncertificate = "c.pem"\n'
+        '[isolation]\npython = "python3.9"\nmemory_gib = 8\n'
+        "[cluster]\nworkers = 16\ngpus_per_worker = 0.25\n[models]\nact_timeout_s = 5\n"
+    )
+    below = tmp_path / "below"
+    below.mkdir()
+    config = load_config(below)
+    assert config.console == ConsoleConfig("0.0.0.0", 8710, tmp_path / "c.pem", None)
+    assert config.isolation == IsolationConfig(Path("python3.9"), 8.0)
+    assert config.cluster == ClusterConfig(16, 0.25)
+    assert (config.models.act_timeout_s, config.study.model_memory_gib) == (5.0, None)
+    assert load_config(Path("/")) == Config()
+
+
+def test_values_are_passed_to_child_processes_unless_the_environment_has_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / FILE_NAME).write_text('site = "lab.yaml"\nrobot = "lola2"\n')
+    monkeypatch.chdir(tmp_path)
+    environment = {"VSNBENCH_ROBOT": "turtlebot2"}
+    assert [(each.name, each.value) for each in apply_config_defaults(environment)] == [("site", "lab.yaml")]
+    assert environment == {"VSNBENCH_ROBOT": "turtlebot2", "VSNBENCH_SITE": "lab.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "detail"),
+    [
+        ('robots = "lola2"', "unknown-config-key", "'robot'"),
+        ("[cluster]\nworker = 3", "unknown-config-key", "'cluster.workers'"),
+        ("console = 8710", "invalid-config", "[console]"),
+        ("[console]\nport = 70000", "invalid-config", "console.port"),
+        ("[console]\nport = true", "invalid-config", "console.port"),
+        ("[cluster]\nworkers = 1.5", "invalid-config", "cluster.workers"),
+        ("[isolation]\nmemory_gib = nan", "invalid-config", "isolation.memory_gib"),
+        ("[isolation]\npython = 3", "invalid-config", "isolation.python"),
+        ("robot = 3", "invalid-config", "robot"),
+        ('robot = ""', "invalid-config", "robot"),
+        ('site = "a\\nb"', "invalid-config", "site"),
+        ("robot = lola2", "invalid-config", "line 1"),
+        ("[" * 5000, "invalid-config", ""),
+    ],
+)
+def test_an_invalid_file_is_refused_with_its_name(tmp_path: Path, text: str, code: str, detail: str) -> None:
+    (tmp_path / FILE_NAME).write_text(text)
+    with pytest.raises(UsageError) as refused:
+        read_config_file(tmp_path / FILE_NAME)
+    assert refused.value.code == code
+    assert FILE_NAME in str(refused.value)
+    assert detail in str(refused.value)
+
+
+def test_the_default_results_directory_is_next_to_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / FILE_NAME).write_text('site = "lab.yaml"\n')
+    (tmp_path / "walker").mkdir()
+    monkeypatch.chdir(tmp_path / "walker")
+    apply_config_defaults(environment := {})
+    assert environment["VSNBENCH_RESULTS"] == str(tmp_path / "results")
+    monkeypatch.chdir(tmp_path)
+    apply_config_defaults(environment := {})
+    assert "VSNBENCH_RESULTS" not in environment

@@ -1,0 +1,105 @@
+"""Movements with parameters: JSON, decisions made of them, and their limits."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vsnbench.errors import DecisionError
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.decision_check import checked_decision
+from vsnbench.values.movement import (
+    MAX_PARTS,
+    ActionKind,
+    Chunk,
+    Move,
+    Movement,
+    Pixel,
+    Trajectory,
+    Velocity,
+    Waypoint,
+    movement_from_json,
+    movement_text,
+    movement_to_json,
+)
+
+METRES = st.floats(-3, 3)
+MOVEMENTS: st.SearchStrategy[Movement] = st.one_of(
+    st.builds(Move, METRES, METRES),
+    st.builds(Waypoint, METRES, METRES, st.none() | METRES),
+    st.builds(Trajectory, st.lists(st.tuples(METRES, METRES), min_size=2, max_size=2).map(tuple)),
+    st.builds(Velocity, METRES, METRES, st.floats(0.1, 2)),
+    st.builds(Pixel, st.floats(0, 639), st.floats(0, 479)),
+)
+
+
+@given(MOVEMENTS)
+def test_json_and_check_keep_a_movement(movement: Movement) -> None:
+    assert movement_from_json(movement_to_json(movement)) == movement
+    decision = checked_decision(Decision(movement))
+    assert decision.movement == movement
+    assert decision.action.has_parameters
+    assert movement_text(movement)
+
+
+def test_a_chunk_is_a_decision_of_several_parts() -> None:
+    decision = checked_decision(Decision(Chunk((Action.TURN_LEFT, Waypoint(1.0, 0.0)))))
+    assert decision.parts == (Action.TURN_LEFT, Waypoint(1.0, 0.0))
+    assert decision.kinds == {ActionKind.CHUNK, ActionKind.DISCRETE, ActionKind.WAYPOINT}
+    assert (decision.action, decision.movement) == (Action.TURN_LEFT, None)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Waypoint(math.nan, 0.0),
+        Waypoint(10_000.0, 0.0),
+        Waypoint(1.0, 0.0, math.inf),
+        Waypoint("1", 0.0),  # type: ignore[arg-type]
+        Velocity(9_000.0, 0.0, 1.0),
+        Velocity(0.2, 0.0, 3600.0),
+        Velocity(0.2, 0.0, 0.0),
+        Move(0.0, 1e9),
+        Trajectory(((1.0, 0.0),)),
+        Trajectory(tuple((float(k), 0.0) for k in range(12))),
+        Trajectory(((1.0, 0.0), (2.0,))),  # type: ignore[arg-type]
+        Trajectory(None),  # type: ignore[arg-type]
+        Pixel(1e6, 0.0),
+        Chunk(()),
+        Chunk((Action.STOP,) * (MAX_PARTS + 1)),
+        Chunk((Chunk((Action.STOP,)),)),  # type: ignore[arg-type]
+        Chunk((Action.WAYPOINT,)),
+        Action.WAYPOINT,
+    ],
+)
+def test_a_movement_that_cannot_be_executed_is_refused(answer: Movement | Chunk | Action) -> None:
+    with pytest.raises(DecisionError):
+        checked_decision(Decision(answer))
+
+
+def test_an_action_that_does_not_fit_its_movement_is_refused() -> None:
+    with pytest.raises(DecisionError):
+        checked_decision(Decision(Action.VELOCITY, movement=Waypoint(1.0, 0.0)))
+    with pytest.raises(DecisionError):
+        checked_decision(Decision(Action.STOP, movement=Waypoint(1.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        {"kind": "fly"},
+        {"kind": "waypoint"},
+        {"kind": "waypoint", "x_m": "a", "y_m": 0},
+        None,
+        [],
+        {"kind": []},
+        {"kind": "trajectory", "points": 3},
+        {"kind": "velocity", "linear_m_s": 1e309},
+    ],
+)
+def test_json_that_is_not_a_movement_is_refused(content: object) -> None:
+    with pytest.raises(ValueError, match=r"movement|finite|convert"):
+        movement_from_json(content)  # type: ignore[arg-type]

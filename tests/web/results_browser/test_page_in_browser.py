@@ -1,0 +1,177 @@
+"""The page of a results directory in Chromium, by keyboard and at a phone's width."""
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page
+
+from tests.accessibility import accessibility_findings
+from tests.cli.chromium import chromium
+from tests.cli.test_record_verbs import vsnbench
+from tests.processes import wait_until
+from tests.results.records_of_a_lab import plan, run, stopped
+from tests.web.results_browser.served_record import HOSTILE, make_record, served
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.writing.journal import Journal
+
+pytestmark = pytest.mark.browser
+WIDE, PHONE = (1280, 800), (390, 844)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A browser shared by all tests."""
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """A record of two models; the first one fails where the second one succeeds."""
+    make_record(tmp_path)
+    return tmp_path
+
+
+def opened(browser: Browser, address: str, size: tuple[int, int] = WIDE) -> Page:
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.set_default_timeout(60_000)
+    page.on("request", lambda request: outside.append(request.url) if "127.0.0.1" not in request.url else None)
+    outside: list[str] = []
+    page.goto(address)
+    page.wait_for_selector(".rows .line")
+    assert outside == [], "no request leaves this machine"
+    return page
+
+
+def test_a_disagreement_is_found_opened_scrubbed_and_tagged_by_keyboard(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = opened(browser, address)
+        page.keyboard.press("/")
+        assert page.evaluate("document.activeElement.id") == "filter-model"
+        page.select_option("#filter-differ", "slow failed, fast succeeded")
+        page.wait_for_selector(".pairs .line")
+        page.keyboard.press("Escape")
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".two .player")
+        assert page.url.endswith("#/compare/1/4")
+        page.keyboard.press("End")
+        assert page.locator(".banner.failure").inner_text().startswith("✗")
+        assert page.locator(".banner.success").inner_text().startswith("✓")
+        page.keyboard.press("ArrowLeft")
+        assert page.locator(".banner.driving").count() == 2
+        wait_until(lambda: page.evaluate("document.querySelector('.camera').naturalWidth") == 64, "the image is loaded")
+        page.keyboard.press("t")
+        page.keyboard.type("glare")
+        page.keyboard.press("Enter")
+        page.get_by_label("remove tag glare").wait_for()
+        with page.expect_download() as video:
+            page.click("#video")
+        assert video.value.suggested_filename == "episodes-1-4.mp4"
+        assert Path(video.value.path()).read_bytes()[4:8] == b"ftyp"
+        page.keyboard.press("Escape")
+        page.wait_for_selector(".pairs .line")
+        assert "#/?differ=slow" in page.url
+        page.close()
+    with open_record(sqlite_url(results / "vsnbench.db")) as engine:
+        assert episode_details(engine, 1).summary.tags == ("glare",)
+
+
+def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = opened(browser, address)
+        for view, selector in (
+            ("#/", ".rows .line"),
+            ("#/?view=grid", ".grid"),
+            ("#/episode/1", ".player"),
+            ("#/compare/1/4", ".two"),
+            ("#/?differ=slow+failed%2C+fast+succeeded", ".pairs"),
+        ):
+            page.goto(f"{address.partition('?')[0]}{view}")
+            page.wait_for_selector(selector)
+            page.keyboard.press("End")
+            assert accessibility_findings(page) == [], view
+            for width, height in (WIDE, PHONE):
+                page.set_viewport_size({"width": width, "height": height})
+                assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        page.close()
+
+
+def test_the_grid_fills_while_a_run_goes_on(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = opened(browser, f"{address}#/")
+        page.keyboard.press("g")
+        page.wait_for_selector(".mark")
+        assert page.locator(".mark").count() == 5
+        with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
+            trials = journal.find_or_create_campaign(plan(seed=7)).trials
+            run(journal, trials[3], stopped(success=True))
+        wait_until(lambda: page.locator(".mark").count() == 6, "the new episode is in the grid")
+        page.close()
+
+
+def test_names_from_a_record_are_text(browser: Browser, tmp_path: Path) -> None:
+    make_record(tmp_path, (HOSTILE, "fast"))
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        journal.add_event("note", HOSTILE, author=HOSTILE, episode_id=1)
+    with served(tmp_path) as address:
+        page = opened(browser, address)
+        for view, selector in (("#/?view=grid", ".grid"), ("#/episode/1", ".history"), ("#/compare/1/4", ".two")):
+            page.goto(f"{address.partition('?')[0]}{view}")
+            page.wait_for_selector(selector)
+        assert "onerror" in page.locator(".history").first.inner_text()
+        assert page.evaluate("window.pwned") is None
+        page.close()
+
+
+def test_a_script_in_any_text_of_a_record_does_not_run(browser: Browser, tmp_path: Path) -> None:
+    record, site = tmp_path / "results", tmp_path / "site"
+    make_record(record)
+    with Journal.open(sqlite_url(record / "vsnbench.db")) as journal:
+        journal.add_event("note", "text", author="ada", episode_id=1)
+    changed = poison(record / "vsnbench.db")
+    assert len(changed) > 30, "most tables have texts"
+    with served(record) as address:
+        page = browser.new_page()
+        page.set_default_timeout(60_000)
+        for view, selector in (
+            ("", ".rows .line"),
+            ("#/?view=grid", ".grid"),
+            ("#/episode/1", ".history"),
+            ("#/compare/1/4", ".two"),
+        ):
+            page.goto(f"{address if not view else address.partition('?')[0]}{view}")
+            page.wait_for_selector(selector)
+        assert page.evaluate("window.pwned") is None
+        page.close()
+    done = vsnbench(record, "report", "--website", str(site))
+    assert done.returncode in (0, 1), done.stderr
+    if done.returncode == 0:
+        page = browser.new_page()
+        page.goto(f"file://{site}/index.html")
+        page.wait_for_selector("#answer")
+        assert page.evaluate("window.pwned") is None
+        page.close()
+
+
+def poison(database: Path) -> list[str]:
+    """Put a script into every text of a record that is not a key or one of a few fixed words."""
+    fixed = {"action", "key", "uuid", "sha256", "protocol_sha256", "state", "end_reason", "images_directory", "origin"}
+    changed = []
+    with sqlite3.connect(database) as opened:
+        tables = [row[0] for row in opened.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        for table in tables:
+            if table in ("alembic_version", "sqlite_sequence"):
+                continue
+            for column in opened.execute(f"PRAGMA table_info({table})").fetchall():
+                name, kind = column[1], column[2]
+                if kind != "TEXT" or name in fixed or name.endswith(("_source", "_digest", "_at")):
+                    continue
+                text = "? || rowid" if (table, name) == ("trial", "goal") else "?"  # unique in a campaign
+                update = f"UPDATE {table} SET {name} = {text} WHERE {name} IS NOT NULL"
+                opened.execute(update, (HOSTILE,))
+                changed.append(f"{table}.{name}")
+    return changed

@@ -1,0 +1,100 @@
+"""The website is served by Python's own file server, under a path, as a static host would."""
+
+import functools
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import cv2
+import pytest
+
+from tests.cli.chromium import chromium_page
+from tests.cli.test_record_verbs import vsnbench
+from tests.processes import wait_until
+from tests.web.results_browser.served_record import HOSTILE, make_record
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
+        pass
+
+
+@contextmanager
+def static_host(directory: Path) -> Iterator[str]:
+    handler = functools.partial(_Quiet, directory=str(directory))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The parent of a website `lab` of a record whose first model has a hostile name."""
+    folder = tmp_path_factory.mktemp("website")
+    make_record(folder / "results", (HOSTILE, "fast"))
+    done = vsnbench(folder / "results", "report", "--website", str(folder / "lab"), "--json")
+    assert done.returncode == 0, done.stderr
+    counts = json.loads(done.stdout)
+    assert (counts["episodes"], counts["images"], counts["videos"], counts["problems"]) == (5, 12, 4, [])
+    return folder
+
+
+@pytest.mark.browser
+def test_episodes_are_looked_at_without_a_server_of_ours(site: Path) -> None:
+    with static_host(site) as address, chromium_page(1280, 800) as page:
+        problems: list[str] = []
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda request: problems.append(request.url) if address not in request.url else None)
+        page.goto(f"{address}/lab/")
+        page.get_by_role("link", name="Episodes").first.click()
+        page.wait_for_selector(".rows .line")
+        page.goto(f"{address}/lab/episodes.html#/compare/1/4")
+        page.wait_for_selector(".two .plan svg")
+        page.keyboard.press("End")
+        assert page.locator(".banner.failure").count() == page.locator(".banner.success").count() == 1
+        page.keyboard.press("ArrowLeft")
+        wait_until(lambda: page.evaluate("document.querySelector('.camera').naturalWidth") == 64, "an image is shown")
+        assert page.locator("[data-annotation]").count() == 0
+        page.goto(f"{address}/lab/episodes.html#/episode/4")
+        page.wait_for_selector("#video")
+        with page.expect_download() as video:
+            page.click("#video")
+        assert Path(video.value.path()).read_bytes()[4:8] == b"ftyp"
+        page.get_by_role("link", name="Report").click()
+        page.wait_for_selector("#answer")
+        assert page.evaluate("window.pwned") is None
+        assert problems == []
+
+
+def test_the_headline_has_the_rates_with_schema_and_version(site: Path) -> None:
+    headline = json.loads((site / "lab" / "headline.json").read_text())
+    assert headline["schema"] == 1
+    rates = {condition["name"]: (condition["successes"], condition["episodes"]) for condition in headline["conditions"]}
+    assert sorted(rates.values()) == [(1, 2), (2, 2)]
+    assert all(0 <= condition["interval"][0] <= condition["interval"][1] <= 1 for condition in headline["conditions"])
+
+
+def test_a_selection_limits_the_site_and_replaces_the_one_before(site: Path, tmp_path: Path) -> None:
+    target = tmp_path / "site"
+    for words in ([], ["--model", "fast", "--without-videos"]):
+        assert vsnbench(site / "results", "report", "--website", str(target), *words).returncode == 0
+    assert sorted(file.name for file in (target / "data").glob("episode-*.json")) == [
+        "episode-4.json",
+        "episode-5.json",
+    ]
+    assert sorted(file.name for file in (target / "images").iterdir()) == ["4", "5"]
+    assert not (target / "video").exists()
+
+
+def test_images_are_made_smaller_and_a_directory_of_others_is_not_touched(site: Path, tmp_path: Path) -> None:
+    picture = cv2.imread(str(site / "lab" / "images" / "1" / "1.jpg"))
+    assert picture is not None
+    assert picture.shape == (48, 64, 3)
+    (tmp_path / "thesis.tex").write_text("mine")
+    done = vsnbench(site / "results", "report", "--website", str(tmp_path))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]

@@ -1,0 +1,334 @@
+"""`vsnbench models`: create, list, show, check, serve and fetch models."""
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from vsnbench.cli.models.cards import card_json, card_rows
+from vsnbench.cli.models.serving import check_against_contract, check_served, serve
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
+from vsnbench.cli.support.options import Protocol
+from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import safe
+from vsnbench.config import BUILT_IN_PROTOCOL
+from vsnbench.text.terminal import Console
+
+if TYPE_CHECKING:
+    from vsnbench.models.contract import ModelCard, ModelCheck
+    from vsnbench.models.description import ModelDescription
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+ModelName = Annotated[str, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")]
+
+
+@app.command()
+def new(
+    directory: Annotated[
+        Path, typer.Argument(help="New directory; its name becomes the name of the model.", metavar="DIR")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Create a package with a working model, its settings, tests and README.
+
+    [bold]Example[/bold]
+
+        vsnbench models new mine
+        cd mine
+        vsnbench run --model mine.policy:Mine --goal chair --starts 1 --watch
+    """
+    from vsnbench.models.starting import write_model_package
+
+    model, files = write_model_package(directory)
+    print_files(files, as_json=as_json, model=model)
+    typer.echo(f"next: cd {shlex.quote(str(directory))} && vsnbench models check {model}", err=True)
+    typer.echo(f"      vsnbench run --model {model} --goal chair --starts 1 --watch", err=True)
+
+
+app.command("serve")(serve)
+
+
+@app.command("list")
+def list_models(as_json: Json = False) -> None:
+    """List built-in models and installed plug-ins.
+
+    [bold]Examples[/bold]
+
+        vsnbench models list
+        vsnbench models list --json
+    """
+    from vsnbench.errors import ModelError
+    from vsnbench.models.description import describe_model
+    from vsnbench.models.names import known_models
+
+    described, broken = [], []
+    for name in known_models():
+        try:
+            described.append(describe_model(name))
+        except ModelError as error:
+            broken.append({"name": name, "error": str(error)})
+    if as_json:
+        print_json([_description_json(model) for model in described] + broken)
+        return
+    columns = (
+        name_column("model"),
+        prose_column("description"),
+        prose_column("goals", rank=1),
+        prose_column("weights"),
+    )
+    rows = [(safe(model.name), safe(model.summary), safe(_goals(model)), _weights_state(model)) for model in described]
+    print_list(
+        columns, [*rows, *((safe(model["name"]), f"[red]{safe(model['error'])}[/red]", "", "") for model in broken)]
+    )
+
+
+@app.command()
+def show(name: ModelName, as_json: Json = False) -> None:
+    """Show a model: goals, sensors, options, settings and the location of its weights.
+
+    [bold]Examples[/bold]
+
+        vsnbench models show pirlnav
+        vsnbench models show mylab.policy:Policy --json
+    """
+    from vsnbench.models.description import describe_model
+
+    model = describe_model(name)
+    if as_json:
+        print_json(_description_json(model))
+        return
+    console = Console()
+    console.print(f"[bold]{model.name}[/bold]: {model.summary}\n", highlight=False)
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("class", model.where)
+    grid.add_row("goals", _goals(model))
+    for row in card_rows(model.card):
+        grid.add_row(*row)
+    if model.sensors:
+        grid.add_row("sensors", ", ".join(model.sensors))
+    flags, others = _keywords(model)
+    grid.add_row("options", ", ".join(flags) or "none")
+    if others:
+        grid.add_row("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})")
+    grid.add_row("weights", _weights_state(model))
+    if model.weights_file:
+        from vsnbench.models.checkpoints.weights import weights_directory
+
+        grid.add_row("", f"searched at {weights_directory() / model.weights_file}")
+    console.print(grid, highlight=False, soft_wrap=True)
+    if model.settings_class is not None:
+        console.print("\n[bold]Settings[/bold] (YAML file of --model-config)", highlight=False)
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for heading in ("setting", "default", "meaning"):
+            table.add_column(heading, overflow="fold")
+        for field, default, meaning in _settings_of(model):
+            table.add_row(field, default, meaning)
+        console.print(table, highlight=False)
+
+
+@app.command()
+def check(
+    name: ModelName,
+    weights: Annotated[
+        Path | None,
+        typer.Option("--weights", "-w", help="File of the weights, or 'embedded'. Default: $VSNBENCH_WEIGHTS."),
+    ] = None,
+    model_config: Annotated[
+        Path | None, typer.Option("--model-config", help="YAML file of the model's settings.")
+    ] = None,
+    device: Annotated[str, typer.Option("--device", help="Device: auto, cpu, cuda or mps.")] = "auto",
+    protocol: Protocol = BUILT_IN_PROTOCOL,
+    as_json: Json = False,
+) -> None:
+    """Check a model: the weights of a built-in model, or the behaviour of a class or server.
+
+    Weights are compared with plain PyTorch. No code in the file runs; damaged or hostile files are refused.
+    Classes and servers must be deterministic for a seed, independent of earlier episodes, accept unusual images, and
+    answer in time (docs/models.md, docs/wire.md). Exit code 1 if a check fails.
+    A model whose card assumes other step sizes than the protocol's gets a warning.
+
+    [bold]Examples[/bold]
+
+        vsnbench models check mylab.policy:MyModel
+        vsnbench models check pirlnav --weights objectnav_rl_ft_hd.ckpt
+        vsnbench models check pirlnav --device cpu --json
+        vsnbench models check ws://127.0.0.1:8765
+    """
+    from vsnbench.models.description import describe_model
+    from vsnbench.models.registry import locate
+    from vsnbench.protocol.named import load_protocol
+    from vsnbench.runner.setup.trial_setup import warn_of_assumptions
+
+    parameters = load_protocol(protocol)
+    if name.startswith(("ws://", "wss://")):
+        check_served(name, model_config, parameters, as_json=as_json)
+        return
+    if not describe_model(name).can_check:
+        given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
+        options = {option: value for option, value in given.items() if value is not None}
+        check_against_contract(name, options, parameters, as_json=as_json)
+        return
+    _, factory = locate(name)
+    report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
+    card = report.card or describe_model(name).card
+    if card is not None:
+        warn_of_assumptions(card, parameters)
+    if as_json:
+        print_json({**_check_json(report), **card_json(card)})
+    else:
+        _print_check(report, card)
+
+
+@app.command()
+def fetch(
+    name: ModelName,
+    url: Annotated[str, typer.Argument(help="Address of the file.", metavar="URL")],
+    sha256: Annotated[str, typer.Option("--sha256", help="Expected SHA-256 of the file.", metavar="HASH")],
+    as_json: Json = False,
+) -> None:
+    """Download weights, resume an interrupted download, and verify the hash.
+
+    Addresses are in docs/pirlnav.md. The directory is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
+
+    [bold]Example[/bold]
+
+        vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
+    """
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+    from vsnbench.errors import UsageError
+    from vsnbench.models.checkpoints.fetching import fetch as download
+    from vsnbench.models.checkpoints.weights import weights_directory
+    from vsnbench.models.description import describe_model
+
+    model = describe_model(name)
+    if not model.weights_file:
+        raise UsageError(f"model {name} has no weights to fetch")
+    destination = weights_directory() / model.weights_file
+    console = Console(stderr=True)
+    columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    task = bar.add_task(model.weights_file, total=None)
+
+    def progress(received_bytes: int, total_bytes: int | None) -> None:
+        bar.start()
+        bar.update(task, completed=received_bytes, total=total_bytes)
+
+    try:
+        downloaded = download(url, destination, sha256, progress)
+    finally:
+        bar.stop()
+    if as_json:
+        print_files([destination], as_json=True, fetched=downloaded, sha256=sha256)
+        return
+    typer.echo(f"{destination}" if downloaded else f"{destination} (already downloaded)")
+    if model.can_check:
+        typer.echo(f"next: vsnbench models check {name}", err=True)
+
+
+def _goals(model: "ModelDescription") -> str:
+    return "any" if model.goals is None else ", ".join(model.goals)
+
+
+def _keywords(model: "ModelDescription") -> tuple[list[str], list[str]]:
+    """Return the keywords of the class that are options of `vsnbench run`, and the others with their defaults."""
+    from vsnbench.models.registry import FLAGS
+
+    flags = [f"--{name.replace('_', '-')}" for name in model.keywords if name in FLAGS]
+    others = [f"{name}={value}" if value else name for name, value in model.keywords.items() if name not in FLAGS]
+    return flags, others
+
+
+def _weights_state(model: "ModelDescription") -> str:
+    from vsnbench.models.checkpoints.weights import embedded_weights, weights_directory
+
+    if not model.weights_file:
+        return "not needed"
+    if (weights_directory() / model.weights_file).is_file():
+        return "[green]found[/green]"
+    if embedded_weights(model.weights_file) is not None:
+        return "[green]embedded[/green] (demonstration)"
+    return "[yellow]missing[/yellow]"
+
+
+def _settings_of(model: "ModelDescription") -> list[tuple[str, str, str]]:
+    if model.settings_class is None:
+        return []
+    rows = []
+    for field, info in model.settings_class.model_fields.items():
+        default = getattr(info.default, "value", info.default)
+        text = {None: "not set", True: "true", False: "false"}.get(default, str(default))
+        rows.append((field, text, info.description or ""))
+    return rows
+
+
+def _description_json(model: "ModelDescription") -> dict[str, Any]:
+    return {
+        "name": model.name,
+        "class": model.where,
+        "summary": model.summary,
+        "goals": None if model.goals is None else list(model.goals),
+        **card_json(model.card),
+        "sensors": [sensor.value for sensor in model.sensors],
+        "options": _keywords(model)[0],
+        "keywords": dict(model.keywords),
+        "weights_file": model.weights_file or None,
+        "settings": {name: default for name, default, _ in _settings_of(model)},
+    }
+
+
+def _check_json(report: "ModelCheck") -> dict[str, Any]:
+    return {
+        "model": report.model,
+        "weights": str(report.weights),
+        "sha256": report.sha256,
+        "size_bytes": report.size_bytes,
+        **report.facts,
+        "engine": report.chosen_engine,
+        "parity": None if report.parity is None else dict(report.parity),
+        "timings": [
+            {"engine": timing.engine, "median_ms": round(timing.median_ms, 3), "steps": timing.steps}
+            for timing in report.timings
+        ],
+        "warning": report.warning or None,
+    }
+
+
+def _print_check(report: "ModelCheck", card: "ModelCard | None") -> None:
+    console = Console()
+    console.print(f"[bold]{report.weights}[/bold]", highlight=False, soft_wrap=True)
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("sha256", report.sha256)
+    grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
+    for fact, value in report.facts.items():
+        grid.add_row(fact.replace("_", " "), _fact_text(value))
+    for row in card_rows(card):
+        grid.add_row(*row)
+    grid.add_row("engine", report.chosen_engine)
+    grid.add_row("parity", _parity_text(report))
+    for timing in report.timings:
+        grid.add_row("time", f"{timing.median_ms:.1f} ms per step, median of {timing.steps}: {timing.engine}")
+    if len(report.timings) == 2:
+        reference, chosen = report.timings
+        grid.add_row("", f"{reference.median_ms / chosen.median_ms:.2f} times the speed of the reference")
+    console.print(grid, highlight=False, soft_wrap=True)
+
+
+def _fact_text(value: str | int | float | bool | None) -> str:  # noqa: PYI041 - each has its own format
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def _parity_text(report: "ModelCheck") -> str:
+    if report.parity is None:
+        return "this is the reference engine" + (f": {report.warning}" if report.warning else "")
+    return (
+        f"[green]agrees[/green] with PyTorch on the CPU: logits within {report.parity['largest_logit_difference']:.1e} "
+        f"(allowed {report.parity['tolerance']:.1e}), same actions, {report.parity['steps']} steps"
+    )

@@ -1,0 +1,155 @@
+"""`vsnbench models serve`, and the checks of `models check` for classes and servers."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from vsnbench.cli.support.output import print_json
+from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.models.contract_check import ContractFinding
+    from vsnbench.protocol.parameters import ProtocolParameters
+
+_ADDRESS = "Address"
+
+
+def serve(  # noqa: PLR0913 - Typer needs a parameter per option
+    model: Annotated[
+        str | None, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host", help="Address to listen on; others than loopback need $VSNBENCH_TOKEN.", rich_help_panel=_ADDRESS
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port; 0 for any free port.", rich_help_panel=_ADDRESS)
+    ] = 8765,
+    unix_path: Annotated[
+        Path | None, typer.Option("--unix-path", help="Socket file instead of host and port.", rich_help_panel=_ADDRESS)
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", help="PEM file for wss://.", rich_help_panel=_ADDRESS)
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option("--key", help="PEM file of the certificate's private key.", rich_help_panel=_ADDRESS)
+    ] = None,
+    weights: Annotated[Path | None, typer.Option("--weights", "-w", help="File of the weights, or 'embedded'.")] = None,
+    model_config: Annotated[
+        Path | None, typer.Option("--model-config", help="YAML file of the model's settings.")
+    ] = None,
+    device: Annotated[str | None, typer.Option("--device", help="Device: auto, cpu, cuda or mps.")] = None,
+    write_stub: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-stub", metavar="DIR", help="Write vsnbench_policy.py, which serves a model without vsnbench."
+        ),
+    ] = None,
+) -> None:
+    """Serve a model over the network; the client runs `vsnbench run --model ws://HOST:PORT`.
+
+    [bold]Examples[/bold]
+
+        vsnbench models serve pirlnav --port 8765
+        VSNBENCH_TOKEN=secret vsnbench models serve pirlnav --host 0.0.0.0
+        vsnbench models serve --write-stub ~/mymodel
+
+    The file of the last example serves a model in an environment without vsnbench
+    (docs/models.md, docs/wire.md).
+    """
+    if (model is None) == (write_stub is None):
+        raise UsageError("give either a model to serve, or a directory with --write-stub")
+    if write_stub is not None:
+        _write_stub(write_stub)
+        return
+    from vsnbench.models.process_exit import process_exit_refused
+    from vsnbench.models.registry import create_policy
+    from vsnbench.models.remote.serving import ServedPolicy
+    from vsnbench.models.remote.vsnbench_policy import serve as serve_policy
+
+    values = {"weights": weights, "model_config": model_config, "device": device}
+    options: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
+    try:
+        with process_exit_refused():
+            policy = create_policy(str(model), None, **options)
+            serve_policy(
+                ServedPolicy(policy, str(model), options),
+                host=host,
+                port=port,
+                certificate=str(certificate) if certificate else None,
+                key=str(key) if key else None,
+                unix_path=str(unix_path) if unix_path else None,
+            )
+    except (OSError, ValueError) as error:
+        raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error
+
+
+def check_served(url: str, model_config: Path | None, parameters: "ProtocolParameters", *, as_json: bool) -> None:
+    """Check a model server and print the results; exit code 1 if a check fails."""
+    from vsnbench.models.remote.checking import check_server
+
+    print_findings(check_server(url, model_config, parameters), as_json=as_json)
+
+
+def check_against_contract(
+    name: str, options: dict[str, Any], parameters: "ProtocolParameters", *, as_json: bool
+) -> None:
+    """Check a policy in this process and print the results; exit code 1 if a check fails."""
+    from vsnbench.models.contract_check import check_policy
+    from vsnbench.models.process_exit import process_exit_refused
+    from vsnbench.models.registry import create_policy
+    from vsnbench.runner.setup.trial_setup import close_policy, warn_of_assumptions
+
+    with process_exit_refused():
+        policy = create_policy(name, None, **options)
+        try:
+            if policy.needs_survey:
+                raise UsageError(
+                    f"model {name} receives the site, and the images of this check belong to no site",
+                    advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
+                )
+            warn_of_assumptions(policy.card, parameters)
+            findings = check_policy(policy)
+        finally:
+            close_policy(policy)
+    print_findings(findings, as_json=as_json)
+
+
+def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
+    """Print the results of checks; exit code 1 if a check failed."""
+    from dataclasses import asdict
+
+    from rich.markup import escape
+    from rich.table import Table
+
+    from vsnbench.text.sanitize import sanitize
+    from vsnbench.text.terminal import Console
+
+    if as_json:
+        print_json([asdict(finding) for finding in findings])
+    else:
+        grid = Table.grid(padding=(0, 2))
+        for finding in findings:
+            result = "[green]ok[/green]" if finding.passed else "[red]failed[/red]"
+            grid.add_row(result, finding.what, escape(sanitize(finding.seen)))
+        Console().print(grid, highlight=False)
+    if not all(finding.passed for finding in findings):
+        raise typer.Exit(1)
+
+
+def _write_stub(directory: Path) -> None:
+    from vsnbench.errors import UsageError
+    from vsnbench.models.remote import vsnbench_policy
+
+    source = Path(vsnbench_policy.__file__)
+    target = directory.expanduser() / source.name
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(source.read_bytes())
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}") from error
+    typer.echo(f"{target}\nserve a model:  python {source.name} mymodel:Class --port 8765")

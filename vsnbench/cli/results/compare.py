@@ -1,0 +1,131 @@
+"""`vsnbench compare`: tests of the differences between models."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_list, split_numbers
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites
+from vsnbench.cli.support.output import Json
+
+if TYPE_CHECKING:
+    from vsnbench.report.analysis.episodes_frame import ReportData
+    from vsnbench.report.analysis.summary import ConditionSummary
+    from vsnbench.report.comparison.compare import Comparison
+    from vsnbench.report.comparison.ranking import Ranking
+
+
+class Format(StrEnum):
+    """Output formats on stdout."""
+
+    TABLE = "table"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    JSON = "json"
+
+
+def command(  # noqa: PLR0913 - Typer needs a parameter per option
+    models: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL...", help="Two or more models, named as in `vsnbench report`, or paper:vlv, paper:pirlnav."
+        ),
+    ],
+    by_goal: Annotated[bool, typer.Option("--by-goal", help="Compare for each shared goal as well.")] = False,
+    goal: Goals = None,
+    site: Sites = None,
+    robot: Robots = None,
+    campaign: Campaigns = None,
+    form: Annotated[Format, typer.Option("--format", "-f", help="Output format on stdout.")] = Format.TABLE,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the success rates of models, pair by pair.
+
+    [bold]Examples[/bold]
+
+        vsnbench compare vlv pirlnav                 on the goals they share
+        vsnbench compare vlv pirlnav --by-goal       each shared goal as well
+        vsnbench compare vlv paper:vlv               with published results
+        vsnbench compare vlv pirlnav forward         one test over all, then pairs
+        vsnbench compare "vlv real" "vlv simulated"  one model, two conditions
+
+    Each question has one p-value. Cells (goal, starting position) of the
+    same site are paired, and the signs of whole starting positions are
+    flipped; exact McNemar if each cell was tried once. Independent samples:
+    permutation of whole starting positions, or Fisher's exact test.
+    Intervals: Newcombe for rates, paired if the test is; bootstrap of
+    starting positions for actions and SPL. Several questions are corrected
+    after Holm. Seeds and repetitions do not count as new positions. Below
+    95 % of the planned trials no winner is named.
+    """
+    from vsnbench.report.analysis.conditions import Selection
+    from vsnbench.report.analysis.published import published_results
+    from vsnbench.report.analysis.summary import summarise
+    from vsnbench.report.build import read
+    from vsnbench.report.comparison.compare import compare, find_condition
+    from vsnbench.report.comparison.ranking import ranking_of
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    published = published_results()
+    if all(name.startswith("paper:") for name in models):
+        from vsnbench.report.analysis.episodes_frame import empty_report_data
+
+        record = empty_report_data()
+    else:
+        place = ResultsDirectory.locate(results, db)
+        selection = Selection(
+            goals=split_list(goal),
+            sites=split_list(site),
+            robots=split_list(robot),
+            campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
+        )
+        record = read(place.database_url, selection, place.path)
+    summarised = summarise(record)
+    found = compare(record, summarised, models, by_goal=by_goal, published=published)
+    summaries = [find_condition(name, summarised, published) for name in models]
+    form = Format.JSON if as_json else form
+    _print_comparisons(form.value, found, ranking_of(summaries, found), summaries, record)
+
+
+def _print_comparisons(
+    form: str,
+    comparisons: "Sequence[Comparison]",
+    ranking: "Ranking | None",
+    summaries: "Sequence[ConditionSummary]",
+    record: "ReportData",
+) -> None:
+    """Print comparisons as tables, or with the results of the models as one JSON object."""
+    import json
+
+    from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
+
+    if form == "json":
+        from vsnbench.report.analysis.summary import Results
+        from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
+        from vsnbench.report.formats.json import model_fields
+        from vsnbench.report.formats.sensitivity_json import sim_vs_real_fields
+
+        content = {
+            "ranking": ranking_fields(ranking) if ranking else None,
+            "comparisons": [comparison_fields(comparison) for comparison in comparisons],
+            "models": [model_fields(summary, None, record) for summary in summaries],
+            "sim_vs_real": [sim_vs_real_fields(pair) for pair in sim_real_pairs(Results(tuple(summaries)))],
+        }
+        typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+        return
+    tables = [ranking_table(ranking)] if ranking else []
+    tables += [table for comparison in comparisons for table in comparison_tables(comparison)]
+    if form == "table":
+        from vsnbench.cli.support.terminal import page
+        from vsnbench.report.tables.report_table import print_tables
+
+        print_tables(tables, page())
+        return
+    from vsnbench.report.formats.latex import latex
+    from vsnbench.report.formats.markdown import markdown
+
+    typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)

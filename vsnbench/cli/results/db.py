@@ -1,0 +1,318 @@
+"""`vsnbench db`: location, state, upgrade, backup and merge of the results database."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.output import Json, print_files, print_json
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+
+@app.command()
+def path(results: Results = None, db: Database = None, as_json: Json = False) -> None:
+    """Print the location of the database: the SQLite file, or the URL without its password.
+
+    Example: [bold]sqlite3 "$(vsnbench db path)"[/bold]
+    """
+    from vsnbench.results.database_url import sqlite_path
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    place = ResultsDirectory.locate(results, db)
+    file = sqlite_path(place.database_url)
+    where = str(file.resolve()) if file else place.database_label
+    if as_json:
+        print_json({"database": where})
+    else:
+        typer.echo(where)
+
+
+@app.command()
+def status(results: Results = None, db: Database = None, as_json: Json = False) -> None:
+    """Show the schema, campaigns with their progress, number of episodes and size.
+
+    Example: [bold]vsnbench db status --results /data/apartment[/bold]
+    """
+    from dataclasses import asdict
+
+    from vsnbench.cli.support.listing import ListColumn, print_list
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.results.database_url import sqlite_path
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import campaign_states, count_episodes
+    from vsnbench.results.reading.rows import EpisodeFilter
+    from vsnbench.results.schema.engine import open_engine
+    from vsnbench.results.schema.migrate import schema_state
+
+    place = ResultsDirectory.locate(results, db)
+    engine = open_engine(place.database_url, read_only=True)
+    schema = schema_state(engine)
+    file = sqlite_path(place.database_url)
+    size = file.stat().st_size if file else None
+    campaigns = campaign_states(engine) if schema.up_to_date else ()
+    outcomes = ("success", "failure", "unjudged", "void", "running")
+    episodes = {
+        outcome: count_episodes(engine, EpisodeFilter(outcome=outcome)) for outcome in outcomes if schema.up_to_date
+    }
+    engine.dispose()
+    if as_json:
+        print_json(
+            {
+                "database": place.database_label,
+                "schema": schema.current,
+                "newest_schema": schema.head,
+                "size_bytes": size,
+                "episodes": episodes,
+                "campaigns": [asdict(campaign) for campaign in campaigns],
+            }
+        )
+        return
+    typer.echo(f"database  {place.database_label}" + (f"  ({size / 1e6:.1f} MB)" if size else ""))
+    if not schema.up_to_date:
+        current = schema.current or "none"
+        typer.echo(f"schema    {current}, and this version needs {schema.head}: run `vsnbench db upgrade`")
+        return
+    typer.echo(f"schema    {schema.current}, up to date")
+    counts = ", ".join(f"{number} {outcome}" for outcome, number in episodes.items() if number)
+    typer.echo(f"episodes  {sum(episodes.values())}" + (f" ({counts})" if counts else ""))
+    if not campaigns:
+        return
+    columns = (
+        ListColumn("campaign", right=True),
+        ListColumn("name", min_width=44, wraps=True),
+        ListColumn("seed", right=True, rank=0 if len({campaign.seed for campaign in campaigns}) > 1 else 3),
+        ListColumn("robot", rank=2),
+        ListColumn("trials done", right=True),
+        ListColumn("begun (UTC)", rank=1),
+    )
+    rows = [
+        (
+            str(campaign.id),
+            safe(campaign.name),
+            str(campaign.seed),
+            "simulated" if campaign.simulated else "real",
+            f"{campaign.done} of {campaign.trials}",
+            f"{campaign.created_at:%Y-%m-%d}",
+        )
+        for campaign in campaigns
+    ]
+    typer.echo()
+    print_list(columns, rows)
+
+
+@app.command()
+def upgrade(results: Results = None, db: Database = None, as_json: Json = False) -> None:
+    """Upgrade the database to the schema of this version, in one transaction. `vsnbench run` does it as well.
+
+    Example: [bold]vsnbench db backup before.db && vsnbench db upgrade[/bold]
+    """
+    from vsnbench.results.database_url import sqlite_path
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.schema.engine import open_engine
+    from vsnbench.results.schema.migrate import upgrade as migrate
+
+    place = ResultsDirectory.locate(results, db)
+    if sqlite_path(place.database_url):
+        place.prepare()
+    engine = open_engine(place.database_url)
+    before = migrate(engine)
+    engine.dispose()
+    if as_json:
+        print_json({"database": place.database_label, "schema_before": before.current, "schema": before.head})
+    elif before.up_to_date:
+        typer.echo(f"{place.database_label} is up to date (schema {before.head})")
+    else:
+        typer.echo(f"{place.database_label}: schema {before.current or 'none'} -> {before.head}")
+
+
+@app.command()
+def backup(
+    target: Annotated[Path, typer.Argument(help="Path of a new file.")],
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Copy the database to a file, also during a run. The file appears when it is complete.
+
+    SQLite becomes one SQLite file, PostgreSQL an archive for pg_restore. Images are not part of it.
+
+    Example: [bold]vsnbench db backup "results-$(date +%F).db"[/bold]
+    """
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.schema.migrate import backup as copy
+
+    place = ResultsDirectory.locate(results, db)
+    copy(place.database_url, target)
+    size = target.stat().st_size
+    if as_json:
+        print_files([target], as_json=True, size_bytes=size)
+    else:
+        typer.echo(f"{target}  ({size / 1e6:.1f} MB)")
+
+
+@app.command()
+def restore(
+    source: Annotated[Path, typer.Argument(help="File from `vsnbench db backup`.")],
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Replace the database with a backup; the current one is kept next to it. Images are not changed.
+
+    Example: [bold]vsnbench db restore results-2026-11-20.db[/bold]
+    """
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.writing.restore import restore as replace
+
+    place = ResultsDirectory.locate(results, db)
+    place.prepare()
+    kept = replace(place.database_url, source, place.path)
+    if as_json:
+        print_json({"database": place.database_label, "restored": str(source), "kept": str(kept) if kept else None})
+        return
+    typer.echo(f"restored {place.database_label} from {source}")
+    if kept:
+        typer.echo(f"previous database: {kept}")
+
+
+@app.command()
+def merge(
+    others: Annotated[
+        list[str], typer.Argument(metavar="OTHER...", help="Results directories or database URLs.", show_default=False)
+    ],
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be merged; write nothing.")] = False,
+    without_images: Annotated[
+        bool, typer.Option("--without-images", help="Merge episodes whose images are missing or damaged without them.")
+    ] = False,
+    images: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--images",
+            metavar="DIR",
+            help="Results directory with images of episodes in a PostgreSQL database (repeatable).",
+        ),
+    ] = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Merge campaigns, episodes and images of other records into this one; the others are not changed.
+
+    Campaigns with the same condition and seed become one. Episodes keep their UUID and get new numbers; episodes that
+    are already here are skipped, missing verdicts are added, and a contradiction stops the merge before any change.
+    Images are checked against the database; damaged images here are repaired from an intact copy.
+    Copies of a locked study become one, with all entries of its log.
+
+    Robots that write into one PostgreSQL database have one image directory each: give them with `--images`.
+
+    Example: [bold]vsnbench db merge /mnt/lab-b/results monday tuesday --results all[/bold]
+    """
+    from vsnbench.cli.results.merge_summary import merge_fields, print_merged
+    from vsnbench.cli.study.file import remove_blind_copies
+    from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.interop.merge import merge as merge_records
+    from vsnbench.interop.merge import merge_source
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    target = ResultsDirectory.locate(results, db)
+    with ProgressBars() as progress:
+        merged = merge_records(
+            target,
+            [merge_source(other, images or ()) for other in others],
+            without_images=without_images,
+            dry_run=dry_run,
+            progress=progress.show,
+        )
+    if not dry_run:
+        for revealed in merged.plan.studies.revealed:
+            remove_blind_copies(target, revealed.study["uuid"])
+    if as_json:
+        print_json(merge_fields(merged, dry_run=dry_run))
+    else:
+        print_merged(merged, target, dry_run=dry_run)
+
+
+@app.command("remove-import")
+def remove_import(
+    campaign: Annotated[int, typer.Argument(help="Number of the import's campaign, as in `vsnbench db status`.")],
+    note: Annotated[str, typer.Option("--note", help="Reason for the removal.")] = "",
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Make all episodes of an import void, so that a corrected file can be imported.
+
+    Example: [bold]vsnbench db remove-import 4 --note "results of the wrong checkpoint"[/bold]
+    """
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.writing.journal import Journal
+    from vsnbench.results.writing.provenance import gather_provenance
+
+    provenance = gather_provenance()
+    with Journal.open(ResultsDirectory.locate(results, db).database_url, provenance) as journal:
+        number = journal.withdraw_import(campaign, author=provenance.operator, note=note)
+    if as_json:
+        print_json({"campaign": campaign, "void_episodes": number})
+        return
+    typer.echo(f"{number} episodes of campaign {campaign} are void; `vsnbench judge` can restore single ones")
+
+
+@app.command("delete")
+def delete_(
+    episode: Annotated[
+        list[str] | None, typer.Option("--episode", metavar="N,N-M", help="Delete these episodes.")
+    ] = None,
+    campaign: Annotated[
+        list[str] | None, typer.Option("--campaign", metavar="N,N-M", help="Delete these campaigns with all episodes.")
+    ] = None,
+    reason: Annotated[str, typer.Option("--reason", help="Why; it is recorded with your name.")] = "",
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask; needed in scripts.")] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Delete episodes or campaigns for good. `vsnbench judge N --void WHY` keeps them and is usually better.
+
+    A backup of the database and the episodes' images go to `deleted/` in the results directory; remove that directory
+    to free the space. Data of a locked study cannot be deleted.
+    The trials of deleted episodes run again with the next `vsnbench run`.
+
+    Example: [bold]vsnbench db delete --episode 3,7-9 --reason "a visitor is recognisable"[/bold]
+    """
+    import sys
+
+    from vsnbench.cli.support.lists import split_numbers
+    from vsnbench.cli.support.output import is_quiet
+    from vsnbench.errors import UsageError
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.schema.engine import reading, transaction
+    from vsnbench.results.schema.migrate import open_record
+    from vsnbench.results.writing.deletion import delete_for_good, plan_deletion
+    from vsnbench.results.writing.provenance import gather_provenance
+    from vsnbench.text.sanitize import counted
+
+    episodes = split_numbers(episode, "--episode", "3,7-9")
+    campaigns = split_numbers(campaign, "--campaign", "2,4")
+    if not episodes and not campaigns:
+        raise UsageError("nothing to delete", advice="give --episode or --campaign", code="no-episode")
+    if not reason.strip():
+        raise UsageError("no reason given", advice='add --reason "..."; it stays in the record', code="no-reason")
+    place = ResultsDirectory.locate(results, db)
+    with open_record(place.database_url) as engine, transaction(reading(engine)) as connection:
+        plan = plan_deletion(connection, episodes, campaigns)
+    what = counted(len(plan.episodes), "episode")
+    if plan.campaigns:
+        what += f" and {counted(len(plan.campaigns), 'campaign')}"
+    if not yes:
+        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise UsageError(f"{what} would be deleted", advice="nothing was deleted; add --yes to confirm")
+        if not typer.confirm(f"Delete {what} for good?", err=True):
+            typer.echo("nothing was deleted", err=True)
+            raise typer.Exit(1)
+    plan, aside = delete_for_good(place, episodes, campaigns, author=gather_provenance().operator, reason=reason)
+    if as_json:
+        print_json({"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)})
+        return
+    typer.echo(f"deleted {what}; backup and images: {aside}")

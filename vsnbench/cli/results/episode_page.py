@@ -1,0 +1,222 @@
+"""Prints an episode to the terminal: its result, steps, verdicts and provenance."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vsnbench.cli.support.terminal import safe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from vsnbench.results.goals import RecordedGoal
+    from vsnbench.results.reading.rows import EpisodeDetails
+    from vsnbench.text.terminal import Console
+    from vsnbench.values.step import StepRecord
+
+COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
+"""Colour of each outcome."""
+
+
+def print_page(
+    console: "Console",
+    details: "EpisodeDetails",
+    steps: "tuple[StepRecord, ...]",
+    directory: Path | None,
+    *,
+    every_step: bool,
+) -> None:
+    """Print an episode; `directory` holds its images, or is None without images."""
+    _print_summary(console, details, directory)
+    _print_actions(console, steps)
+    if every_step:
+        _print_steps(console, steps)
+    _print_judgement(console, details)
+    _print_provenance(console, details)
+
+
+def metres(value: float | None, success_distance_m: float | None = None) -> str:
+    """Return a length in metres, or an empty string if unknown.
+
+    A distance to the goal is rounded to its side of the success distance.
+    """
+    from vsnbench.protocol.distance_text import distance_text
+
+    if value is None:
+        return ""
+    return f"{distance_text(value, success_distance_m)} m" if math.isfinite(value) else "unreachable"
+
+
+def fixed(value: float, places: int, unit: str = "") -> str:
+    """Return a number with a fixed number of places, without "-0"; an empty string if it is not finite."""
+    return f"{value:z.{places}f}{unit}" if math.isfinite(value) else ""
+
+
+def _print_summary(console: "Console", details: "EpisodeDetails", directory: Path | None) -> None:
+    episode = details.summary
+    color = COLORS[episode.outcome]
+    note = "" if details.counts or episode.outcome == "running" else "; it does not count for its trial"
+    article = "a " if details.goal_definition is None else ""
+    console.print(
+        f"[bold]Episode {episode.id}[/]: {safe(episode.model)} looks for {article}[bold]{safe(episode.goal)}[/] from "
+        f"position {episode.start}, repetition {episode.repetition}: [{color}]{episode.outcome}[/]{note}"
+    )
+    source = f" ({episode.distance_source})" if episode.distance_source else ""
+    rows = [
+        *_goal_rows(details.goal_definition),
+        ("campaign", f"{episode.campaign_id}: {safe(episode.campaign)}"),
+        (
+            "robot, site",
+            f"{'simulated' if episode.simulated else 'real'} {safe(episode.robot)} in {safe(episode.site)}",
+        ),
+        (
+            "ended with",
+            safe(episode.end_reason or "still running") + (f": {safe(details.error)}" if details.error else ""),
+        ),
+        ("actions", str(episode.actions)),
+        ("distance to goal", (metres(episode.distance_to_goal_m, episode.success_distance_m) or "unknown") + source),
+        (
+            "path",
+            f"{metres(episode.path_length_m) or 'unknown'} (shortest {metres(episode.geodesic_start_m) or 'unknown'})",
+        ),
+        (
+            "duration",
+            _seconds(episode.duration_s) + f" of robot time, {_seconds(details.wall_duration_s)} of wall time",
+        ),
+        ("started", f"{episode.started_at:%Y-%m-%d %H:%M:%S} UTC"),
+        *_session_and_placement(details),
+        *([("tags", safe(", ".join(episode.tags)))] if episode.tags else []),
+        ("seed", str(details.seed)),
+        ("uuid", episode.uuid),
+        ("files", safe(directory) if directory else "none"),
+    ]
+    for name, value in rows:
+        console.print(f"  {name:<17} {value}", soft_wrap=True)
+
+
+def _goal_rows(goal: "RecordedGoal | None") -> "list[tuple[str, str]]":
+    if goal is None:
+        return []
+    words = f": {safe(goal.text)}" if goal.text else ""
+    return [("goal", f"{goal.kind}{words}"), ("targets", safe(goal.target_text))]
+
+
+def _session_and_placement(details: "EpisodeDetails") -> "list[tuple[str, str]]":
+    rows = []
+    if (session := details.session) is not None:
+        until = f"{session.ended_at:%H:%M} UTC" if session.ended_at else "now"
+        reason = f": {safe(session.words)}" if session.words else ""
+        rows.append(("session", f"{safe(session.operator)}, {session.began_at:%Y-%m-%d %H:%M} to {until}{reason}"))
+    if (measured := details.measured) is not None:
+        by = f", accepted by {safe(measured.author)}" if measured.author else ""
+        moved = f"; moved since the survey: {safe(', '.join(measured.moved))}" if measured.moved else ""
+        rows.append(("placed", f"{safe(measured.words)}{by}{moved}"))
+    return rows
+
+
+def _seconds(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} s"
+
+
+def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
+    from collections import Counter
+
+    if not steps:
+        return
+    counts = Counter((step.raw_action, step.action) for step in steps)
+    actions = ", ".join(
+        f"{count} {safe(raw)}" + (f" as {action}" if raw != action else "")
+        for (raw, action), count in counts.most_common()
+    )
+    blocked = sum(step.blocked for step in steps)
+    console.print(
+        f"  {'steps':<17} {actions}" + (f"; {blocked} blocked by the depth guard" if blocked else ""), soft_wrap=True
+    )
+    inferred = sorted(step.timings.infer_s for step in steps if step.timings.infer_s is not None)
+    if inferred:
+        console.print(f"  {'inference':<17} {inferred[len(inferred) // 2] * 1000:.1f} ms (median)")
+    for step in steps:
+        if step.result and (touch := step.result.collision):
+            touched = f" with {safe(touch.touched)}" if touch.touched else ""
+            console.print(f"  {'collision':<17} at action {step.number}{touched} ({touch.source})")
+
+
+def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
+    from math import degrees
+
+    from rich.table import Table
+
+    from vsnbench.values.movement import movement_text
+
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("step", "action", "moved", "turned", "x", "y", "heading", ""):
+        table.add_column(name, justify="left" if name in ("action", "") else "right", no_wrap=bool(name))
+    for step in steps:
+        pose, result = step.world.pose if step.world else step.after, step.result
+        note = (result.failure or result.blocked) if result else "blocked"
+        if step.movement is not None:
+            note = f"{movement_text(step.movement)}; {note}".removesuffix("; ")
+        if result and result.collision:
+            note = f"collision {result.collision.touched}"
+        table.add_row(
+            str(step.number),
+            safe(step.raw_action),
+            fixed(result.displacement_m if result else 0.0, 3, " m"),
+            fixed(degrees(result.turn_rad) if result else 0.0, 1, "°"),
+            fixed(pose.x_m, 2) if pose else "",
+            fixed(pose.y_m, 2) if pose else "",
+            fixed(pose.heading_deg, 1, "°") if pose else "",
+            safe(note),
+        )
+    console.print()
+    console.print(table)
+
+
+def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
+    console.print("\n[bold]Verdicts[/] (the last one counts)" if details.verdicts else "\n[bold]No verdict yet[/]")
+    for verdict in details.verdicts:
+        console.print(
+            f"  {verdict.created_at:%Y-%m-%d %H:%M:%S}  {safe(verdict.reason)}  "
+            f"[dim]({safe(verdict.author)}, {safe(verdict.source)})[/]",
+            soft_wrap=True,
+        )
+    if details.events:
+        console.print("\n[bold]Events[/]")
+    for event in details.events:
+        where = f"action {event.step_number}" if event.step_number else ""
+        author = f" [dim]({safe(event.author)})[/]" if event.author else ""
+        console.print(
+            f"  {event.created_at:%Y-%m-%d %H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.text)}{author}",
+            soft_wrap=True,
+        )
+
+
+def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
+    provenance = details.provenance
+    git = (
+        f", commit {provenance.git_commit[:12]}{' with changes' if provenance.git_dirty else ''}"
+        if provenance.git_commit
+        else ""
+    )
+    weights = f"{provenance.weights_label} {provenance.weights_sha256[:12]}".strip() or "none"
+    console.print("\n[bold]Provenance[/] (--json has all of it)")
+    rows = [
+        ("vsnbench", f"{provenance.vsnbench_version}{git}, Python {provenance.platform.get('python', '')}"),
+        ("machine", f"{provenance.host}, {provenance.platform.get('processor', '')}"),
+        ("model ran on", _runs_on(provenance.platform)),
+        ("operator", provenance.operator),
+        ("weights", weights),
+        ("settings", ", ".join(f"{name}={value}" for name, value in provenance.model_settings.items()) or "none"),
+        ("site", provenance.site_sha256[:12]),
+        ("protocol", provenance.protocol_sha256[:12]),
+        ("conditions", ", ".join(f"{name}={value}" for name, value in provenance.conditions.items()) or "none"),
+        ("command", provenance.command),
+    ]
+    for name, value in rows:
+        console.print(f"  {name:<17} {safe(value)}", soft_wrap=True)
+
+
+def _runs_on(platform: "Mapping[str, str]") -> str:
+    """Return device, runtime and threads of the model, as far as they are recorded."""
+    facts = {name.removeprefix("model_"): value for name, value in platform.items() if name.startswith("model_")}
+    return ", ".join(f"{name} {value}" for name, value in facts.items()) or "unknown"

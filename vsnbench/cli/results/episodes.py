@@ -1,0 +1,259 @@
+"""`vsnbench episodes`: list and show recorded episodes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_list
+from vsnbench.cli.support.options import Database, Goals, Models, Results
+from vsnbench.cli.support.output import Json, print_json
+
+if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
+    from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
+    from vsnbench.values.step import StepRecord
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+_TABLE_ROWS = 50
+
+
+@app.command("list")
+def list_(  # noqa: PLR0913 - Typer needs a parameter per option
+    model: Models = None,
+    goal: Goals = None,
+    campaign: Annotated[
+        str,
+        typer.Option("--campaign", help="Only this campaign: its number, name, or at least 8 digits of its key."),
+    ] = "",
+    outcome: Annotated[
+        str,
+        typer.Option(
+            "--outcome",
+            help="Only this outcome (success, failure, void, running, unjudged) or end reason (collision ...).",
+        ),
+    ] = "",
+    tag: Annotated[
+        list[str] | None, typer.Option("--tag", metavar="A,B", help="Only episodes with all of these tags.")
+    ] = None,
+    note: Annotated[str, typer.Option("--note", metavar="WORDS", help="Only episodes whose notes say this.")] = "",
+    limit: Annotated[
+        int | None,
+        typer.Option(
+            "--limit",
+            min=0,
+            show_default="50, all with --json",
+            help="Maximum number of episodes, the latest ones; 0 for all.",
+        ),
+    ] = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """List the latest episodes.
+
+    [bold]vsnbench episodes list --model random --outcome collision[/bold]
+
+    [bold]vsnbench episodes list --tag chair-moved[/bold]
+
+    [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
+    """
+    from vsnbench.cli.results.episode_page import COLORS, metres
+    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.errors import UsageError
+    from vsnbench.results.annotations import read_tag
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import count_episodes, list_episodes
+    from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
+    from vsnbench.results.schema.migrate import open_record
+
+    if outcome and outcome not in OUTCOMES:
+        raise UsageError(f"unknown outcome {outcome!r}", advice=f"use one of {', '.join(OUTCOMES)}")
+    selected = EpisodeFilter(
+        models=split_list(model),
+        goals=split_list(goal),
+        campaign=campaign,
+        outcome=outcome,
+        tags=tuple(map(read_tag, split_list(tag))),
+        note=note,
+    )
+    maximum = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        episodes = list_episodes(engine, selected, maximum)
+        if not episodes:
+            _refuse_unknown(engine, selected)
+        if as_json:
+            print_json([_summary_object(episode) for episode in episodes])
+            return
+        total = count_episodes(engine, selected) if maximum and len(episodes) == maximum else len(episodes)
+    if not episodes:
+        typer.echo("no episodes found", err=True)
+        return
+    columns = (
+        ListColumn("episode", right=True),
+        name_column("model"),
+        ListColumn("goal"),
+        ListColumn("start", right=True),
+        ListColumn("result"),
+        ListColumn("actions", right=True, rank=1),
+        ListColumn("to goal", right=True, rank=2),
+        *([prose_column("tags")] if any(episode.tags for episode in episodes) else []),
+        ListColumn("began (UTC)", rank=3),
+    )
+    rows = []
+    for episode in episodes:
+        color, why = COLORS[episode.outcome], episode.end_reason if episode.success is not True else None
+        row = (
+            str(episode.id),
+            safe(episode.model),
+            safe(episode.goal),
+            str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else ""),
+            f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
+            str(episode.actions),
+            metres(episode.distance_to_goal_m, episode.success_distance_m),
+            *([safe(", ".join(episode.tags))] if any(other.tags for other in episodes) else []),
+            f"{episode.started_at:%Y-%m-%d %H:%M}",
+        )
+        rows.append(row)
+    print_list(columns, rows)
+    if total > len(episodes):
+        typer.echo(f"latest {len(episodes)} of {total}; --limit 0 for all", err=True)
+
+
+def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
+    """Refuse models and goals that are neither in the record nor known.
+
+    Raises:
+        UsageError: there is one.
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.models.names import known_models
+    from vsnbench.results.reading.recorded_names import recorded_goals, recorded_models
+    from vsnbench.sites.categories import GOAL_CATEGORIES
+    from vsnbench.text.suggestions import unknown_name
+
+    for kind, names, recorded, others in (
+        ("model", selected.models, recorded_models(engine), known_models()),
+        ("goal", selected.goals, recorded_goals(engine), GOAL_CATEGORIES),
+    ):
+        for name in names:
+            if name not in recorded and name not in others:
+                raise UsageError(unknown_name(kind, name, recorded, "this record"), code=f"unknown-{kind}")
+
+
+@app.command()
+def show(
+    number: Annotated[int, typer.Argument(help="Number of the episode.", min=1)],
+    steps: Annotated[bool, typer.Option("--steps", help="Print every step on its own line.")] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Show an episode: its result, verdicts, steps and provenance.
+
+    [bold]vsnbench episodes show 17[/bold]
+
+    [bold]vsnbench episodes show 17 --json | jq '.steps[].raw_action'[/bold]
+    """
+    from vsnbench.cli.results.episode_page import print_page
+    from vsnbench.cli.support.terminal import page
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import episode_details, episode_steps
+    from vsnbench.results.schema.migrate import open_record
+
+    place = ResultsDirectory.locate(results, db)
+    with open_record(place.database_url) as engine:
+        details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
+    directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
+    if as_json:
+        print_json(_details_object(details, recorded_steps, directory))
+        return
+    print_page(page(), details, recorded_steps, directory, every_step=steps)
+
+
+def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
+    """Return an episode as JSON fields; they are stable."""
+    return {
+        "id": episode.id,
+        "uuid": episode.uuid,
+        "campaign": episode.campaign,
+        "campaign_id": episode.campaign_id,
+        "model": episode.model,
+        "robot": episode.robot,
+        "simulated": episode.simulated,
+        "site": episode.site,
+        "goal": episode.goal,
+        "start": episode.start,
+        "repetition": episode.repetition,
+        "origin": episode.origin,
+        "outcome": episode.outcome,
+        "end_reason": episode.end_reason,
+        "success": episode.success,
+        "actions": episode.actions,
+        "distance_to_goal_m": episode.distance_to_goal_m,
+        "distance_source": episode.distance_source,
+        "collision": episode.collision,
+        "path_length_m": episode.path_length_m,
+        "shortest_path_m": episode.geodesic_start_m,
+        "duration_s": episode.duration_s,
+        "started_at": episode.started_at.isoformat(),
+        "ended_at": episode.ended_at.isoformat() if episode.ended_at else None,
+        "images_directory": episode.images_directory,
+        "tags": list(episode.tags),
+    }
+
+
+def _details_object(
+    details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", directory: Path | None
+) -> dict[str, object]:
+    from dataclasses import asdict
+
+    fields = asdict(details)
+    del fields["summary"]
+    return {
+        **_summary_object(details.summary),
+        **fields,
+        "directory": str(directory) if directory else None,
+        "steps": [_step_object(step) for step in steps],
+    }
+
+
+def _step_object(step: "StepRecord") -> dict[str, object]:
+    """Return a step as JSON fields; they are stable. Unknown values are null."""
+    from dataclasses import asdict
+
+    from vsnbench.results.schema.row_encoding import number
+    from vsnbench.values.movement import movement_to_json
+
+    result = step.result
+    collision = result.collision if result else None
+    return {
+        "number": step.number,
+        "raw_action": step.raw_action,
+        "action": step.action,
+        "blocked": step.blocked,
+        "completed": result is not None and result.completed,
+        "failure": result.failure if result else "",
+        "recorded_at": step.recorded_at,
+        "stamp_s": step.stamp_s,
+        "observed": asdict(step.observed) if step.observed else None,
+        "after": asdict(step.after) if step.after else None,
+        "world": asdict(step.world) if step.world else None,
+        "displacement_m": number(result.displacement_m) if result else 0.0,
+        "turn_rad": number(result.turn_rad) if result else 0.0,
+        "duration_s": number(result.duration_s) if result else 0.0,
+        "corrections": result.corrections if result else 0,
+        "collision_source": collision.source if collision else None,
+        "collision_touched": collision.touched if collision else None,
+        "rgb_digest": step.rgb_digest,
+        "depth_digest": step.depth_digest,
+        **asdict(step.timings),
+        "movement": movement_to_json(step.movement) if step.movement else None,
+        "path_m": number(result.path_m) if result and result.path_m is not None else None,
+        "part": list(step.part) if step.part else None,
+        "probabilities": step.probabilities,
+        "details": step.details,
+    }

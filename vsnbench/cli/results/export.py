@@ -1,0 +1,258 @@
+"""`vsnbench export`: episodes in the formats of other tools."""
+
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_list
+from vsnbench.cli.support.options import Database, Goals, Models, Results
+from vsnbench.cli.support.output import Json, print_files
+from vsnbench.text.sanitize import counted
+
+logger = logging.getLogger(__name__)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+Numbers = Annotated[list[int] | None, typer.Argument(show_default="all that have ended", help="Numbers of episodes.")]
+
+
+@app.command()
+def tum(
+    directory: Annotated[Path, typer.Argument(help="Directory for one file per episode.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write trajectories in the TUM format: timestamp tx ty tz qx qy qz qw.
+
+    Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
+    """
+    from vsnbench.interop.episodes import read_episodes, write_tum
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.schema.migrate import open_record
+
+    written = []
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        for episode in read_episodes(engine, numbers or (), split_list(model)):
+            path = directory / f"{episode.id:06d}.tum"
+            write_tum(episode, episode_steps(engine, episode.id), path)
+            written.append(path)
+    print_files(written, as_json=as_json)
+
+
+@app.command()
+def habitat(
+    directory: Annotated[Path, typer.Argument(help="Directory for the two files.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write episode_results.json and aggregated_results.json in Habitat's style, for the episodes that count.
+
+    Example: [bold]vsnbench export habitat results-habitat/ --model vlv[/bold]
+    """
+    from vsnbench.interop.episodes import read_episodes
+    from vsnbench.interop.habitat import write_habitat
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.schema.migrate import open_record
+
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        written = write_habitat(read_episodes(engine, numbers or (), split_list(model)), directory)
+    files = [directory / name for name in ("episode_results.json", "aggregated_results.json")]
+    if as_json:
+        print_files(files, as_json=True, episodes=written)
+    else:
+        typer.echo(f"{counted(written, 'episode')} in {files[0]}")
+
+
+@app.command("csv")
+def csv_(
+    file: Annotated[Path, typer.Argument(help="Path of the CSV file.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write every step of every episode to one CSV file.
+
+    Example: [bold]vsnbench export csv steps.csv 17 18[/bold]
+    """
+    from vsnbench.interop.episodes import read_episodes
+    from vsnbench.interop.step_csv import write_steps
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.schema.migrate import open_record
+
+    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+        episodes = read_episodes(engine, numbers or (), split_list(model))
+        written = write_steps(episodes, lambda episode: episode_steps(engine, episode.id), file)
+    if as_json:
+        print_files([file], as_json=True, steps=written)
+    else:
+        typer.echo(f"{counted(written, 'step')} in {file}")
+
+
+@app.command()
+def bag(
+    number: Annotated[int, typer.Argument(help="Number of the episode.", min=1)],
+    file: Annotated[Path, typer.Argument(help="Path of the bag.")],
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write an episode as a ROS 1 bag: images, odometry, actions.
+
+    Example: [bold]vsnbench export bag 17 episode.bag && rosbag info episode.bag[/bold]
+    """
+    from vsnbench.interop.episodes import read_episodes
+    from vsnbench.interop.recorded_messages import COLOR
+    from vsnbench.interop.rosbag import write_bag
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.schema.migrate import open_record
+
+    place = ResultsDirectory.locate(results, db)
+    with open_record(place.database_url) as engine:
+        (episode,) = read_episodes(engine, [number])
+        messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
+    if messages.get(COLOR) == 0:
+        logger.warning("episode %d keeps no images: the bag has only odometry and actions", number)
+    if as_json:
+        print_files([file], as_json=True, messages=messages)
+        return
+    typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))
+
+
+@app.command()
+def mcap(
+    directory: Annotated[Path, typer.Argument(help="Directory for one file per episode.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write MCAP files with ROS 2 messages for Foxglove and `ros2 bag`: images, odometry, frames, actions.
+
+    Example: [bold]vsnbench export mcap foxglove/ 17 18 && ros2 bag info foxglove/000017.mcap[/bold]
+    """
+    from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.interop.episodes import read_episodes
+    from vsnbench.interop.mcap_file import write_mcap
+    from vsnbench.interop.recorded_messages import COLOR
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.schema.migrate import open_record
+
+    place, written = ResultsDirectory.locate(results, db), []
+    with open_record(place.database_url) as engine, ProgressBars() as progress:
+        episodes = read_episodes(engine, numbers or (), split_list(model))
+        for done, episode in enumerate(episodes):
+            progress.show("episodes", done, len(episodes))
+            path = directory / f"{episode.id:06d}.mcap"
+            messages = write_mcap(episode, episode_steps(engine, episode.id), place.path, path)
+            if not messages[COLOR]:
+                logger.warning("episode %d keeps no images: %s has only odometry and actions", episode.id, path)
+            written.append(path)
+    print_files(written, as_json=as_json)
+
+
+@app.command()
+def lerobot(
+    directory: Annotated[Path, typer.Argument(help="Directory for the dataset; new or empty.")],
+    numbers: Numbers = None,
+    model: Models = None,
+    goal: Goals = None,
+    depth: Annotated[
+        bool, typer.Option("--depth", help="Depth images too, without loss. Most LeRobot policies do not take them.")
+    ] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write a LeRobotDataset v3.0 for imitation learning: a frame per action, with its image, state and action.
+
+    Episodes without verdict, images or odometry are left out.
+
+    Example: [bold]vsnbench export lerobot dataset/ --model oracle --goal chair[/bold]
+    """
+    from vsnbench.cli.results.lerobot_export import LeRobotRequest, export_lerobot
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    request = LeRobotRequest(directory, tuple(numbers or ()), split_list(model), split_list(goal), depth)
+    done = export_lerobot(ResultsDirectory.locate(results, db), request)
+    if as_json:
+        print_files([directory], as_json=True, episodes=done.episodes, frames=done.frames, left_out=done.left_out)
+    else:
+        typer.echo(f"{counted(done.episodes, 'episode')} with {counted(done.frames, 'frame')} in {directory}")
+
+
+@app.command("episodes")
+def episodes_(
+    file: Annotated[Path, typer.Argument(help="Path of the CSV file.")],
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write one row per episode that has ended to a CSV file: condition, outcome, distances, times.
+
+    The columns are those of `open_results("results").episodes()` in Python.
+
+    Example: [bold]vsnbench export episodes episodes.csv[/bold]
+    """
+    from vsnbench.files.atomic import atomic_file
+    from vsnbench.report.frames import Results as Record
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    frame = Record(ResultsDirectory.locate(results, db).database_url).episodes()
+    with atomic_file(file) as part:
+        frame.to_csv(part, index=False)
+    if as_json:
+        print_files([file], as_json=True, episodes=len(frame))
+    else:
+        typer.echo(f"{counted(len(frame), 'episode')} in {file}")
+
+
+@app.command()
+def video(  # noqa: PLR0913 - Typer needs a parameter per option
+    numbers: Annotated[
+        list[int] | None, typer.Argument(show_default="all that match the options", help="Numbers of episodes.", min=1)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="MP4 file; without --pair and --montage a directory for one each."),
+    ] = None,
+    pair: Annotated[bool, typer.Option("--pair", help="Two episodes side by side in one video.")] = False,
+    montage: Annotated[bool, typer.Option("--montage", help="All episodes in a grid in one video.")] = False,
+    failures: Annotated[bool, typer.Option("--failures", help="Only episodes that failed.")] = False,
+    model: Models = None,
+    goal: Goals = None,
+    size: Annotated[str, typer.Option("--size", help="Size: talk (1280x720) or web (854x480).")] = "talk",
+    speed: Annotated[float, typer.Option("--speed", help="Actions per second.", min=0.5, max=30.0)] = 4.0,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Write MP4 videos: camera, plan with the path, action, the model's scores, and the verdict.
+
+    [bold]Examples[/bold]
+
+        vsnbench export video 17
+        vsnbench export video 12 47 --pair -o both.mp4
+        vsnbench export video --model pirlnav --goal toilet --failures
+        vsnbench export video --model vlv --goal chair --montage
+    """
+    from vsnbench.cli.results.video_export import VideoRequest, export_videos
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    request = VideoRequest(
+        tuple(numbers or ()), split_list(model), split_list(goal), failures, pair, montage, output, size, speed
+    )
+    print_files(export_videos(ResultsDirectory.locate(results, db), request), as_json=as_json)

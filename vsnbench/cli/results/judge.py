@@ -1,0 +1,189 @@
+"""`vsnbench judge`: judge recorded episodes; earlier verdicts stay in the record."""
+
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.output import Json, is_quiet, print_json
+
+if TYPE_CHECKING:
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.runner.judging.case import Case
+    from vsnbench.runner.judging.decision import Answer
+    from vsnbench.runner.operator.contract import Judgement
+
+_ANSWER = "Judgement (one of these)"
+
+
+def command(  # noqa: PLR0913 - Typer needs a parameter per option
+    number: Annotated[int | None, typer.Argument(help="Number of the episode.", min=1)] = None,
+    distance: Annotated[
+        str | None,
+        typer.Option(
+            "--distance",
+            help="Distance to the nearest goal instance by tape measure, in metres.",
+            rich_help_panel=_ANSWER,
+        ),
+    ] = None,
+    collision: Annotated[
+        str | None,
+        typer.Option(
+            "--collision", help="Object that the robot touched without detecting it.", rich_help_panel=_ANSWER
+        ),
+    ] = None,
+    void: Annotated[
+        str | None,
+        typer.Option(
+            "--void", help="Reason why the episode is not a result; its trial runs again.", rich_help_panel=_ANSWER
+        ),
+    ] = None,
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="Accept the proposed verdict.", rich_help_panel=_ANSWER)
+    ] = False,
+    note: Annotated[str, typer.Option("--note", help="Note for the record.")] = "",
+    yes: Annotated[
+        bool,
+        typer.Option(
+            "--yes", "-y", help="Do not ask; needed in scripts to change a verdict or confirm an unlikely one."
+        ),
+    ] = False,
+    pending: Annotated[bool, typer.Option("--pending", help="List episodes that await judgement.")] = False,
+    as_json: Json = False,
+    results: Results = None,
+    db: Database = None,
+) -> None:
+    """Judge an episode that has ended. The latest judgement counts; earlier ones stay in the record.
+
+    Episodes of real robots and imported episodes count only after a judgement.
+    The author is $VSNBENCH_OPERATOR, else the login name.
+
+    [bold]Examples[/bold]
+
+        vsnbench judge --pending
+        vsnbench judge 17 --confirm
+        vsnbench judge 17 --distance 0.84
+        vsnbench judge 17 --collision "leg of the table"
+        vsnbench judge 17 --void "a visitor moved the chair" --yes
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.runner.judging.decision import Answer, AnswerKind
+
+    place = ResultsDirectory.locate(results, db)
+    given = {
+        "--distance": (AnswerKind.MEASURED, distance),
+        "--collision": (AnswerKind.COLLISION, collision),
+        "--void": (AnswerKind.VOID, void),
+        "--confirm": (AnswerKind.CONFIRM, "" if confirm else None),
+    }
+    answers = {option: Answer(kind, text, note) for option, (kind, text) in given.items() if text is not None}
+    if pending:
+        if number is not None or answers:
+            raise UsageError("--pending lists episodes", advice="judge one of them with `vsnbench judge N`")
+        _list_pending(place, as_json=as_json)
+        return
+    if number is None:
+        raise UsageError(
+            "no episode given", advice="`vsnbench judge --pending` lists those that await judgement", code="no-episode"
+        )
+    if len(answers) != 1:
+        problem = f"{' and '.join(answers)} contradict each other" if answers else "no judgement given"
+        raise UsageError(
+            f"episode {number}: {problem}", advice="give one of --distance, --collision, --void and --confirm"
+        )
+    (answer,) = answers.values()
+    _judge(place, number, answer, yes=yes, as_json=as_json)
+
+
+def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: bool, as_json: bool) -> None:
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.results.reading.queries import episode_details
+    from vsnbench.results.schema.migrate import open_record
+    from vsnbench.results.writing.journal import Journal
+    from vsnbench.results.writing.provenance import gather_provenance
+    from vsnbench.runner.judging.case import Case
+
+    with open_record(place.database_url) as engine:
+        details = episode_details(engine, number)
+    judgement = _decided(Case.of_recorded(details), replace(answer, is_confirmed=yes))
+    verdict, provenance = judgement.verdict, gather_provenance()
+    with Journal.open(place.database_url, provenance) as journal:
+        seen = len(details.verdicts)
+        journal.judge(number, verdict, author=provenance.operator, note=judgement.note, seen=seen)
+    if as_json:
+        fields = {"end_reason": verdict.end_reason.value, "success": verdict.success, "verdict": verdict.text}
+        print_json({"id": number, **fields, "author": provenance.operator, "note": judgement.note})
+        return
+    typer.echo(f"episode {number} judged by {safe(provenance.operator)}: {safe(verdict.text)}")
+
+
+def _decided(case: "Case", answer: "Answer") -> "Judgement":
+    """Return the judgement; ask for a confirmation on a terminal if the answer needs one."""
+    from vsnbench.errors import UsageError
+    from vsnbench.runner.judging.decision import UnconfirmedAnswerError, decide
+    from vsnbench.text.sanitize import sanitize
+
+    try:
+        return decide(case, answer)
+    except UnconfirmedAnswerError as doubt:
+        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise UsageError(doubt.statement, advice="nothing was written; add --yes to confirm") from doubt
+        if not typer.confirm(f"{sanitize(doubt.statement)}. Confirm?", err=True):
+            typer.echo("nothing was written", err=True)
+            raise typer.Exit(1) from doubt
+        return decide(case, replace(answer, is_confirmed=True))
+
+
+def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
+    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.protocol.judge import EndReason
+    from vsnbench.results.reading.queries import pending_episodes
+    from vsnbench.results.schema.migrate import open_record
+
+    with open_record(place.database_url) as engine:
+        pending = pending_episodes(engine)
+    if as_json:
+        pending_fields = [
+            {
+                "id": episode.id,
+                "model": episode.model,
+                "robot": episode.robot,
+                "goal": episode.goal,
+                "start": episode.start,
+                "repetition": episode.repetition,
+                "origin": episode.origin,
+                "proposal": episode.proposal,
+                "proposed_success": episode.proposed_success,
+                "ended_at": episode.ended_at.isoformat(),
+            }
+            for episode in pending
+        ]
+        print_json(pending_fields)
+        return
+    if not pending:
+        typer.echo("no episode awaits judgement", err=True)
+        return
+    columns = (
+        ListColumn("episode", right=True),
+        name_column("model"),
+        ListColumn("goal"),
+        ListColumn("start", right=True),
+        ListColumn("ended (UTC)", rank=1),
+        prose_column("proposal"),
+    )
+    rows = []
+    for episode in pending:
+        start = str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else "")
+        proposal = episode.proposal or f"none ({episode.origin}, ended with {episode.end_reason})"
+        if not episode.proposal and not EndReason(episode.end_reason).is_result:
+            proposal += "; give --collision OBJECT or --void REASON"
+        ended = f"{episode.ended_at:%Y-%m-%d %H:%M}"
+        rows.append((str(episode.id), safe(episode.model), safe(episode.goal), start, ended, safe(proposal)))
+    print_list(columns, rows)
+    options = ["--confirm"] if any(episode.proposal for episode in pending) else []
+    options += ["--distance 0.84"] if any(episode.end_reason == EndReason.STOP.value for episode in pending) else []
+    typer.echo(f"vsnbench judge N {', or '.join([*options, '--void REASON'])} ...{place.options}", err=True)

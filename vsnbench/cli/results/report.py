@@ -1,0 +1,212 @@
+"""`vsnbench report`: success rates with intervals, from the database."""
+
+import logging
+import sys
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_list, split_numbers
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Models, Results, Robots, Sites
+from vsnbench.cli.support.output import Json, print_files
+from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.report.analysis.conditions import Selection
+    from vsnbench.report.analysis.summary import Results as Numbers
+    from vsnbench.report.build import Report
+    from vsnbench.report.figures.style import Drawing
+    from vsnbench.report.tables.report_table import ReportTable
+    from vsnbench.results.files.directory import ResultsDirectory
+
+logger = logging.getLogger(__name__)
+_FILES = (".html", ".md", ".csv", ".json", ".tex", ".pdf", ".svg", ".png")
+
+
+class Format(StrEnum):
+    """Output formats on stdout."""
+
+    TABLE = "table"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    CSV = "csv"
+    JSON = "json"
+
+
+class Reference(StrEnum):
+    """Published results."""
+
+    PAPER = "paper"
+
+
+def command(  # noqa: PLR0913 - Typer needs a parameter per option
+    model: Models = None,
+    goal: Goals = None,
+    site: Sites = None,
+    robot: Robots = None,
+    campaign: Campaigns = None,
+    form: Annotated[Format, typer.Option("--format", "-f", help="Output format on stdout.")] = Format.TABLE,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Directory for report.html, tables and figures."),
+    ] = None,
+    serve: Annotated[bool, typer.Option("--serve", help="Serve the page on 127.0.0.1 until Ctrl-C.")] = False,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of --serve; 0 for any free port.")] = 0,
+    website: Annotated[
+        Path | None,
+        typer.Option("--website", metavar="DIR", help="Directory for a website: report, all episodes, images, videos."),
+    ] = None,
+    without_videos: Annotated[
+        bool, typer.Option("--without-videos", help="Leave the videos out of --website.")
+    ] = False,
+    reference: Annotated[
+        Reference | None, typer.Option("--reference", help="Add published results to the tables.")
+    ] = None,
+    only_reference: Annotated[
+        bool, typer.Option("--only-reference", help="Print only the paper's Tables 3 to 6.")
+    ] = False,
+    all_tables: Annotated[bool, typer.Option("--all-tables", help="Print every table that --output writes.")] = False,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Report success rates with 95 % intervals, actions, SPL and coverage.
+
+    [bold]Examples[/bold]
+
+        vsnbench report                              by goal and in total
+        vsnbench report --model vlv --goal chair     one model, one goal
+        vsnbench report --format markdown > table.md
+        vsnbench report --format json                all results for a script
+        vsnbench report --reference paper            with the paper's results
+        vsnbench report --all-tables                 seeds, failures, starts ...
+        vsnbench report --output report/             page, tables, figures
+        vsnbench report --serve                      the page in a browser
+        vsnbench report --website site/              files for a web server
+        vsnbench report --only-reference             the paper's own tables
+
+    Void attempts (failed motion, lost sensor, model error, aborted,
+    interrupted) are counted separately and are not part of the rates.
+    """
+    from vsnbench.report.analysis.conditions import Selection
+    from vsnbench.report.build import build
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    form = Format.JSON if as_json else form
+    if output is not None and output.suffix in _FILES and not output.is_dir():
+        raise UsageError(
+            f"--output {output} must be a directory, which gets report{output.suffix} and other files",
+            advice=f"--output {output.with_suffix('')}/",
+        )
+    if only_reference:
+        from vsnbench.report.analysis.published import published_results
+        from vsnbench.report.tables.reference import reference_tables
+
+        _print_tables_as(form.value, reference_tables(), published_results())
+        return
+    selection = Selection(
+        models=split_list(model),
+        goals=split_list(goal),
+        sites=split_list(site),
+        robots=split_list(robot),
+        campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
+    )
+    place = ResultsDirectory.locate(results, db)
+    if website is not None:
+        _write_website(place, selection, website, with_videos=not without_videos, as_json=as_json)
+        return
+    with_paper = reference is not None
+    if output is not None or serve:
+        from vsnbench.report.figures.choose import build_and_draw
+
+        report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
+        _write_or_serve(report, drawn, output, port if serve else None, as_json=as_json)
+    else:
+        # Activity takes seconds to read: JSON has all results, a table on the terminal must appear at once.
+        activity = all_tables or form is Format.JSON
+        report = build(place.database_url, selection, place.path, reference=with_paper, activity=activity)
+        _print_report(form.value, report, long=all_tables)
+
+
+def _write_website(
+    place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
+) -> None:
+    from dataclasses import asdict
+
+    from vsnbench.cli.support.output import print_json
+    from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.web.results_browser.website import write_website
+
+    with ProgressBars() as progress:
+        written = write_website(place, selection, directory, with_videos=with_videos, progress=progress.show)
+    for problem in written.problems:
+        logger.warning("%s: no video", problem)
+    if as_json:
+        print_json({"directory": str(directory), **asdict(written)})
+        return
+    typer.echo(f"{directory / 'index.html'}")
+    sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")
+
+
+def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
+    """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
+    from dataclasses import replace
+
+    from vsnbench.report.analysis.published import published_results
+
+    results = report.results
+    if report.reference:
+        results = replace(results, conditions=(*results.conditions, *published_results().conditions))
+    if form == "json":
+        from vsnbench.report.formats.json import to_json
+
+        typer.echo(
+            to_json(results, report.questions, report.activity, report.record, report.operator_activity), nl=False
+        )
+        return
+    _print_tables_as(form, report.tables(long=long), results)
+
+
+def _print_tables_as(form: str, tables: "list[ReportTable]", results: "Numbers") -> None:
+    """Print tables as `table`, `markdown` or `latex`, or the results in them as `json` or `csv`."""
+    if form == "table":
+        from vsnbench.cli.support.terminal import page
+        from vsnbench.report.tables.report_table import print_tables
+
+        print_tables(tables, page())
+        return
+    typer.echo(_text(form, tables, results), nl=False)
+
+
+def _text(form: str, tables: "list[ReportTable]", results: "Numbers") -> str:
+    from vsnbench.report.formats.csv import to_csv
+    from vsnbench.report.formats.json import to_json
+    from vsnbench.report.formats.latex import latex
+    from vsnbench.report.formats.markdown import markdown
+
+    if form == "json":
+        return to_json(results)
+    if form == "csv":
+        return to_csv(results)
+    return markdown(tables) if form == "markdown" else latex(tables)
+
+
+def _write_or_serve(
+    report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None, *, as_json: bool
+) -> None:
+    """Write the report into a directory, serve its page, or both."""
+    from vsnbench.report.formats.html import html_page
+    from vsnbench.report.output import serve_page, write_report
+
+    if output is not None:
+        print_files(write_report(report, drawn, output), as_json=as_json)
+        sys.stderr.write(f"page: {output / 'report.html'} (self-contained)\n")
+    if port is not None:
+        page = html_page(report, report.tables(long=True), drawn)
+        try:
+            serve_page(page, port, lambda address: typer.echo(f"{address}  (Ctrl-C to stop)"))
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)

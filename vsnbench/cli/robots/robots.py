@@ -1,0 +1,173 @@
+"""`vsnbench robots`: robot profiles and ROS nodes."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.robots import nodes
+from vsnbench.cli.support.output import Json, print_json
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""List and check robot profiles; run the ROS nodes of a robot.
+
+    vsnbench robots list
+    vsnbench robots show --annotated > my-robot.yaml
+    vsnbench robots check my-robot.yaml
+    vsnbench robots calibrate my-robot.yaml
+    vsnbench robots simulate turtlebot2
+    vsnbench robots serve turtlebot2
+    """,
+)
+
+RobotArgument = Annotated[str, typer.Argument(help="Name of a profile, or path of its file.")]
+
+
+@app.command("list")
+def list_robots(as_json: Json = False) -> None:
+    """List the values of --robot."""
+    from vsnbench.cli.support.listing import name_column, print_list, prose_column
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.robots.profiles import embedded_profiles, load_profile
+    from vsnbench.robots.registry import known_robots
+    from vsnbench.robots.ros.interface_kinds import INTERFACE_KINDS
+
+    profiles = {name: load_profile(name) for name in embedded_profiles()}
+    titles = {name: profile.title for name, profile in profiles.items()}
+
+    def description(name: str) -> str:
+        kind, _, profile = name.partition(":")
+        if kind == "simulated":
+            return f"{titles.get(profile or 'turtlebot2', profile)} in the site's simulated twin, in this process"
+        if name not in profiles:
+            return "a plug-in"
+        interface = profiles[name].interface
+        return f"{titles[name]} {INTERFACE_KINDS[interface.kind].title if interface else ''}".strip()
+
+    rows = [(name, description(name)) for name in known_robots()]
+    if as_json:
+        print_json([{"name": name, "what": text} for name, text in rows])
+        return
+    columns = (name_column("--robot", min_width=24), prose_column("description"))
+    print_list(columns, [(safe(name), safe(text)) for name, text in rows])
+
+
+@app.command()
+def show(
+    robot: Annotated[str, typer.Argument(help="Name of a profile, or path of its file.")] = "",
+    annotated: Annotated[
+        bool,
+        typer.Option("--annotated", help="Keep the file's comments; without ROBOT, print a commented example."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Print a profile as YAML, with all defaults filled in."""
+    from vsnbench.errors import UsageError
+    from vsnbench.robots.profiles import ANNOTATED_EXAMPLE, load_profile, profile_path
+    from vsnbench.settings.yaml_text import dump_yaml
+
+    if annotated:
+        if as_json:
+            raise UsageError("--annotated and --json exclude each other", advice="JSON has no comments")
+        typer.echo((profile_path(robot) if robot else ANNOTATED_EXAMPLE).read_text(encoding="utf-8").rstrip())
+        return
+    if not robot:
+        raise UsageError("no robot profile is named", advice="name one, or pass --annotated for a commented example")
+    content = load_profile(robot).model_dump(mode="json")
+    if as_json:
+        print_json(content)
+    else:
+        typer.echo(dump_yaml(content))
+
+
+@app.command()
+def check(robot: RobotArgument, as_json: Json = False) -> None:
+    """Check a profile: keys, types, ranges and consistency. Exit code 1 if it is invalid."""
+    from vsnbench.robots.checkup.profile import implausible_values
+    from vsnbench.robots.profiles import load_profile
+
+    profile = load_profile(robot)
+    warnings = implausible_values(profile)
+    if as_json:
+        print_json({"robot": profile.name, "title": profile.title, "warnings": warnings})
+        return
+    for warning in warnings:
+        typer.echo(f"warning: {warning}")
+    typer.echo(f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself")
+
+
+@app.command()
+def calibrate(
+    robot: RobotArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", show_default="the profile itself", help="File for the corrected profile."),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without a confirmation.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure the camera's height, tilt, roll and field of view, and correct the profile.
+
+    Place the robot in front of 2 m of free floor. It does not move. Comments in the profile are kept. The distance
+    from the base's axis to the camera is not visible in images of the floor: measure it with a tape.
+
+    [bold]Examples[/bold]
+
+        vsnbench robots calibrate my-robot.yaml
+
+        vsnbench robots calibrate turtlebot4 --output my-turtlebot4.yaml
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.robots.calibration import calibrate as measure
+    from vsnbench.robots.calibration import write_corrections
+    from vsnbench.robots.profiles import embedded_profiles, load_profile, profile_path
+
+    profile, source = load_profile(robot), profile_path(robot)
+    target = output or source
+    if target in embedded_profiles().values():
+        raise UsageError(
+            f"{robot} is an embedded profile and cannot be changed",
+            advice=f"name a file for the corrected profile: --output my-{profile.name}.yaml",
+        )
+    can_ask = sys.stdin.isatty() and not as_json
+    if not (yes or can_ask):
+        raise UsageError("the correction cannot be confirmed without a terminal", advice="pass --yes to write it")
+    calibration = measure(profile)
+    corrections = calibration.corrections
+    if not as_json:
+        for difference in calibration.differences:
+            field = difference.field
+            corrected = f" -> {corrections[field]:g}" if field in corrections else ""
+            typer.echo(f"{field}: {difference.text}{corrected}")
+    write = yes or not corrections or typer.confirm(f"Write {target}?", err=True)
+    if write and (corrections or target != source):
+        write_corrections(source, target, corrections)
+    if as_json:
+        print_json(
+            {
+                "robot": profile.name,
+                "file": str(target),
+                "written": write,
+                "measured": {
+                    difference.field: {
+                        "value": difference.measured.value,
+                        "std": difference.measured.std,
+                        "profile": difference.profile,
+                    }
+                    for difference in calibration.differences
+                },
+                "corrections": corrections,
+            }
+        )
+    elif not corrections:
+        typer.echo("the profile agrees with the camera within the uncertainty of the measurement")
+    elif write:
+        typer.echo(f"{target} written")
+
+
+for _function in (nodes.simulate, nodes.serve, nodes.undock):
+    app.command()(_function)

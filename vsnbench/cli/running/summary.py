@@ -1,0 +1,166 @@
+"""Summary after a campaign: what is done, what is left and the next command."""
+
+import logging
+import os
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from rich.markup import escape
+
+from vsnbench.cli.support.output import is_quiet
+from vsnbench.results.files.directory import TEMPORARY_RESULTS
+from vsnbench.runner.setup.launch import Launched
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.stopping.requests import StopAuthor, Stopped
+from vsnbench.runtime.child_process import adopt_orphans, descendants, end_descendants
+from vsnbench.text.sanitize import counted, sanitize
+from vsnbench.text.terminal import Console
+
+logger = logging.getLogger(__name__)
+
+THREAD_TIMEOUT_S = 2.0
+"""Time to wait at exit for threads that a model started."""
+
+
+def stopped_message(stopped: Stopped) -> str:
+    """Return the message, in rich's markup, after a person or a signal stopped a run."""
+    by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.description
+    return (
+        f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
+        "The same command resumes with the remaining trials."
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadsAndProcesses:
+    """Threads and processes that exist before a model is loaded.
+
+    A context manager: on exit it ends the processes that were started since, even if their parents have ended. They
+    must not hold a robot, a GPU or a cluster's slot after the last trial.
+    """
+
+    threads: frozenset[threading.Thread]
+    pids: frozenset[int]
+
+    @classmethod
+    def now(cls) -> Self:
+        """Return those that exist now."""
+        return cls(frozenset(threading.enumerate()), frozenset(process.pid for process in descendants()))
+
+    def __enter__(self) -> Self:
+        adopt_orphans()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        names = end_descendants(self.pids)
+        adopt_orphans(wanted=False)
+        if names:
+            logger.warning("ended processes that the model left running: %s", ", ".join(map(sanitize, names)))
+
+
+def exit_despite_threads(code: int, before: ThreadsAndProcesses) -> None:
+    """Exit with this code if threads that a model started would keep the process alive."""
+    deadline_s = time.monotonic() + THREAD_TIMEOUT_S
+    started = [thread for thread in threading.enumerate() if not thread.daemon and thread not in before.threads]
+    for thread in started:
+        thread.join(max(deadline_s - time.monotonic(), 0))
+    if alive := [thread.name for thread in started if thread.is_alive()]:
+        logger.warning("not waiting for threads that the model left running: %s", ", ".join(alive))
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def summary_console() -> Console:
+    """Return the console of a summary: stderr, or stdout with --quiet, which prints nothing else."""
+    stream = sys.stdout if is_quiet() else sys.stderr
+    return Console(file=stream, highlight=False, soft_wrap=not stream.isatty())
+
+
+def print_next(console: Console, command: str) -> None:
+    """Print the next command; not with --quiet, because it is not a result."""
+    if not is_quiet():
+        console.print(f"[dim]next:[/dim] vsnbench {escape(command)}")
+
+
+def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
+    """Return the summary of a campaign as JSON fields."""
+    result, trials = launched.result, len(launched.campaign.trials)
+    return {
+        "model": request.model,
+        "site": request.site,
+        "seed": request.seed,
+        "results": str(request.results.path),
+        "campaign": launched.campaign.id,
+        "trials": trials,
+        "done": trials - result.left - result.elsewhere,
+        "left": result.left,
+        "elsewhere": result.elsewhere,
+        "awaiting_judgement": result.awaiting,
+        "episodes_run": result.episodes,
+        "void_episodes": result.void,
+        "stopped_because": result.stopped_because or None,
+    }
+
+
+def print_summary(console: Console, launched: Launched, request: RunRequest) -> None:
+    """Print what is done, what is left and the next command."""
+    if os.environ.get(TEMPORARY_RESULTS):
+        _print_discarded(console, launched, request)
+        return
+    result, trials = launched.result, len(launched.campaign.trials)
+    options = escape(request.results.options)
+    if result.stopped_because:
+        console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
+    if result.left:
+        console.print(
+            f"[yellow]{result.left} of {counted(trials, 'trial')} left[/yellow]"
+            f"{f' ({result.void} void)' if result.void else ''}: the same command resumes."
+        )
+    if result.elsewhere:
+        done = trials - result.left - result.elsewhere
+        console.print(
+            f"[green]{done} of {counted(trials, 'trial')} done[/green], [yellow]{result.elsewhere} running elsewhere"
+            f"[/yellow] ({escape(', '.join(result.holders))}): repeat the command to wait for them and run the rest."
+        )
+    if not result.left and not result.elsewhere:
+        if result.episodes:
+            console.print(f"[green]{_all(trials)} done[/green]; results in {escape(_place(request))}")
+        else:
+            console.print(
+                f"nothing to do: {_all(trials)} done. Add goals, --starts or --repetitions, or use another --seed."
+            )
+    if result.awaiting:
+        console.print(
+            f"[cyan]{counted(result.awaiting, 'trial')} to be judged[/cyan] before they count: "
+            f"vsnbench judge --pending{options}"
+        )
+    only_void = result.episodes == result.void > 0 and result.left == trials
+    following = "episodes list --outcome void" if only_void else "report"
+    print_next(console, f"{following}{request.results.options}")
+
+
+def _print_discarded(console: Console, launched: Launched, request: RunRequest) -> None:
+    """Print the summary of a run of `--watch`, whose results are discarded at the next change."""
+    result, trials = launched.result, len(launched.campaign.trials)
+    if result.stopped_because:
+        console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
+    console.print(f"{trials - result.left} of {counted(trials, 'trial')} done")
+    command = f"vsnbench episodes list{escape(request.results.options)}"
+    console.print(f"[dim]until the next change:[/dim] {command}")
+
+
+def _place(request: RunRequest) -> str:
+    """Return where the record is: the results directory, or a database elsewhere."""
+    results = request.results
+    return str(results.path) if results.has_own_database else results.database_label
+
+
+def _all(trials: int) -> str:
+    return "the only trial is" if trials == 1 else f"all {trials} trials are"

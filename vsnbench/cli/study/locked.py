@@ -1,0 +1,239 @@
+"""Commands for a locked study: run, status, amend, unblind, report."""
+
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.study.report import StudyFormat
+from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
+from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.config import load_config
+
+if TYPE_CHECKING:
+    from vsnbench.cli.study.file import OpenedStudy
+
+File = Annotated[Path, typer.Argument(help="Path of the study file.")]
+_DEFAULT = Path("study.yaml")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to `vsnbench study`."""
+    for function in (run, status, amend, unblind, report):
+        app.command()(function)
+
+
+def run(  # noqa: PLR0913 - Typer needs a parameter per option
+    file: File = _DEFAULT,
+    only_next: Annotated[bool, typer.Option("--only-next", help="Stop after one trial.")] = False,
+    until: Annotated[
+        str, typer.Option("--until", metavar="HH:MM", help="Time of day from which no trial starts (local time).")
+    ] = "",
+    unattended: Unattended = False,
+    live: Live = False,
+    results: Results = None,
+    db: Database = None,
+    console: Console = None,
+    as_json: Json = False,
+) -> None:
+    """Run the remaining trials of a locked study; models are changed automatically.
+
+    [bold]vsnbench study run study.yaml --until 18:00[/bold]
+    """
+    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.study.file import open_study
+    from vsnbench.cli.study.running import StudyRunOptions, run_and_report
+    from vsnbench.errors import StudyError
+    from vsnbench.runner.operator.provider import TerminalOperatorProvider
+
+    page = operator_page(console)
+    study = open_study(file, results, db)
+    if study.refusal:
+        raise StudyError(study.refusal)
+    memory_gib = load_config().study.model_memory_gib
+    options = StudyRunOptions(
+        only_next=only_next,
+        until=_next_time(until),
+        memory_bytes=None if memory_gib is None else round(memory_gib * 2**30),
+        live=live,
+        as_json=as_json,
+    )
+    with ThreadsAndProcesses.now() as before:
+        code = run_and_report(study, options, TerminalOperatorProvider(unattended, page))
+    exit_despite_threads(code, before)
+    raise typer.Exit(code)
+
+
+def _next_time(text: str) -> datetime | None:
+    """Return the next occurrence of a time of day, as an aware datetime; None for an empty text."""
+    from datetime import timedelta
+
+    from vsnbench.errors import UsageError
+
+    if not text:
+        return None
+    try:
+        time = datetime.strptime(text, "%H:%M")  # noqa: DTZ007 - a time of day without a date
+    except ValueError as problem:
+        raise UsageError(f"cannot read --until {text}", advice="give a time of day, like 18:00") from problem
+    now = datetime.now().astimezone()
+    then = now.replace(hour=time.hour, minute=time.minute, second=0, microsecond=0)
+    return then if then > now else then + timedelta(days=1)
+
+
+def status(file: File = _DEFAULT, results: Results = None, db: Database = None, as_json: Json = False) -> None:
+    """Show the progress of a study, and changes since it was locked.
+
+    [bold]vsnbench study status study.yaml[/bold]
+    """
+    from vsnbench.cli.study.file import open_study
+    from vsnbench.cli.support.listing import ListColumn, name_column, print_list
+    from vsnbench.cli.support.terminal import safe
+    from vsnbench.results.schema.migrate import open_record
+    from vsnbench.results.studies.entries import AMEND
+    from vsnbench.results.studies.queries import trials_of
+
+    study = open_study(file, results, db)
+    recorded = study.recorded
+    with open_record(study.results.database_url) as engine:
+        trials = trials_of(engine, recorded.id)
+    amendments = sum(entry.kind == AMEND for entry in recorded.entries)
+    arms = []
+    for arm in recorded.arms:
+        own = [trial for trial in trials if trial.arm == arm.name]
+        done, left, voids = (sum(getattr(trial, field) for trial in own) for field in ("done", "left", "voids"))
+        arms.append({"arm": recorded.shown(arm.name), "done": done, "left": left, "void_attempts": voids})
+    if as_json:
+        identity = {"study": recorded.title, "locked_at": recorded.locked_at, "locked_sha256": recorded.locked_sha256}
+        state = {"sha256": recorded.sha256, "amendments": amendments, "blind": recorded.is_blind}
+        found = {"differences": study.integrity.differences, "remarks": study.integrity.remarks}
+        print_json({**identity, **state, "changed": study.changed or None, **found, "arms": arms})
+        return
+    typer.echo(f"study     {safe(recorded.title)}")
+    typer.echo(f"locked    {recorded.locked_at:%Y-%m-%d %H:%M} UTC, sha256 {recorded.locked_sha256[:16]}")
+    if amendments:
+        typer.echo(f"amended   {amendments} times, now sha256 {recorded.sha256[:16]}")
+    blind = "yes" if recorded.is_blind else "no" if not recorded.blind else f"until {recorded.unblinded_at:%m-%d %H:%M}"
+    typer.echo(f"blind     {blind}")
+    done, voids = sum(trial.done for trial in trials), sum(trial.voids for trial in trials)
+    typer.echo(f"trials    {done} of {len(trials)} done, {voids} void attempts")
+    numbers = (ListColumn(heading, right=True) for heading in ("done", "left", "void attempts"))
+    typer.echo()
+    print_list((name_column("arm"), *numbers), [[safe(value) for value in line.values()] for line in arms])
+    _print_warnings(study)
+
+
+def _print_warnings(study: "OpenedStudy") -> None:
+    for warning in study.warnings:
+        typer.echo(f"vsnbench: warning: {warning}", err=True)
+
+
+def amend(
+    file: File = _DEFAULT,
+    reason: Annotated[str, typer.Option("--reason", help="Reason for the change; printed in the report.")] = "",
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Accept changes of the study file; the report lists them with author and reason.
+
+    The inputs of the schedule (arms, goals, positions, order, seed, site, robot, protocol) cannot change.
+
+    [bold]vsnbench study amend study.yaml --reason "the second operator is ill"[/bold]
+    """
+    from vsnbench.cli.study.file import open_study, write_lock_file
+    from vsnbench.errors import StudyError, UsageError
+    from vsnbench.results.studies.entries import StudyChange
+    from vsnbench.results.writing.journal import Journal
+    from vsnbench.study.file import parse_study, read_text
+    from vsnbench.study.lock import changes, check_amendment, sha256_of
+
+    if not reason.strip():
+        raise UsageError("no reason given", advice="give the reason for the change with --reason; the report has it")
+    study = open_study(file, results, db)
+    text = read_text(file)
+    if study.integrity.differences or study.lacks_note:
+        raise StudyError(study.refusal)
+    lines = changes(study.recorded.content, text)
+    if not lines:
+        raise StudyError(f"{file} is as it was locked: nothing to amend", code="nothing-to-amend")
+    amended = parse_study(text, str(file))
+    check_amendment(study.plan, amended)
+    with Journal.open(study.results.database_url) as journal:
+        change = StudyChange(text, sha256_of(text), amended.title, reason.strip(), "\n".join(lines))
+        journal.amend_study(study.recorded.id, change)
+    write_lock_file(file, study.results, study.recorded.uuid)
+    if as_json:
+        print_json({"sha256": change.sha256, "reason": change.reason, "changes": lines})
+        return
+    for line in lines:
+        typer.echo(line)
+    typer.echo("amended; the report lists the change", err=True)
+
+
+def unblind(
+    file: File = _DEFAULT,
+    reason: Annotated[str, typer.Option("--reason", help="Reason for unblinding; printed in the report.")] = "",
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Reveal the names of the arms. This is permanent, and a deviation if the study is not over.
+
+    [bold]vsnbench study unblind study.yaml --reason "all trials are done"[/bold]
+    """
+    from vsnbench.cli.study.file import open_study, remove_blind_copies
+    from vsnbench.errors import UsageError
+    from vsnbench.results.studies.entries import OVER
+    from vsnbench.results.studies.queries import trials_of
+    from vsnbench.results.writing.journal import Journal
+
+    if not reason.strip():
+        raise UsageError("no reason given", advice="give the reason for unblinding with --reason; the report has it")
+    study = open_study(file, results, db)
+    with Journal.open(study.results.database_url) as journal:
+        trials = trials_of(journal.engine, study.recorded.id)
+        journal.unblind_study(study.recorded.id, reason.strip())
+    remove_blind_copies(study.results, study.recorded.uuid)
+    if as_json:
+        print_json({"arms": {arm.code: arm.name for arm in study.recorded.arms}})
+    for arm in study.recorded.arms if not as_json else ():
+        typer.echo(f"arm {arm.code} is {arm.name}")
+    early = any(trial.left for trial in trials) and not any(entry.kind == OVER for entry in study.recorded.entries)
+    if early:
+        typer.echo("vsnbench: warning: trials are left; the report marks the unblinding as early", err=True)
+    sys.stdout.flush()
+
+
+def report(
+    file: File = _DEFAULT,
+    form: Annotated[StudyFormat, typer.Option("--format", "-f", help="Output format on stdout.")] = StudyFormat.TABLE,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Directory for the report in every format.")
+    ] = None,
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Report a study: conclusion, primary analysis, locked plan, deviations, exploratory analyses.
+
+    [bold]vsnbench study report study.yaml --output report/[/bold]
+    """
+    from vsnbench.cli.study.file import open_study
+    from vsnbench.cli.study.report import print_findings, write_findings
+    from vsnbench.report.study.findings import read_findings
+
+    study = open_study(file, results, db)
+    checked = study.integrity
+    found = read_findings(
+        *(study.results.database_url, study.recorded, study.plan, study.changed),
+        differences=checked.differences,
+        remarks=checked.remarks,
+    )
+    if output is not None:
+        print_files(write_findings(found, output), as_json=as_json)
+    else:
+        print_findings(StudyFormat.JSON if as_json else form, found)
+    _print_warnings(study)

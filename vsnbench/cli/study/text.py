@@ -1,0 +1,145 @@
+"""Text about a study before it runs: its arms, warnings, power and duration."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from vsnbench.text.sanitize import counted
+
+if TYPE_CHECKING:
+    from vsnbench.report.tables.report_table import ReportTable
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.studies.entries import LockedArm
+    from vsnbench.runner.study.arms import StudyPlace
+    from vsnbench.study.power import PlannedPower
+
+
+def arm_lines(arms: "Sequence[LockedArm]") -> Iterator[str]:
+    """Yield one line per arm: its model, weights and number of trials."""
+    width = max(len(arm.name) for arm in arms)
+    for arm in arms:
+        model = arm.plan.model
+        weights = f", {model.weights_label or 'weights'} ({model.weights_sha256[:12]})" if model.weights_sha256 else ""
+        bound = "; receives the site: an upper bound, not a competitor" if model.surveyed else ""
+        yield f"{arm.name:<{width}}  {model.name}{weights}: {len(arm.plan.trials)} trials{bound}"
+
+
+def arm_fields(arms: "Sequence[LockedArm]") -> list[dict[str, object]]:
+    """Return the same as JSON fields."""
+    return [
+        {
+            "name": arm.name,
+            "model": arm.plan.model.name,
+            "weights": arm.plan.model.weights_label or None,
+            "weights_sha256": arm.plan.model.weights_sha256 or None,
+            "trials": len(arm.plan.trials),
+            "upper_bound": arm.plan.model.surveyed,
+        }
+        for arm in arms
+    ]
+
+
+def warnings_of(place: "StudyPlace") -> Iterator[str]:
+    """Yield what reveals the arms to an operator, and weaknesses of the design."""
+    import re
+
+    study = place.study
+    if study.blind:
+        names = {name.lower() for name in study.arms} | {arm.model.lower() for arm in study.arms.values()}
+        for field in ("title", "question", "notes"):
+            found = set(re.findall(r"[a-z0-9_.-]+", getattr(study, field).lower())) & names
+            if found:
+                yield f"{field} names {', '.join(sorted(found))}, and operators see it while the study is blind"
+        if any(arm.goals for arm in study.arms.values()):
+            yield "goals of single arms reveal these arms while the study is blind"
+    if study.order == "as-planned":
+        yield "as-planned runs one arm after another: drift (battery, light, floor) looks like a difference"
+    if study.stopping == "decided" and study.of_these_cells:
+        yield "stopping: decided concludes about these cells only; about: cells-like-these generalizes to others"
+
+
+def power_table(place: "StudyPlace", rate: float) -> "ReportTable":
+    """Return the power of a design for several true differences."""
+    from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
+    from vsnbench.study.power import DIFFERENCES, design_of_study, pairs_of, planned_power
+
+    study = place.study
+    starts = len({trial.start for trial in place.schedule.trials})
+    design = design_of_study(study, starts, rate)
+    differences = tuple(sorted({*DIFFERENCES, study.difference}))
+    powers = planned_power(study, design, differences)
+    goals, repetitions = counted(len(study.goals), "goal"), counted(study.repetitions, "repetition")
+    size = f"{counted(starts, 'starting position')}, {goals}, {repetitions}"
+    level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
+    notes = [
+        f"{size}; mean rate {rate:.0%}; {level}. Each line is from hundreds of simulated studies.",
+        "Assumed: cells differ in difficulty (correlation 0.3; 0.1 across goals), half of it shared by both models.",
+    ]
+    if study.margin:
+        notes.append(f"A difference counts if it is larger than the margin of {study.margin:.0%}.")
+    smallest = next((power.difference for power in powers if power.power >= study.power), None)
+    planned = next(power for power in powers if power.difference == study.difference)
+    if study.stopping == "decided":
+        notes += _stopping_notes(place, planned)
+    if planned.power < study.power:
+        detectable = f" The smallest difference with this power is {smallest:.0%}." if smallest else ""
+        remedy = "more starting positions" if study.by_starting_position else "more positions or repetitions"
+        notes.append(
+            f"The power for the difference of {study.difference:.0%} is {planned.power:.0%}, less than the "
+            f"{study.power:.0%} of the plan.{detectable} Use {remedy}."
+        )
+    if fault := place.design_error:
+        notes.append(f"This design cannot show a difference: {fault}.")
+    columns = (
+        Column("true difference %"),
+        Column("power %"),
+        Column("blocks run", note="Mean number of blocks; a block is every arm once on one cell and repetition."),
+    )
+    rows = tuple(
+        row(percent(power.difference, 0), percent(power.power, 0), decimal(power.blocks, 0)) for power in powers
+    )
+    return ReportTable("power", "Power of this design", columns, rows, tuple(notes))
+
+
+def _stopping_notes(place: "StudyPlace", planned: "PlannedPower") -> "Iterator[str]":
+    """Yield when a study with `stopping: decided` can end, and what it assumes.
+
+    Args:
+        place: site and schedule of the study.
+        planned: power at the difference of the plan.
+    """
+    from vsnbench.study.stopping import min_units
+    from vsnbench.study.units import unit_rule
+
+    study, rule = place.study, unit_rule(place.study, place.shared_blocks)
+    fewest = min_units(study, place.shared_blocks)
+    earliest = f"not before {counted(fewest, rule.name)} of {rule.planned}" if fewest else "by no test"
+    typical = f"typically after {planned.decided_at:.0f}" if planned.decided_at is not None else "rarely before the end"
+    yield (
+        f"Analysed after every {rule.name}: decided {earliest}, even if one arm always wins, and "
+        f"{typical} for a true difference of {study.difference:.0%}."
+    )
+    if study.by_starting_position:
+        yield (
+            "All goals and repetitions of a starting position count as one value. Assumed: the starting positions are "
+            "random draws from those that the conclusion is about."
+        )
+
+
+def duration_line(place: "StudyPlace", results: "ResultsDirectory", seconds: float | None) -> str:
+    """Return the duration of the whole plan, from a given duration of a trial or the median in the record."""
+    from vsnbench.errors import RecordError
+    from vsnbench.results.schema.migrate import open_record
+    from vsnbench.results.studies.queries import trial_duration_s
+
+    trials, source = len(place.schedule.trials), "as given"
+    if seconds is None:
+        robot = place.study.robot.partition(":")[2] or ("turtlebot2" if place.study.robot == "simulated" else "")
+        try:
+            with open_record(results.database_url) as engine:
+                median_s, episodes = trial_duration_s(engine, robot or place.study.robot)
+        except RecordError:
+            return f"{trials} trials; without a record their duration is unknown: give --seconds 180, or run a few"
+        if not episodes:
+            return f"{trials} trials; the record has no episodes of this robot: give their duration, --seconds 180"
+        seconds, source = median_s, f"median of {episodes} in the record"
+    return f"{trials} trials at {seconds:.0f} s ({source}): {trials * seconds / 3600:.1f} hours in total"

@@ -1,0 +1,186 @@
+"""Options that several commands share, with the same name, meaning and help."""
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_sites
+from vsnbench.cli.support.output import is_quiet
+from vsnbench.cli.support.renamed import refuse_renamed_value
+from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
+from vsnbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsnbench.results.files.directory import KeepFiles
+    from vsnbench.runner.executors.capacity import WorkerOptions
+    from vsnbench.web.operator.page import OperatorPage
+
+EXECUTION_PANEL = "Execution"
+RECORD_PANEL = "Record"
+"""Headings in `--help`."""
+
+Results = Annotated[
+    Path | None,
+    typer.Option(
+        "--results",
+        help="Results directory. Default: $VSNBENCH_RESULTS, else ./results.",
+        rich_help_panel=RECORD_PANEL,
+    ),
+]
+Database = Annotated[
+    str | None,
+    typer.Option(
+        "--db",
+        metavar="URL",
+        help="SQLAlchemy URL of a database (postgresql+psycopg://...) instead of the directory's SQLite file.",
+        rich_help_panel=RECORD_PANEL,
+    ),
+]
+Models = Annotated[list[str] | None, typer.Option("--model", "-m", metavar="A,B", help="Only these models.")]
+Goals = Annotated[list[str] | None, typer.Option("--goal", "-g", metavar="A,B", help="Only these goal categories.")]
+Sites = Annotated[list[str] | None, typer.Option("--site", metavar="A,B", help="Only these sites.")]
+Robots = Annotated[list[str] | None, typer.Option("--robot", metavar="A,B", help="Only these robots.")]
+Campaigns = Annotated[
+    list[str] | None, typer.Option("--campaign", metavar="N,N-M", help="Only these campaigns, by number.")
+]
+Console = Annotated[
+    str | None,
+    typer.Option(
+        "--console",
+        metavar="[ADDRESS:PORT]",
+        help="Page for the operator in a browser. Default: 127.0.0.1:8710, or as in vsnbench.toml.",
+        rich_help_panel=EXECUTION_PANEL,
+    ),
+]
+Live = Annotated[
+    bool, typer.Option("--live", help="Show each episode in Rerun while it runs.", rich_help_panel=RECORD_PANEL)
+]
+Unattended = Annotated[
+    bool,
+    typer.Option(
+        "--unattended",
+        help="Run a real robot without an operator; its episodes await judgement.",
+        rich_help_panel=EXECUTION_PANEL,
+    ),
+]
+SimulatedSite = Annotated[
+    str,
+    typer.Option(
+        "--site",
+        envvar=VARIABLE_OF["site"],
+        show_envvar=False,
+        help="Name of an embedded site, or path of a site file.",
+    ),
+]
+RobotOrProfile = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        "-r",
+        envvar=VARIABLE_OF["robot"],
+        show_envvar=False,
+        help="Robot: turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
+    ),
+]
+Protocol = Annotated[
+    str,
+    typer.Option(
+        "--protocol",
+        metavar="NAME|FILE",
+        envvar=VARIABLE_OF["protocol"],
+        show_envvar=False,
+        help="Rules of the trials: a name of `vsnbench protocol list`, or a YAML file.",
+    ),
+]
+Rehearse = Annotated[
+    bool,
+    typer.Option(
+        "--rehearse",
+        help="Rehearse with a simulated robot that the operator places and judges.",
+        rich_help_panel=EXECUTION_PANEL,
+    ),
+]
+
+_MAX_WORKERS = 4096
+_HOST_AND_PORT = re.compile(r"(?P<host>.*?)(?::(?P<port>\d{1,5}))?")
+_LARGEST_PORT = 65535
+
+
+def sites_of(values: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the sites of `--site`, or the default site.
+
+    Raises:
+        UsageError: a value is not a list of sites.
+    """
+    return split_sites(values) if values else (os.environ.get(VARIABLE_OF["site"]) or BUILT_IN_SITE,)
+
+
+def operator_page(console: str | None) -> "OperatorPage | None":
+    """Return the page of `--console`, with the settings of section `[console]`; None without the option.
+
+    Args:
+        console: value of the option: `ADDRESS:PORT`, or empty for the configured address and port.
+
+    Raises:
+        UsageError: the value is not an address, or --quiet hides where the page is.
+    """
+    if console is None:
+        return None
+    if is_quiet():
+        raise UsageError("--quiet hides the address of --console", advice="leave one of them out")
+    from vsnbench.web.operator.page import OperatorPage
+
+    configured = load_config().console
+    match = _HOST_AND_PORT.fullmatch(console)
+    host = match["host"] if match else ""
+    port = int(match["port"]) if match and match["port"] else configured.port
+    if match is None or port > _LARGEST_PORT or not host.isascii() or " " in host:
+        raise UsageError(
+            f"cannot read --console {console!r}", advice="give ADDRESS:PORT, like 0.0.0.0:8710", code="invalid-address"
+        )
+    address = host.strip("[]") or configured.address
+    return OperatorPage(address, port, configured.certificate, configured.key)
+
+
+def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
+    """Return the value of `--keep`; None without the option.
+
+    Raises:
+        UsageError: the value is unknown, or does not go with `--live`.
+    """
+    from vsnbench.results.files.directory import KeepFiles
+
+    if not given:
+        return KeepFiles.ALL if live else None
+    refuse_renamed_value("--keep", given)
+    if given not in list(KeepFiles):
+        raise UsageError(f"--keep {given}: unknown value", advice=f"give {', '.join(KeepFiles)}", code="unknown-value")
+    if live and given != KeepFiles.ALL:
+        raise UsageError(f"--live shows an episode from its Rerun copy, which --keep {given} does not make")
+    return KeepFiles(given)
+
+
+def requested_workers(given: str) -> "WorkerOptions":
+    """Return the workers of `--workers`: a number, `auto`, or the address of a Ray cluster.
+
+    Raises:
+        UsageError: it is none of them.
+    """
+    from vsnbench.runner.executors.capacity import WorkerOptions
+
+    if given.startswith("ray://"):
+        cluster = load_config().cluster
+        return WorkerOptions(cluster.workers, given, cluster.gpus_per_worker)
+    if given == "auto":
+        return WorkerOptions(None)
+    if not given.isdecimal() or not 1 <= int(given) <= _MAX_WORKERS:
+        raise UsageError(
+            f"cannot read --workers {given}",
+            advice=f"give a number from 1 to {_MAX_WORKERS}, auto, or ray://HEAD:PORT",
+            code="invalid-workers",
+        )
+    return WorkerOptions(int(given))

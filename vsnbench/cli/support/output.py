@@ -1,0 +1,130 @@
+"""Output of commands: results on stdout, as text or JSON, and the options --quiet and --verbose."""
+
+import functools
+import inspect
+import json
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vsnbench.cli.support.log_level import verbose
+from vsnbench.errors import UsageError
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result. Errors still go to stderr.")]
+Verbose = Annotated[
+    int,
+    typer.Option(
+        "--verbose", "-v", count=True, show_default=False, help="Log more to stderr; -vv for debugging.", metavar=""
+    ),
+]
+
+WITHOUT_RESULT = frozenset(
+    {
+        ("robots", "simulate"),
+        ("robots", "serve"),
+        ("robots", "undock"),
+        ("sites", "edit"),
+        ("models", "serve"),
+        ("browse",),
+    }
+)
+"""Commands that serve or move a robot until they are stopped; they print no result and have no --quiet."""
+
+_TERMINAL_WIDTH = 80
+_quiet_depth = 0
+
+
+def with_output_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options --quiet and --verbose."""
+    if hasattr(function, "has_output_options"):
+        return function
+    signature = inspect.signature(function, eval_str=True)
+
+    @functools.wraps(function)
+    def command(*arguments: Any, quiet: bool, verbosity: int, **options: Any) -> Any:
+        if quiet and verbosity:
+            raise UsageError("--quiet and --verbose contradict each other", advice="give one of them")
+        with silence() if quiet else verbose(verbosity):
+            return function(*arguments, **options)
+
+    added = [
+        inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),
+        inspect.Parameter("verbosity", inspect.Parameter.KEYWORD_ONLY, default=0, annotation=Verbose),
+    ]
+    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *added])  # type: ignore[attr-defined]
+    command.__annotations__ = {
+        parameter.name: parameter.annotation for parameter in (*signature.parameters.values(), *added)
+    }
+    command.has_output_options = True  # type: ignore[attr-defined]
+    return command
+
+
+@contextmanager
+def resumable() -> Iterator[None]:
+    """Tell the user on Ctrl-C between trials that the command can be resumed; during a trial the runner does."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write("\nvsnbench: stopped (Ctrl-C) between trials: the same command resumes\n")
+        raise
+
+
+def join_long_lines(docstring: object) -> str:
+    """Return a docstring as help text: a line over 80 columns was wrapped in the source and continues in the next.
+
+    Short lines, indented lines and command lines keep their line breaks.
+    """
+    lines: list[str] = []
+    was_wrapped = False
+    for line in inspect.cleandoc(docstring if isinstance(docstring, str) else "").split("\n"):
+        is_prose = bool(line) and not line.startswith((" ", "vsnbench "))
+        if was_wrapped and is_prose:
+            lines[-1] += f" {line}"
+        else:
+            lines.append(line)
+        was_wrapped = is_prose and len(line) > _TERMINAL_WIDTH
+    return "\n".join(lines)
+
+
+def is_quiet() -> bool:
+    """Return whether only results and errors are printed."""
+    return _quiet_depth > 0
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Print nothing to stderr while this is entered; exceptions pass."""
+    global _quiet_depth
+    stderr, level = sys.stderr, logging.getLogger().level
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        sys.stderr = nowhere
+        logging.getLogger().setLevel(logging.CRITICAL)
+        _quiet_depth += 1
+        try:
+            yield
+        finally:
+            _quiet_depth -= 1
+            sys.stderr = stderr
+            logging.getLogger().setLevel(level)
+
+
+def print_json(value: object) -> None:
+    """Print a result as JSON."""
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, default=str))
+
+
+def print_files(files: Iterable[Path | str], *, as_json: bool, **fields: object) -> None:
+    """Print the paths of written files, one per line; as JSON a list `files`, and further fields."""
+    written = [str(file) for file in files]
+    if as_json:
+        print_json({"files": written, **fields})
+        return
+    for file in written:
+        typer.echo(file)

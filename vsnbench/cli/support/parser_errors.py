@@ -1,0 +1,70 @@
+"""Errors of the command line parser as one-line usage errors."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import sanitize
+
+_STANDARD_OUTPUT = "-"
+
+
+class RootGroup(TyperGroup):
+    """The root command. Raises every error of the parser as a `UsageError`."""
+
+    def __init__(self, **settings: Any) -> None:
+        """Build the command line, with a check of every option that takes a text or a path."""
+        super().__init__(**settings)
+        _refuse_dashes(self)
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Parse the options before the command."""
+        try:
+            return super().make_context(*arguments, **options)
+        except typer.TyperException as error:
+            _raise_usage_error(error, "vsnbench")
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the arguments of the command and run it."""
+        try:
+            return super().invoke(ctx)
+        except typer.TyperException as error:
+            _raise_usage_error(error, f"{ctx.command_path} {ctx.invoked_subcommand or ''}".strip())
+
+
+def _raise_usage_error(error: typer.TyperException, command: str) -> NoReturn:
+    """Raise an error of the parser as a usage error in one line with the help of a command."""
+    message = sanitize(" ".join(error.format_message().split()))
+    if not message:  # Typer has printed the help of a command group that was called without arguments.
+        raise error
+    raise UsageError(message.rstrip("."), advice=f"see `{command} -h`") from error
+
+
+def _refuse_dashes(command: Any) -> None:
+    """Make every option of a command and its subcommands refuse a value that begins with a dash.
+
+    The parser takes the next argument as the value of an option: `--void --quiet` would void an episode for the reason
+    "--quiet".
+    """
+    for parameter in command.params:
+        if parameter.param_type_name == "option" and not parameter.is_flag:
+            parameter.callback = partial(_without_dash, parameter.callback)
+    for subcommand in getattr(command, "commands", {}).values():
+        _refuse_dashes(subcommand)
+
+
+def _without_dash(then: Callable[..., Any] | None, context: Any, parameter: Any, value: Any) -> Any:
+    for item in value if isinstance(value, list | tuple) else [value]:
+        text = str(item).strip() if isinstance(item, str | Path) else ""
+        if text.startswith("-") and not (text == _STANDARD_OUTPUT and "--output" in parameter.opts):
+            option = next((name for name in parameter.opts if name.startswith("--")), parameter.opts[0])
+            raise UsageError(
+                f"{option} needs a value, and {sanitize(text)!r} begins with a dash, as options do",
+                advice=f"give the value after {option}, without a leading dash",
+            )
+    return then(context, parameter, value) if then is not None else value

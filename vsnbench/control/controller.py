@@ -1,0 +1,313 @@
+"""State machine of one discrete motion: drive the profile, settle, measure, correct, or fail with a reason."""
+
+import math
+from collections import deque
+from enum import StrEnum
+from typing import NamedTuple
+
+from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.law import (
+    acceleration,
+    braking_speed,
+    deceleration,
+    direction,
+    ideal_duration_s,
+    speed,
+    straight_error_m,
+    turn_error_rad,
+)
+from vsnbench.control.settings import MotionSettings
+from vsnbench.control.stall import StallMonitor
+from vsnbench.control.standstill import QUIET, STILL_SHARE, RemainingFilter, RestWindow, StandstillNoise, is_quiet
+from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose, wrap_angle
+
+_COARSE = 4.0
+"""Errors above this multiple of the tolerance are corrected under feedback, smaller ones by dead reckoning."""
+_LEARNING_SHARES = (0.1, 0.6)
+"""Part of the distance on which the dead time is measured: after standing still, before braking."""
+_STALE_SHARE = 0.5
+"""Maximum age of odometry for the stall test, as a share of the stall time."""
+_MAX_LATENCY_S = 0.5
+"""Maximum dead time; a larger lag is a base that does not follow its commands."""
+
+
+class _Phase(StrEnum):
+    DRIVE = "drive"
+    SETTLE = "settle"
+    CORRECT = "correct"
+
+
+# A module constant costs half of an attribute of an enum, and every period reads several.
+_MOVING = MotionStatus.MOVING
+_DRIVE, _SETTLE, _CORRECT = _Phase.DRIVE, _Phase.SETTLE, _Phase.CORRECT
+
+
+class _Sent(NamedTuple):
+    """A command and its time; a tuple for speed, since every simulated period makes several."""
+
+    at_s: float
+    command: Command
+
+
+class _Mark(NamedTuple):
+    """Distance covered or commanded at a time."""
+
+    at_s: float
+    amount: float
+
+
+class MotionController(Controller):
+    """One action from start to end; it has no clock and no robot.
+
+    Call `step` with the newest odometry about every `settings.control_period_s`, send the returned command to the base,
+    and stop when `status` is no longer MOVING. Motion commanded since the odometry was measured is added to it, at any
+    odometry rate. The dead time between a command and its effect in the odometry is measured during acceleration. The
+    result is judged only at rest; a small remaining error is corrected by dead reckoning.
+
+    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading.
+
+    Args:
+        action: the action.
+        start: odometry at the start; a mean of readings if they are noisy.
+        target_heading_rad: absolute heading.
+        settings: speeds, limits and tolerances.
+        noise: noise of the odometry at rest; above a small share of the tolerance the remaining distance is filtered,
+            and `RestWindow` judges the result.
+        start_error: standard error of `start` along the action.
+    """
+
+    def __init__(
+        self,
+        action: Action,
+        start: Pose,
+        target_heading_rad: float,
+        settings: MotionSettings,
+        noise: StandstillNoise = QUIET,
+        start_error: float = 0.0,
+    ) -> None:
+        super().__init__()
+        self.action = action
+        self.settings = settings
+        self._start = start
+        self._target_heading_rad = target_heading_rad
+        self._phase = _DRIVE
+        self._began_s: float | None = None
+        self._last_s = 0.0
+        self._last_heading_rad = start.heading_rad
+        self._turned_rad = 0.0
+        self._speed = 0.0
+        self._commanded = 0.0
+        self._sent: deque[_Sent] = deque()
+        self._still_since: _Mark | None = None
+        self._correction = 0.0
+        self._latency_s = settings.latency_s
+        self._commands: list[_Mark] = []
+        self._window: RestWindow | None = None
+        self._smoothing: RemainingFilter | None = None
+        if not action.moves:
+            self.status = MotionStatus.DONE
+            return
+        self._way = settings.way(action)
+        self._sign = direction(action)
+        self._turns = action.turns
+        self._left = self._way
+        self._cruise = settings.cruise(action)
+        self._limit_s = ideal_duration_s(action, settings) + settings.timeout_s
+        self._period_s = settings.control_period_s
+        self._stall_s = settings.stall_s
+        self._stall = StallMonitor(settings.stall_s, _COARSE * settings.tolerance(action))
+        self._odometry_timeout_s = settings.odometry_timeout_s
+        self._tolerance = settings.tolerance(action)
+        self._acceleration = acceleration(action, settings)
+        self._deceleration = deceleration(action, settings)
+        if not is_quiet(spread := noise.along(turns=self._turns), self._tolerance):
+            self._window = RestWindow(spread, start_error, self._tolerance)
+            self._smoothing = RemainingFilter()
+        # The nominal turn plus the deviation from it, because a half turn has no shorter direction.
+        nominal_rad = self._sign * self._way
+        self._turn_rad = nominal_rad + turn_error_rad(target_heading_rad, start.heading_rad + nominal_rad)
+
+    @property
+    def remaining_m(self) -> float:
+        """Distance that was left at the last odometry."""
+        return 0.0 if self._turns else max(self._left, 0.0)
+
+    @property
+    def rest_since_s(self) -> float:
+        """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
+        return self._window.since_s if self._window is not None else math.inf
+
+    def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
+        """Process the newest odometry and return the velocity to command from now on.
+
+        Args:
+            pose: the newest odometry, in the frame of the `start` pose.
+            now_s: monotonic time of the caller's clock.
+            stamp_s: time of measurement of `pose` on the same clock; default: now.
+        """
+        if self.status is not _MOVING:
+            return STANDSTILL
+        stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
+        if self._began_s is None:
+            self._began_s, self._last_s = now_s, now_s - self._period_s
+        period_s = max(now_s - self._last_s, 0.0)
+        self._last_s = now_s
+        self.duration_s = now_s - self._began_s
+        self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
+        self._last_heading_rad = pose.heading_rad
+        left = self._left = self.error(pose)
+        if self._sent:
+            sent = self._sent[-1].command
+            self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
+        if self._phase is _DRIVE and not self.corrections:
+            self._learn_latency(left, now_s, stamp_s)
+        if now_s - stamp_s > self._odometry_timeout_s:
+            self.sensor_lost = True
+            return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
+        if self.duration_s > self._limit_s:
+            return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall(pose)}")
+        if self._stalled(left, now_s, stamp_s):
+            return self.abort(f"the base does not follow its commands: {self._shortfall(pose)}")
+        command = self._next(pose, left, now_s, stamp_s, min(period_s, 5 * self._period_s))
+        if self.status is not _MOVING:
+            return STANDSTILL
+        self._sent.append(_Sent(now_s, command))
+        return command
+
+    def error(self, pose: Pose) -> float:
+        """Return the remaining distance at `pose`: metres or radians, positive in the direction of the action."""
+        if self._turns:
+            return self._sign * (self._turn_rad - self._turned_rad)
+        return straight_error_m(self._way, self._start, pose)
+
+    def _next(self, pose: Pose, left: float, now_s: float, stamp_s: float, period_s: float) -> Command:
+        """Return the next command of the phase, or change the phase; `left` is the error at `pose`."""
+        if self._phase is _SETTLE:
+            if self._window is not None:
+                self._judge_by_window(self._window, pose, left, now_s, stamp_s)
+            elif not self._settled(left, stamp_s):
+                return STANDSTILL
+            else:
+                self._judge(pose, left, now_s)
+            if self.status is not _MOVING or self._phase is _SETTLE:
+                return STANDSTILL
+        pending: tuple[float, float] | None = None
+        if self._phase is _CORRECT:
+            # Counts commands alone: at low speed, late odometry would be misleading.
+            remaining = self._correction - self._commanded
+        else:
+            pending = self._pending(now_s, stamp_s)
+            remaining = left - self._along(*pending)
+            if self._smoothing is not None:
+                remaining = self._smoothing.remaining(remaining, self._commanded, stamp_s)
+        way = 1.0 if self._way_sign() >= 0 else -1.0
+        if remaining * way <= 0.1 * self._tolerance:
+            self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
+            if self._window is not None:  # a base with a lag continues to roll for longer than the lag
+                self._window.restart(now_s + self.settings.settle_s + 2 * self._latency_s)
+            return STANDSTILL
+        faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
+        slower = braking_speed(remaining * way, self._deceleration, max(period_s, self._period_s))
+        self._speed = min(faster, self._cruise, slower)
+        signed = self._sign * (way * self._speed)
+        if self._turns:
+            return Command(angular_rad_s=signed)
+        _, turning_rad = pending if pending is not None else self._pending(now_s, stamp_s)
+        return Command(signed, self._holding_rad_s(pose.heading_rad + turning_rad))
+
+    def _way_sign(self) -> float:
+        """Return the sign of the present drive along the action; a correction may go backwards."""
+        return self._correction if self.corrections else 1.0
+
+    def _holding_rad_s(self, heading_rad: float) -> float:
+        """Return the angular velocity that holds the heading during a move."""
+        hold_rad_s = self.settings.heading_gain_per_s * turn_error_rad(self._target_heading_rad, heading_rad)
+        limit_rad_s = self.settings.angular_rad_s
+        return max(-limit_rad_s, min(hold_rad_s, limit_rad_s))
+
+    def _along(self, linear: float, angular: float) -> float:
+        """Return the component of a velocity, or of its integral, in the direction of the action."""
+        return self._sign * (angular if self._turns else linear)
+
+    def _pending(self, now_s: float, stamp_s: float) -> tuple[float, float]:
+        """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
+        since_s = stamp_s - self._latency_s
+        while len(self._sent) > 1 and self._sent[1].at_s <= since_s:
+            self._sent.popleft()
+        linear_m = angular_rad = 0.0
+        until_s = now_s
+        for at_s, command in reversed(self._sent):
+            lasted_s = until_s - (at_s if at_s > since_s else since_s)
+            if lasted_s <= 0.0:
+                lasted_s = 0.0  # a comparison costs a third of a call of max, and this runs every period
+            linear_m += command.linear_m_s * lasted_s
+            angular_rad += command.angular_rad_s * lasted_s
+            until_s = at_s
+        return linear_m, angular_rad
+
+    def _learn_latency(self, left: float, now_s: float, stamp_s: float) -> None:
+        """During the first drive, measure the delay between a commanded distance and the same measured distance."""
+        self._commands.append(_Mark(now_s, self._commanded))
+        way = self._way
+        covered = way - left
+        if not _LEARNING_SHARES[0] * way <= covered <= min(_LEARNING_SHARES[1] * way, self._commanded):
+            return
+        while len(self._commands) > 2 and self._commands[1].amount < covered:
+            self._commands.pop(0)
+        before, after = self._commands[0], self._commands[1]
+        share = (covered - before.amount) / max(after.amount - before.amount, 1e-9)
+        asked_s = before.at_s + share * (after.at_s - before.at_s)
+        self._latency_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
+
+    def _settled(self, left: float, stamp_s: float) -> bool:
+        """Return whether the measured pose has not changed for the settling time."""
+        still = self._still_since
+        if still is None or abs(left - still.amount) > STILL_SHARE * self._tolerance:
+            self._still_since = _Mark(stamp_s, left)
+            return False
+        return stamp_s - still.at_s >= self.settings.settle_s + self._latency_s - 1e-9
+
+    def _judge_by_window(self, window: RestWindow, pose: Pose, left: float, now_s: float, stamp_s: float) -> None:
+        """At rest with noisy odometry: accept by mean and bound, correct, continue to read, or fail."""
+        estimate = window.add(left, stamp_s)
+        if estimate is not None and estimate.within(self._tolerance):
+            self.status = MotionStatus.DONE
+        elif estimate is not None and estimate.needs_correction(self._tolerance):
+            self._correct_or_fail(pose, estimate.mean, now_s)
+
+    def _judge(self, pose: Pose, error: float, now_s: float) -> None:
+        """At rest: accept, start a correction, or fail."""
+        exhausted = self.corrections >= self.settings.max_corrections
+        good = self._tolerance if exhausted else self.settings.aim_share * self._tolerance
+        if abs(error) < good:
+            self.status = MotionStatus.DONE
+        else:
+            self._correct_or_fail(pose, error, now_s)
+
+    def _correct_or_fail(self, pose: Pose, error: float, now_s: float) -> None:
+        """Start a correction of `error`, or fail after the last correction."""
+        if self.corrections >= self.settings.max_corrections:
+            self.status = MotionStatus.FAILED
+            self.failure = f"off after {self.corrections} corrections: {self._shortfall(pose)}"
+        else:
+            self.corrections += 1
+            self._phase = _DRIVE if abs(error) > _COARSE * self._tolerance else _CORRECT
+            self._correction = error
+            self._commanded = 0.0
+            self._smoothing = RemainingFilter() if self._window is not None else None
+            self._stall.restart()
+            self._stall.is_stuck(now_s, -error, 0.0)
+
+    def _stalled(self, left: float, now_s: float, stamp_s: float) -> bool:
+        """Return whether the base covered too little of the commanded distance in the latest window."""
+        if now_s < self._stall.due_s or now_s - stamp_s > _STALE_SHARE * self._stall_s:
+            return False
+        return self._stall.is_stuck(now_s, -left, self._commanded)
+
+    def _shortfall(self, pose: Pose) -> str:
+        """Return the covered distance as text."""
+        way, left = self._way, self.error(pose)
+        if self._turns:
+            return f"turned {math.degrees(way - left):.2f}° of {math.degrees(way):g}°"
+        return f"moved {(way - left) * 100:.1f} cm of {way * 100:g} cm"

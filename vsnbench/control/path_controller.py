@@ -1,0 +1,143 @@
+"""Controller of a curved path: pure pursuit (Coulter 1992, CMU-RI-TR-92-01) with the speed profile of a move."""
+
+import math
+from itertools import accumulate, pairwise
+
+from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.law import braking_speed, speed, turn_error_rad
+from vsnbench.control.settings import MotionSettings
+from vsnbench.control.stall import StallMonitor
+from vsnbench.values.pose import Pose
+
+_LOOK_AHEAD_M = 0.20
+"""Distance along the path of the point that is pursued."""
+_STEP_M = 0.02
+_TURN_ON_SPOT_RAD = math.radians(50)
+"""With a larger bearing to the pursued point, the robot turns on the spot."""
+_END_M = 0.01
+_OFF_PATH_M = 0.30
+"""A robot farther than this from its path has failed to follow it."""
+_STILL_M, _STILL_RAD = 0.002, math.radians(0.2)
+_STALL_M, _STALL_RAD = 0.03, math.radians(5)
+"""Commanded amounts that a base must follow within the stall time."""
+_STALE_SHARE = 0.5
+"""Maximum age of odometry for the stall test, as a share of the stall time."""
+
+
+class PathController(Controller):
+    """Follows a polyline to its end and settles there; the caller corrects what is left of the error."""
+
+    def __init__(self, path: tuple[tuple[float, float], ...], start: Pose, settings: MotionSettings) -> None:
+        super().__init__()
+        self._settings = settings
+        self._path = path
+        self._at_m = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(path))]
+        self.length_m = self._at_m[-1]
+        self._limit_s = 2 * self.length_m / settings.linear_m_s + len(path) * 3.0 + settings.timeout_s
+        self._acceleration = settings.linear_m_s**2 / (2 * settings.acceleration_share * settings.forward_m)
+        self._deceleration = settings.linear_m_s**2 / (2 * settings.deceleration_share * settings.forward_m)
+        self._progress_m = 0.0
+        self._speed = 0.0
+        self._is_ending = False
+        self._began_s: float | None = None
+        self._last_s = 0.0
+        self._still, self._still_s = start, math.inf
+        self._stalls = StallMonitor(settings.stall_s, _STALL_M), StallMonitor(settings.stall_s, _STALL_RAD)
+        self._commanded_m = self._commanded_rad = 0.0
+
+    @property
+    def remaining_m(self) -> float:
+        """Length of the path that is left."""
+        return max(self.length_m - self._progress_m, 0.0)
+
+    def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
+        """Process the newest odometry and return the velocity to command from now on; see `MotionController.step`."""
+        if self.status is not MotionStatus.MOVING:
+            return STANDSTILL
+        stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
+        if self._began_s is None:
+            self._began_s = now_s
+            self._last_s = now_s - self._settings.control_period_s
+        period_s = min(max(now_s - self._last_s, 0.0), 5 * self._settings.control_period_s)
+        self._last_s = now_s
+        self.duration_s = now_s - self._began_s
+        if now_s - stamp_s > self._settings.odometry_timeout_s:
+            self.sensor_lost = True
+            return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
+        if self.duration_s > self._limit_s:
+            return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall()}")
+        off_m = self._update_progress(pose)
+        if off_m > _OFF_PATH_M:
+            return self.abort(f"{off_m:.2f} m off its path: {self._shortfall()}")
+        if self._is_stuck(pose, now_s, stamp_s):
+            return self.abort(f"the base does not follow its commands: {self._shortfall()}")
+        if self._is_ending or self.remaining_m <= _END_M:
+            self._is_ending = True
+            return self._settle(pose, stamp_s)
+        command = self._pursue(pose, period_s)
+        self._commanded_m += abs(command.linear_m_s) * period_s
+        self._commanded_rad += command.angular_rad_s * period_s
+        return command
+
+    def _pursue(self, pose: Pose, period_s: float) -> Command:
+        x_m, y_m = self._point_at(self._progress_m + _LOOK_AHEAD_M)
+        reach_m = max(math.hypot(x_m - pose.x_m, y_m - pose.y_m), 0.05)
+        bearing_rad = turn_error_rad(math.atan2(y_m - pose.y_m, x_m - pose.x_m), pose.heading_rad)
+        fastest_rad_s = self._settings.angular_rad_s
+        if abs(bearing_rad) > _TURN_ON_SPOT_RAD:
+            self._speed = max(self._speed - self._deceleration * period_s, 0.0)
+            turning_rad_s = math.copysign(min(fastest_rad_s, 2.0 * abs(bearing_rad)), bearing_rad)
+            return Command(self._speed, turning_rad_s)
+        curvature = 2 * math.sin(bearing_rad) / reach_m
+        cornering_m_s = fastest_rad_s / abs(curvature) if curvature else math.inf
+        faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
+        slower = braking_speed(self.remaining_m, self._deceleration, self._settings.control_period_s)
+        self._speed = max(min(faster, self._settings.linear_m_s, slower, cornering_m_s), 0.02)
+        return Command(self._speed, self._speed * curvature)
+
+    def _update_progress(self, pose: Pose) -> float:
+        """Advance to the nearest point of the path not far ahead; return the distance to it."""
+        best_m, best_at_m = math.inf, self._progress_m
+        at_m = self._progress_m
+        while at_m <= min(self._progress_m + 1.5 * _LOOK_AHEAD_M, self.length_m):
+            x_m, y_m = self._point_at(at_m)
+            away_m = math.hypot(x_m - pose.x_m, y_m - pose.y_m)
+            if away_m < best_m:
+                best_m, best_at_m = away_m, at_m
+            at_m += _STEP_M / 2
+        self._progress_m = best_at_m
+        end_x_m, end_y_m = self._path[-1]
+        if self.remaining_m < _LOOK_AHEAD_M:  # near the end, what counts is the distance ahead along the last segment
+            before_x_m, before_y_m = self._path[-2]
+            direction_rad = math.atan2(end_y_m - before_y_m, end_x_m - before_x_m)
+            ahead_m = (end_x_m - pose.x_m) * math.cos(direction_rad) + (end_y_m - pose.y_m) * math.sin(direction_rad)
+            self._progress_m = max(self._progress_m, self.length_m - max(ahead_m, 0.0))
+        return best_m
+
+    def _point_at(self, at_m: float) -> tuple[float, float]:
+        """Return the point at a length of the path; beyond its end, on the extension of the last segment."""
+        for k in range(len(self._path) - 1):
+            if at_m <= self._at_m[k + 1] or k == len(self._path) - 2:
+                (ax, ay), (bx, by) = self._path[k], self._path[k + 1]
+                span_m = self._at_m[k + 1] - self._at_m[k]
+                share = (at_m - self._at_m[k]) / span_m if span_m > 0 else 0.0
+                return ax + share * (bx - ax), ay + share * (by - ay)
+        return self._path[-1]
+
+    def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float) -> bool:
+        if now_s - stamp_s > _STALE_SHARE * self._settings.stall_s:
+            return False
+        moves, turns = self._stalls
+        stuck = moves.is_stuck(now_s, complex(pose.x_m, pose.y_m), self._commanded_m)
+        return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad) or stuck
+
+    def _settle(self, pose: Pose, stamp_s: float) -> Command:
+        turned_rad = turn_error_rad(pose.heading_rad, self._still.heading_rad)
+        if self._still_s is math.inf or pose.distance_to(self._still) > _STILL_M or abs(turned_rad) > _STILL_RAD:
+            self._still, self._still_s = pose, stamp_s
+        elif stamp_s - self._still_s >= self._settings.settle_s:
+            self.status = MotionStatus.DONE
+        return STANDSTILL
+
+    def _shortfall(self) -> str:
+        return f"followed {self._progress_m:.2f} m of {self.length_m:.2f} m"

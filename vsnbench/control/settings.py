@@ -1,0 +1,75 @@
+"""Settings of discrete motions: distances, speeds, tolerances and limits."""
+
+import math
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.values.action import Action
+from vsnbench.values.robot_profile import RobotProfile
+
+
+class MotionSettings(BaseModel):
+    """Settings of the control law; defaults from the paper (Section 3.1.3 and its table of parameters)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    forward_m: float = Field(default=0.25, gt=0, le=10, description="length of a forward or backward move")
+    turn_rad: float = Field(default=math.radians(30), gt=0, le=math.tau, description="angle of a turn")
+    linear_m_s: float = Field(default=0.3, gt=0, le=3, description="cruising speed of a move")
+    angular_rad_s: float = Field(default=0.5, gt=0, le=10, description="cruising speed of a turn")
+    acceleration_share: float = Field(default=1 / 3, gt=0, le=0.5, description="share of the way spent accelerating")
+    deceleration_share: float = Field(default=1 / 3, gt=0, le=0.5, description="share of the way spent braking")
+    position_tolerance_m: float = Field(default=0.005, gt=0, le=0.1, description="a move is good under this error")
+    heading_tolerance_rad: float = Field(
+        default=math.radians(0.1), gt=0, le=0.2, description="a turn is good under this error"
+    )
+    aim_share: float = Field(default=0.5, gt=0, le=1, description="share of the tolerance that corrections aim for")
+    max_corrections: int = Field(default=5, ge=0, le=100, description="corrections of one motion before giving up")
+    timeout_s: float = Field(default=10.0, gt=0, le=600, description="time allowed beyond the ideal profile's")
+    stall_s: float = Field(default=1.0, gt=0, le=60, description="a base that does not follow for this long is stuck")
+    odometry_timeout_s: float = Field(default=1.0, gt=0, le=60, description="older odometry is lost odometry")
+    control_period_s: float = Field(default=0.02, gt=0, le=0.5, description="time between two commands")
+    latency_s: float = Field(default=0.0, ge=0, le=1, description="dead time of odometry, until it is measured")
+    settle_s: float = Field(default=0.06, gt=0, le=5, description="the pose must not change for this long")
+    heading_gain_per_s: float = Field(default=3.0, ge=0, le=20, description="how hard a move holds its heading")
+
+    @classmethod
+    def for_robot(cls, profile: RobotProfile, parameters: ProtocolParameters | None = None) -> Self:
+        """Return the settings for a robot and the protocol's actions, within the limits of the base."""
+        protocol = parameters if parameters is not None else ProtocolParameters()
+        return cls(
+            forward_m=protocol.forward_m,
+            turn_rad=math.radians(protocol.turn_deg),
+            linear_m_s=min(profile.speeds.linear_m_s, profile.base.max_linear_m_s),
+            angular_rad_s=min(profile.speeds.angular_rad_s, profile.base.max_angular_rad_s),
+            acceleration_share=profile.speeds.acceleration_share,
+            deceleration_share=profile.speeds.acceleration_share,
+            **_tolerances(profile),
+            # More than two new readings: slow odometry repeats its value while the robot still rolls.
+            settle_s=max(0.06, 2.5 / profile.base.odometry_rate_hz),
+        )
+
+    def way(self, action: Action) -> float:
+        """Return the length of an action: metres of a move, radians of a turn, 0 for STOP."""
+        if action.translates:
+            return self.forward_m
+        return self.turn_rad if action.turns else 0.0
+
+    def cruise(self, action: Action) -> float:
+        """Return the cruising speed of an action: m/s of a move, rad/s of a turn."""
+        return self.angular_rad_s if action.turns else self.linear_m_s
+
+    def tolerance(self, action: Action) -> float:
+        """Return the tolerance of an action: metres of a move, radians of a turn."""
+        return self.heading_tolerance_rad if action.turns else self.position_tolerance_m
+
+
+def _tolerances(profile: RobotProfile) -> dict[str, float]:
+    if profile.tolerances is None:
+        return {}
+    return {
+        "position_tolerance_m": profile.tolerances.position_m,
+        "heading_tolerance_rad": math.radians(profile.tolerances.turn_deg),
+    }

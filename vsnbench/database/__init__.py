@@ -1,1 +1,0 @@
-"""The queryable record: tables, sessions and queries."""

@@ -1,1 +1,0 @@
-"""Other tools' formats: episodes out of the record, and other tools' results into it."""

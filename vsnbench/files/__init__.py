@@ -1,0 +1,1 @@
+"""Atomic file writes, temporary directories and disk caches."""

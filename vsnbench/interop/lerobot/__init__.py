@@ -1,0 +1,1 @@
+"""Datasets in the format LeRobotDataset v3.0, for imitation learning."""

@@ -1,0 +1,249 @@
+"""Measurement of a placement from depth images: search, fit, uncertainty, and differences between room and plan."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.localization.differences import gone, suspects
+from vsnbench.localization.fit import ErrorModel, Fit, FitState
+from vsnbench.localization.looks import DepthLook, Sighting, SmallLook
+from vsnbench.localization.search import (
+    REACH_DEG,
+    REACH_M,
+    Candidate,
+    along_surfaces,
+    candidates,
+    misfit_of,
+    near,
+    polished,
+)
+from vsnbench.localization.twin import Twin, twin_of
+from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.camera import Camera
+from vsnbench.values.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
+from vsnbench.values.pose import Pose
+
+Floats = npt.NDArray[np.float64]
+
+_COARSE_PX, _MIDDLE_PX, _FINE_PX = 40, 80, 160
+_CANDIDATES, _POLISHED, _BASINS = 8, 4, 5
+"""Number of grid poses that get a rough fit, of those that are refined too, and of those that get the full fit."""
+_UNDETERMINED_M, _UNDETERMINED_RAD = 0.10, math.radians(4.0)
+"""Maximum standard deviation of a direction that the view determines."""
+_MISFIT_LIMIT = 0.15
+_FINEST_M = 0.04
+"""Width of the robust loss in the last round."""
+_DOUBT = 0.015
+"""Difference of misfit at which a basin has a weight lower by the factor e."""
+_LEAST_WEIGHT = 0.03
+"""Minimum weight of a basin; the 95 % region excludes as much anyway."""
+_LEAST_SEEN = 60
+"""Minimum number of valid pixels of a reduced look."""
+_FORWARD_STEP_M, _MOST_CORRECTIONS = 0.02, 4
+"""Minimum camera offset, found by a turn, after which the turn is measured again with this offset."""
+_MOST_SEARCHED = 5
+"""Number of looks of a turn for the search; the fit uses all."""
+
+
+class PlacementMatcher:
+    """Measures the pose of a robot with this camera in this site; not thread-safe."""
+
+    def __init__(self, site: Site, camera: Camera, errors: ErrorModel | None = None) -> None:
+        self._twin: Twin = twin_of(site)
+        self._site = site
+        self._camera = camera
+        self._errors = errors or ErrorModel.of(site)
+
+    def measure(
+        self, start: StartingPosition, looks: Sequence[DepthLook], tolerance: PlacementTolerance | None = None
+    ) -> MeasuredPlacement:
+        """Measure the robot's pose at the last look.
+
+        Args:
+            start: starting position near the robot.
+            looks: one or more depth images near the start, with their odometry.
+            tolerance: tolerance of the placement; default: the protocol's.
+        """
+        measured = self._measured(start, looks, tolerance)
+        matcher, forward_m, took_s = self, measured.forward_m, measured.took_s
+        # The linearized fit finds only part of a large step; from its result it finds the rest.
+        for _ in range(_MOST_CORRECTIONS):
+            if abs(measured.forward_m) < _FORWARD_STEP_M:
+                break
+            ahead_m = matcher._camera.mount_forward_m + measured.forward_m
+            camera = matcher._camera.model_copy(update={"mount_forward_m": ahead_m})
+            matcher = PlacementMatcher(self._site, camera, self._errors)
+            measured = matcher._measured(start, looks, tolerance)
+            forward_m, took_s = forward_m + measured.forward_m, took_s + measured.took_s
+        return measured if matcher is self else replace(measured, forward_m=forward_m, took_s=took_s)
+
+    def _measured(
+        self, start: StartingPosition, looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
+    ) -> MeasuredPlacement:
+        began_s = time.perf_counter()
+        errors = self._errors
+        placed = _from_the_first(looks)
+        fine = self._sighting(placed, _FINE_PX)
+        basins, along_surface = self._basins(placed, start.pose)
+        if basins:
+            best = basins[0]
+            fit = Fit(fine, errors, left_out=best.moved)
+            state = fit.refined(best.state, 4, (0.06, _FINEST_M))
+            state = replace(state, covariance=fit.doubt(state, _FINEST_M))
+            covariance = state.covariance_of(fine.looks[-1]) + _of_other_places(state, basins) + along_surface
+            misfit = best.misfit
+        else:
+            state, misfit = FitState(start.pose), 0.0
+            covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
+        now, turned = state.pose_of(fine.looks[-1]), len(looks) > 1 and bool(basins)
+        undetermined = _undetermined(covariance, now)
+        fits = misfit < _MISFIT_LIMIT and _within_reach(state.pose, start.pose)
+        moved = gone(fine, state) if fits and not undetermined else frozenset[int]()
+        return MeasuredPlacement(
+            start=start.number,
+            mark=start.pose,
+            pose=now,
+            covariance=PoseCovariance.of(covariance),
+            tolerance=tolerance or PlacementTolerance(),
+            method=PlacementMethod.LOOK if len(looks) == 1 else PlacementMethod.TURN,
+            looks=len(looks),
+            fits=fits,
+            undetermined=undetermined,
+            moved=tuple(self._site.objects[group].id for group in sorted(moved)),
+            depth_scale=state.scale,
+            forward_m=state.forward_m if turned else 0.0,
+            forward_std_m=state.forward_std_m if turned else math.inf,
+            took_s=time.perf_counter() - began_s,
+        )
+
+    def _sighting(self, looks: Sequence[DepthLook], width: int) -> Sighting:
+        return Sighting(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
+
+    def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "tuple[list[_Basin], Floats]":
+        """Return the candidate poses, best first, and the covariance that the alternatives add to the best.
+
+        There are no candidates if too little is visible.
+        """
+        middle = self._sighting(looks, _MIDDLE_PX)
+        coarse = [
+            look for look in self._sighting(looks, _COARSE_PX).looks if np.isfinite(look.depth_m).sum() >= _LEAST_SEEN
+        ]
+        if not coarse:
+            return [], np.zeros((3, 3))
+        sparse = Sighting(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
+        rough: list[_Basin] = []
+        for number, candidate in enumerate(candidates(sparse, mark, _CANDIDATES)):
+            if number < _POLISHED:
+                better = polished(sparse, candidate)
+                rough.append(_Basin(FitState.at(better.pose, self._twin), better.misfit, frozenset()))
+            state = Fit(sparse, self._errors).refined(FitState.at(candidate.pose, self._twin), 6, (0.25, 0.10))
+            if _within_reach(state.pose, mark):
+                rough.append(_Basin(state, _misfit(sparse, state), frozenset()))
+        settled = [self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]]
+        basins = _apart([basin for basin in settled if _within_reach(basin.state.pose, mark)] or settled)
+        # Fit all candidates completely: an unfinished fit near the best pose would count as another one.
+        rivals = [basin for basin, weight in zip(basins, _weights(basins), strict=True) if weight][1:]
+        rivals = [self._settled(middle, basin.state) for basin in rivals]
+        basins = _apart([basins[0], *(basin for basin in rivals if _within_reach(basin.state.pose, mark))])
+        return basins, self._along_surface(sparse, basins[0])
+
+    def _along_surface(self, sparse: Sighting, best: "_Basin") -> Floats:
+        """Return the (3, 3) covariance that poses along a surface with a similar fit add to the best."""
+        state = best.state
+        misfit = _misfit(sparse, state)
+        tried = along_surfaces(sparse, Candidate(state.pose, misfit), state.scale)
+        similar = [candidate for candidate in tried if candidate.misfit < misfit + _DOUBT]
+        if not similar:
+            return np.zeros((3, 3))
+        weights = np.array([math.exp((misfit - candidate.misfit) / _DOUBT) for candidate in similar])
+        away = np.array([_difference(candidate.pose, state.pose) for candidate in similar])
+        return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
+
+    def _settled(self, middle: Sighting, state: FitState) -> "_Basin":
+        """Continue a fit without the groups that turn out to be elsewhere."""
+        state = Fit(middle, self._errors).refined(state, 3, (0.12, 0.06))
+        moved = suspects(middle, state, self._errors)
+        if moved:
+            state = Fit(middle, self._errors, left_out=moved).refined(state, 3, (0.10, 0.06))
+            moved |= suspects(middle, state, self._errors)
+        return _Basin(state, _misfit(middle, state), moved)
+
+
+@dataclass(frozen=True, slots=True)
+class _Basin:
+    """A candidate pose of the robot."""
+
+    state: FitState
+    misfit: float
+    moved: frozenset[int]
+
+
+def _misfit(sighting: Sighting, state: FitState) -> float:
+    return misfit_of(sighting, [state.pose_of(look) for look in sighting.looks], state.scale)
+
+
+def _apart(basins: Sequence[_Basin]) -> list[_Basin]:
+    """Return the candidates, best first, without duplicates of a better one."""
+    distinct: list[_Basin] = []
+    for basin in sorted(basins, key=lambda basin: basin.misfit):
+        if not any(near(basin.state.pose, other.state.pose, 0.2) for other in distinct):
+            distinct.append(basin)
+    return distinct
+
+
+def _within_reach(pose: Pose, mark: Pose) -> bool:
+    off = pose.relative_to(mark)
+    return math.hypot(*off.position) < REACH_M + 0.10 and abs(math.remainder(off.heading_rad, math.tau)) < math.radians(
+        REACH_DEG + 4
+    )
+
+
+def _of_other_places(state: FitState, basins: Sequence[_Basin]) -> Floats:
+    """Return the (3, 3) covariance of the pose from alternatives, weighted by their fit relative to the best."""
+    weights = _weights(basins)
+    away = np.array([_difference(basin.state.pose, state.pose) for basin in basins])
+    away[0] = 0.0
+    return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
+
+
+def _weights(basins: "Sequence[_Basin]") -> Floats:
+    """Return (B,) weights by fit relative to the best, which is first and has 1; 0 for those that do not count."""
+    weights = np.array([math.exp((basins[0].misfit - basin.misfit) / _DOUBT) for basin in basins])
+    return np.where(weights < _LEAST_WEIGHT, 0.0, weights)
+
+
+def _difference(pose: Pose, other: Pose) -> tuple[float, float, float]:
+    turned_rad = math.remainder(pose.heading_rad - other.heading_rad, math.tau)
+    return (pose.x_m - other.x_m, pose.y_m - other.y_m, turned_rad)
+
+
+def _from_the_first(looks: Sequence[DepthLook]) -> list[DepthLook]:
+    """Return the looks with odometry relative to the first one and with unwrapped headings."""
+    first = looks[0].odometry
+    away = [look.odometry.relative_to(first) for look in looks]
+    headings = np.unwrap([pose.heading_rad for pose in away])
+    headings -= headings[0]
+    return [
+        DepthLook(look.depth_m, Pose(pose.x_m, pose.y_m, float(heading)))
+        for look, pose, heading in zip(looks, away, headings, strict=True)
+    ]
+
+
+def _undetermined(covariance: Floats, pose: Pose) -> tuple[str, ...]:
+    """Return the names of directions that are not determined."""
+    names: list[str] = []
+    values, axes = np.linalg.eigh(covariance[:2, :2])
+    if math.sqrt(values[0]) > _UNDETERMINED_M:
+        names += ["forward-back", "left-right"]
+    elif math.sqrt(values[1]) > _UNDETERMINED_M:
+        along_rad = math.atan2(axes[1, 1], axes[0, 1]) - pose.heading_rad
+        slant = abs(math.remainder(along_rad, math.pi))
+        across, ahead = slant > math.radians(67), slant < math.radians(23)
+        names.append("left-right" if across else "forward-back" if ahead else "the position along one line")
+    if math.sqrt(covariance[2, 2]) > _UNDETERMINED_RAD:
+        names.append("heading")
+    return tuple(names)

@@ -1,0 +1,1 @@
+"""Baseline models that need no weights."""

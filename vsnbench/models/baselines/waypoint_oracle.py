@@ -1,0 +1,45 @@
+"""The oracle by waypoints: the plan of the oracle, with each turn and the way straight on after it as one waypoint."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from vsnbench.models.baselines.oracle import Oracle
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.movement import MAX_DISTANCE_M, ActionKind, Waypoint
+from vsnbench.values.observation import Observation
+
+
+class WaypointOracle(Oracle):
+    """Upper bound for models that answer with waypoints."""
+
+    name = "oracle-waypoints"
+    action_kinds = frozenset({ActionKind.DISCRETE, ActionKind.WAYPOINT})
+    default_card: ClassVar = replace(Oracle.default_card, name="oracle-waypoints", action_kinds=action_kinds)
+
+    def act(self, observation: Observation) -> Decision:
+        """Return the next waypoint of the plan; see `Oracle.act`."""
+        decision = super().act(observation)
+        if decision.action is Action.STOP or self._planner is None:
+            return decision
+        here = self._start.compose(observation.pose)
+        plan = (decision.action, *self._actions)
+        straight = sum(1 for _ in _straight_on(plan))
+        pose = self._planner.follow(here, plan[:straight])[-1].relative_to(here)
+        self._actions = plan[straight:]
+        moves = Action.MOVE_FORWARD in plan[:straight]
+        self._before_move = here if moves else None
+        waypoint = Waypoint(pose.x_m, pose.y_m, None if moves else pose.heading_rad)
+        return Decision(waypoint, diagnostics=decision.diagnostics)
+
+
+def _straight_on(plan: tuple[Action, ...]) -> list[Action]:
+    """Return the turns at the beginning of a plan, and the forward moves after them that one waypoint can cover."""
+    taken: list[Action] = []
+    moves = 0
+    for action in plan:
+        if (action.turns and moves) or action is Action.STOP or moves * 0.5 > MAX_DISTANCE_M:
+            break
+        moves += action is Action.MOVE_FORWARD
+        taken.append(action)
+    return taken

@@ -1,0 +1,1 @@
+"""Model weights: finding, hashing and loading them safely."""

@@ -1,0 +1,70 @@
+"""Availability of PyTorch, choice of its device, and GPU memory of this process."""
+
+import sys
+from dataclasses import dataclass
+from typing import Final
+
+from vsnbench.errors import ModelError, UsageError
+
+INSTALL_HINT: Final = "pip install 'vsnbench[neural]'"
+DEVICES: Final = ("auto", "cpu", "cuda", "mps")
+_CONTEXT_BYTES: Final = 768 * 2**20
+"""GPU memory of CUDA and its libraries per process, which PyTorch does not count: 730 MB on an H100."""
+
+
+@dataclass(frozen=True, slots=True)
+class GpuMemory:
+    """A GPU's memory, bytes."""
+
+    taken_bytes: int
+    """Approximate memory of this process."""
+    free_bytes: int
+    """Memory not in use."""
+    total_bytes: int
+
+
+def require_torch() -> None:
+    """Check that PyTorch is installed.
+
+    Raises:
+        ModelError: it is not installed.
+    """
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}") from error
+
+
+def available_device(requested: str) -> str:
+    """Return the requested device, or the best available one for `auto`.
+
+    Raises:
+        UsageError: the kind of device is unknown.
+        ModelError: this machine has no such device.
+    """
+    import torch
+
+    if requested not in DEVICES:
+        raise UsageError(f"unknown device {requested!r}; known: {', '.join(DEVICES)}")
+    available = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if requested == "auto":
+        return next(device for device in ("cuda", "mps", "cpu") if available[device])
+    if not available[requested]:
+        raise ModelError(f"PyTorch {torch.__version__} finds no {requested} device", advice="use --device auto or cpu")
+    return requested
+
+
+def gpu_name(device: str) -> str:
+    """Return the GPU's name, or an empty string for other devices."""
+    import torch
+
+    return torch.cuda.get_device_name() if device == "cuda" else ""
+
+
+def gpu_memory() -> GpuMemory | None:
+    """Return the GPU memory of this process, or None if it uses no CUDA device."""
+    torch = sys.modules.get("torch")
+    if torch is None or not torch.cuda.is_initialized():
+        return None
+    free, total = torch.cuda.mem_get_info()
+    return GpuMemory(torch.cuda.memory_reserved() + _CONTEXT_BYTES, free, total)

@@ -1,0 +1,32 @@
+"""Names of models: built-in models and plug-ins."""
+
+from vsnbench.plugins import plug_ins
+
+ENTRY_POINT_GROUP = "vsnbench.models"
+
+BUILT_IN: dict[str, str] = {
+    "random": "vsnbench.models.baselines.random_walk:RandomWalk",
+    "forward": "vsnbench.models.baselines.forward:ForwardUntilBlocked",
+    "oracle": "vsnbench.models.baselines.oracle:Oracle",
+    "oracle-waypoints": "vsnbench.models.baselines.waypoint_oracle:WaypointOracle",
+    "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
+    "vlv": "vsnbench.models.vlv.policy:VLV",
+}
+"""Name -> class."""
+
+
+def known_models() -> list[str]:
+    """Return the names that `create_policy` knows: built-in models, then plug-ins."""
+    return [*BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(BUILT_IN))]
+
+
+def class_of(name: str) -> str:
+    """Return `package.module:Class` of a built-in model or plug-in; other names as they are."""
+    return BUILT_IN.get(name) or plug_ins(ENTRY_POINT_GROUP).get(name) or name
+
+
+def is_third_party(name: str) -> bool:
+    """Return whether a name stands for code outside vsnbench. A server describes its model itself."""
+    if name.startswith(("ws://", "wss://")):
+        return False
+    return class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"

@@ -1,0 +1,52 @@
+"""Encodes the goal and the task of a `reset` request (docs/wire.md)."""
+
+import hashlib
+from dataclasses import asdict
+from typing import Any
+
+from vsnbench.errors import ModelError
+from vsnbench.models.task import Task
+from vsnbench.values.goal import Goal, GoalKind
+
+
+def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict[str, Any]:
+    """Return a `reset` request without its number.
+
+    Args:
+        goal: the goal.
+        seed: seed of the episode.
+        task: what the policy receives beyond goal and seed.
+        version: version of the protocol that the server speaks; version 1 has neither goal fields nor a task.
+
+    Raises:
+        ModelError: version 1 cannot express the goal.
+    """
+    opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
+    message = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
+    if version == 1:
+        if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
+            raise ModelError(
+                f"the model's server speaks version 1 of the protocol, which has no goals of kind {goal.kind}",
+                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                code="wrong-protocol-version",
+            )
+        return message
+    message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
+    return message if task is None else {**message, "task": _task_fields(task)}
+
+
+def _goal_fields(goal: Goal) -> dict[str, Any]:
+    fields: dict[str, Any] = {"id": goal.id, "kind": goal.kind.value, "text": goal.text, "category": goal.category}
+    if goal.image is not None:
+        height, width = goal.image.shape[:2]
+        fields["image"] = {"encoding": "raw", "height": height, "width": width, "data": goal.image.tobytes()}
+    return fields
+
+
+def _task_fields(task: Task) -> dict[str, Any]:
+    """Return the protocol and the robot; goal and seed have keys of their own."""
+    robot = {name: getattr(task.robot, name) for name in task.robot.__dataclass_fields__}
+    return {
+        "protocol": asdict(task.protocol),
+        "robot": {**robot, "camera": task.robot.camera.model_dump(mode="json")},
+    }

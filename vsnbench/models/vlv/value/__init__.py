@@ -1,0 +1,1 @@
+"""VLV's value network."""

@@ -1,1 +1,0 @@
-"""What is wrong with a surveyed site, and how to mend it."""

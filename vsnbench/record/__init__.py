@@ -1,1 +1,0 @@
-"""The results directory: image files, whole-file writes, hashes."""

@@ -1,0 +1,211 @@
+"""Counts of the models' actions and of the robots' driving time, distance, failures and interventions."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Connection, Engine, func, select
+
+from vsnbench.protocol.judge import EndReason
+from vsnbench.report.analysis.conditions import Selection, read_conditions
+from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
+from vsnbench.report.analysis.failures import Failures
+from vsnbench.report.analysis.judgements import Judgements
+from vsnbench.results.reading.read_model import COUNTS, RUNNING
+from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Robot, Step, Trial
+from vsnbench.results.writing.entries import INTERVENTION
+from vsnbench.results.writing.lifecycle import EpisodeState
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FAILURES = (
+    EndReason.MOTION_FAILED,
+    EndReason.SENSOR_LOST,
+    EndReason.MODEL_ERROR,
+    EndReason.MODEL_LOST,
+    EndReason.INTERRUPTED,
+)
+"""End reasons that are failures of the system rather than of the policy or an operator's decision."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionCount:
+    """Number of steps of one condition with the same raw action, executed action and guard result."""
+
+    condition: int
+    raw_action: str
+    """Action as the model names it."""
+    action: str
+    """Action sent to the robot."""
+    blocked: bool
+    """The depth guard blocked the action: counted but not executed."""
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class RobotActivity:
+    """Activity of one robot over all attempts, including void ones (paper, Table 6)."""
+
+    robot: str
+    title: str
+    simulated: bool
+    episodes: int
+    driving_s: float
+    """Sum of the episodes' durations on the robot's clock."""
+    elapsed_s: float
+    """Time during which at least one process ran, from its first start to its last end."""
+    path_m: float
+    failures: int
+    collisions: int
+    interventions: int
+    """As in `count_interventions`; 0 for simulated robots."""
+
+    @property
+    def failures_per_km(self) -> float:
+        """System failures per kilometre; NaN without distance."""
+        return self.failures / (self.path_m / 1000) if self.path_m > 0 else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Activity:
+    """Counts of a report."""
+
+    actions: tuple[ActionCount, ...]
+    robots: tuple[RobotActivity, ...]
+    failures: tuple[Failures, ...] = ()
+    judgements: tuple[Judgements, ...] = ()
+
+
+def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:
+    """Count the actions of the counted episodes.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        conditions, condition_of = read_conditions(connection, selection)
+        # A model can be recognized by its actions: blinded arms are left out.
+        seen = {condition.number for condition in conditions if not condition.blind}
+        condition_of = {campaign: number for campaign, number in condition_of.items() if number in seen}
+        if not condition_of:
+            return ()
+        return _actions(connection, condition_of, trial_filter(selection, condition_of))
+
+
+def _actions(connection: Connection, condition_of: dict[int, int], trials: Sequence[Any]) -> tuple[ActionCount, ...]:
+    # The offset makes the database evaluate once per episode whether it counts, instead of once per action.
+    counted = (
+        select(Episode.id, Trial.campaign_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(*trials, COUNTS, Episode.state == EpisodeState.JUDGED.value)
+        .offset(0)
+        .subquery()
+    )
+    # Group within each episode first: the index on the actions then needs no sorting.
+    within = (
+        select(Step.episode_id, Step.raw_action, Step.action, Step.blocked, func.count().label("steps"))
+        .group_by(Step.episode_id, Step.raw_action, Step.action, Step.blocked)
+        .subquery()
+    )
+    # The outer join keeps that order; episodes that do not count have no campaign.
+    rows = connection.execute(
+        select(counted.c.campaign_id, within.c.raw_action, within.c.action, within.c.blocked, func.sum(within.c.steps))
+        .outerjoin(counted, counted.c.id == within.c.episode_id)
+        .group_by(counted.c.campaign_id, within.c.raw_action, within.c.action, within.c.blocked)
+    )
+    sums: dict[tuple[int, str, str, bool], int] = {}
+    for campaign, raw_action, action, blocked, steps in rows:
+        if campaign not in condition_of:
+            continue
+        key = (condition_of[campaign], raw_action, action, bool(blocked))
+        sums[key] = sums.get(key, 0) + int(steps)
+    return tuple(ActionCount(*key, steps) for key, steps in sorted(sums.items()))
+
+
+def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]:
+    """Return the activity of each robot of a record, in the order of the robots.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    campaigns = [campaign for condition in record.conditions for campaign in condition.campaigns]
+    with record_errors(engine), engine.connect() as connection:
+        robots = connection.execute(
+            select(Robot.id, Robot.name, Robot.title, Robot.simulated, Campaign.id)
+            .join(Campaign, Campaign.robot_id == Robot.id)
+            .where(Campaign.id.in_(campaigns))
+            .order_by(Robot.id, Campaign.id)
+        ).all()
+        written = _written(connection, campaigns)
+    own: dict[tuple[int, str, str, bool], list[int]] = {}
+    for number, name, title, simulated, campaign in robots:
+        own.setdefault((number, name, title, simulated), []).append(campaign)
+    activity = []
+    for (_, name, title, simulated), mine in own.items():
+        rows = record.episodes[record.episodes["campaign"].isin(mine) & (record.episodes["state"] != RUNNING)]
+        if not rows.empty:
+            aborted = () if simulated else rows.loc[rows["end_reason"] == EndReason.ABORTED.value, "episode"]
+            helped = rows["episode"].map(count_interventions(written, aborted)).sum()
+            activity.append(_robot_activity(name, title, simulated=simulated, rows=rows, helped=int(helped)))
+    return tuple(activity)
+
+
+def count_interventions(written: Mapping[int, int], aborted: Iterable[int]) -> dict[int, int]:
+    """Return the number of operator interventions by episode number.
+
+    An aborted episode without an event counts as one: an operator voided it later, or the record predates events.
+    Otherwise only events count, so that an abort is not counted twice.
+
+    Args:
+        written: number of `INTERVENTION` events by episode.
+        aborted: episodes of real robots whose current end reason is `aborted`.
+    """
+    return dict.fromkeys(aborted, 1) | dict(written)
+
+
+def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:
+    """Return the number of intervention events by episode of these campaigns."""
+    rows = connection.execute(
+        select(Event.episode_id, func.count())
+        .join(Episode, Episode.id == Event.episode_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
+        .group_by(Event.episode_id)
+    )
+    return {episode: times for episode, times in rows if episode is not None}
+
+
+def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFrame", helped: int) -> RobotActivity:
+    sessions = rows.groupby("process")
+    ends = rows["end_reason"]
+    return RobotActivity(
+        robot=name,
+        title=title,
+        simulated=simulated,
+        episodes=len(rows),
+        driving_s=_total(rows["duration_s"]),
+        elapsed_s=_waited_s(sessions["started_at"].min(), sessions["ended_at"].max()),
+        path_m=_total(rows["path_length_m"]),
+        failures=int(ends.isin([reason.value for reason in FAILURES]).sum()),
+        collisions=int((ends == EndReason.COLLISION.value).sum()),
+        interventions=helped,
+    )
+
+
+def _total(numbers: "pd.Series[float]") -> float:
+    """Return the sum of the known values, independent of their order."""
+    return math.fsum(numbers.dropna())
+
+
+def _waited_s(begins: "pd.Series[Any]", ends: "pd.Series[Any]") -> float:
+    """Return the time during which at least one process ran, in seconds."""
+    waited_s, until = 0.0, None
+    for began, ended in sorted(zip(begins, ends, strict=True)):
+        begins_anew = began if until is None else max(began, until)
+        if ended > begins_anew:
+            waited_s += (ended - begins_anew).total_seconds()
+        until = ended if until is None else max(ended, until)
+    return waited_s

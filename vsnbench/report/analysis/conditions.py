@@ -1,0 +1,337 @@
+"""Conditions of a report, with short unique names and a footnote for each."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from sqlalchemy import Connection, or_, select
+
+from vsnbench.protocol.parameters import PAPER_PROTOCOL
+from vsnbench.results.reading.blinding import CODE, MODEL_NAME
+from vsnbench.results.schema.engine import to_json
+from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
+from vsnbench.results.writing.imports import IMPORTED
+from vsnbench.results.writing.lifecycle import EpisodeState
+from vsnbench.values.movement import ActionKind
+
+_NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m")
+"""Parameters of the protocol with a facet of their own."""
+_LONGEST_VALUE = 24
+"""Maximum length of a setting's value in a name."""
+
+_DISCRETE = (ActionKind.DISCRETE.value,)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Part of the record that a report covers; empty fields select everything."""
+
+    models: Sequence[str] = ()
+    goals: Sequence[str] = ()
+    sites: Sequence[str] = ()
+    robots: Sequence[str] = ()
+    campaigns: Sequence[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One model on one robot in one site under one protocol; only equal conditions are pooled."""
+
+    number: int
+    """From 1, in the order of the first campaign."""
+    model: str
+    weights_label: str
+    weights_sha256: str
+    surveyed: bool
+    """The model has access to the site file: an upper bound, not a competitor."""
+    robot: str
+    robot_title: str
+    kind: str
+    """Kind of robot: `simulated`, `ros1`, a plug-in's class, or `imported`."""
+    simulated: bool
+    site: str
+    site_sha256: str
+    campaigns: tuple[int, ...]
+    seeds: tuple[int, ...] = ()
+    """Seeds of the campaigns, in the same order."""
+    protocol: Mapping[str, Any] = field(default_factory=dict)
+    """Recorded protocol parameters."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Recorded settings of the model."""
+    source: Mapping[str, Any] = field(default_factory=dict)
+    """Class and source hash of a user's model."""
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    """Recorded conditions of the robot: `noise` of simulated sensors and odometry, filters, lag."""
+    name: str = ""
+    """Label in tables and figures: the model's name, with the fewest settings that make it unique in the report."""
+    differing: tuple[str, ...] = ()
+    """Settings that differ from other conditions of the same model, as `name=value`."""
+    published: bool = False
+    """From the paper instead of the record."""
+    max_linear_m_s: float | None = None
+    """Greatest speed of the recorded robot's base; None if unknown."""
+    blind: bool = False
+    """Arm of a blinded study: the model is a code, and identifying data are missing."""
+
+    @property
+    def environment(self) -> str:
+        """`simulated` or `real`."""
+        return "simulated" if self.simulated else "real"
+
+    @property
+    def noisy(self) -> bool:
+        """Whether sensors and odometry are noisy."""
+        return bool(self.conditions.get("noise"))
+
+    @property
+    def action_kinds(self) -> tuple[str, ...]:
+        """Kinds of the model's answers. Numbers of actions of different kinds are not comparable."""
+        kinds = self.settings.get("action_kinds")
+        if not isinstance(kinds, Sequence) or isinstance(kinds, str):
+            return _DISCRETE
+        return tuple(sorted(map(str, kinds)))
+
+    @property
+    def max_actions(self) -> int | None:
+        """Maximum number of actions; None if the protocol has none."""
+        return self.protocol.get("max_actions")
+
+    @property
+    def protocol_name(self) -> str:
+        """Name of the protocol; empty if none is recorded, as for published results."""
+        return str(self.protocol.get("name", PAPER_PROTOCOL if "depth_guard" in self.protocol else ""))
+
+    @property
+    def max_time_s(self) -> float | None:
+        """Maximum time on the robot's clock; None for no limit."""
+        return self.protocol.get("max_time_s")
+
+    @property
+    def max_path_m(self) -> float | None:
+        """Maximum length of the path; None for no limit."""
+        return self.protocol.get("max_path_m")
+
+    @property
+    def success_distance_m(self) -> float | None:
+        """Distance to the goal below which STOP is a success; None if the protocol has none."""
+        return self.protocol.get("success_distance_m")
+
+    @property
+    def description(self) -> str:
+        """Footnote to the name: robot, site, protocol and differing settings."""
+        weights = f" ({self.weights_sha256[:8]})" if self.weights_sha256 else ""
+        parts = [
+            f"{self.robot_title or self.robot}, {self.environment}",
+            f"site {self.site}",
+            f"protocol {self.protocol_name}" if self.protocol_name not in ("", PAPER_PROTOCOL) else "",
+            f"at most {self.max_actions} actions" if self.max_actions is not None else "",
+            f"at most {self.max_time_s:g} s" if self.max_time_s is not None else "",
+            f"at most {self.max_path_m:g} m of path" if self.max_path_m is not None else "",
+            f"success under {self.success_distance_m:g} m" if self.success_distance_m is not None else "",
+            f"answers: {', '.join(self.action_kinds)}" if self.action_kinds != _DISCRETE else "",
+            "sensor noise on" if self.noisy else "",
+            f"weights: {self.weights_label}{weights}" if self.weights_label else "",
+            f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
+            ", ".join(self.differing),
+            "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",
+        ]
+        return "; ".join(part for part in parts if part) + "."
+
+
+def kinds_note(conditions: Iterable[Condition]) -> str:
+    """Return that numbers of actions are not comparable, where models answer with different kinds; else empty."""
+    if len({condition.action_kinds for condition in conditions}) < 2:
+        return ""
+    return "These models answer with different kinds of actions, so their numbers of actions are not comparable."
+
+
+def footnotes(conditions: Sequence[Condition]) -> tuple[str, ...]:
+    """Return one footnote per condition that explains its name."""
+    return tuple(f"{condition.name}: {condition.description}" for condition in conditions)
+
+
+def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
+    """Return the conditions, and the condition number of each campaign id."""
+    rows = connection.execute(
+        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.conditions, Campaign.seed)
+        .add_columns(Model.id.label("model_id"), MODEL_NAME.label("model"), Model.weights_label, Model.weights_sha256)
+        .add_columns(Model.surveyed, Model.settings, Model.code.label("source"), CODE.label("code"))
+        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.kind, Robot.simulated)
+        .add_columns(Robot.profile["base"]["max_linear_m_s"].as_float().label("max_linear_m_s"))
+        .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .where(*_campaign_filter(chosen))
+        .order_by(Campaign.id)
+    ).all()
+    groups: dict[tuple[object, ...], list[Any]] = {}
+    for row in rows:
+        # Arms of a blinded study are never pooled, because the other campaign would reveal the model.
+        model = row.code or row.model_id
+        key = (model, row.robot_id, row.site_sha256, row.protocol_sha256, to_json(row.conditions, in_order=True))
+        groups.setdefault(key, []).append(row)
+    conditions = []
+    condition_of: dict[int, int] = {}
+    for number, members in enumerate(groups.values(), start=1):
+        first = members[0]
+        condition_of |= {row.id: number for row in members}
+        conditions.append(
+            Condition(
+                number=number,
+                model=first.model,
+                weights_label="" if first.code else first.weights_label,
+                weights_sha256="" if first.code else first.weights_sha256,
+                surveyed=first.surveyed and not first.code,
+                robot=first.robot,
+                robot_title=first.title,
+                kind=first.kind,
+                simulated=first.simulated,
+                site=first.site,
+                site_sha256=first.site_sha256,
+                campaigns=tuple(row.id for row in members),
+                seeds=tuple(row.seed for row in members),
+                protocol=_in_order(first.protocol),
+                settings={} if first.code else _in_order(first.settings),
+                source={} if first.code else _in_order(first.source),
+                conditions=_in_order(first.conditions),
+                max_linear_m_s=first.max_linear_m_s or None,
+                blind=bool(first.code),
+            )
+        )
+    return name_apart(conditions), condition_of
+
+
+def _in_order(settings: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return settings sorted by name, because PostgreSQL orders JSON keys differently."""
+    return {
+        name: _in_order(value) if isinstance(value, Mapping) else value
+        for name, value in sorted((settings or {}).items())
+    }
+
+
+def _campaign_filter(chosen: Selection) -> list[Any]:
+    valid = select(Episode.id).join(Trial, Trial.id == Episode.trial_id)
+    valid = valid.where(Trial.campaign_id == Campaign.id, Episode.state != EpisodeState.VOID.value)
+    # An import with only void episodes was withdrawn.
+    wanted: list[Any] = [or_(Robot.kind != IMPORTED, valid.correlate(Campaign).exists())]
+    if chosen.models:
+        wanted.append(MODEL_NAME.in_(chosen.models))
+    if chosen.sites:
+        wanted.append(Site.name.in_(chosen.sites))
+    if chosen.robots:
+        wanted.append(Robot.name.in_(chosen.robots))
+    if chosen.campaigns:
+        wanted.append(Campaign.id.in_(chosen.campaigns))
+    return wanted
+
+
+def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
+    """Give each condition a unique name with as few settings as possible.
+
+    A model with one condition keeps its name. With several conditions none has the bare name, so that a command that
+    uses it asks for the exact condition.
+    """
+    names: dict[int, str] = {}
+    differing: dict[int, tuple[str, ...]] = {}
+    for model in dict.fromkeys(condition.model for condition in conditions):
+        places = [place for place, condition in enumerate(conditions) if condition.model == model]
+        facets = [dict(_facets(conditions[place])) for place in places]
+        readable = [{facet: text for facet, text in own.items() if not _is_code(facet)} for own in facets]
+        distinguishing = _distinguishing(readable)
+        for place, own in zip(places, facets, strict=True):
+            words = ", ".join(own[facet] for facet in distinguishing if facet in own)
+            names[place] = f"{model} {words}" if words else model
+            apart = [
+                word
+                for facet, word in own.items()
+                # For noise settings that the others do not have, `sensor noise on` is sufficient.
+                if "=" in word and any(_differs(facet, word, other) for other in facets)
+            ]
+            differing[place] = tuple(word for word in apart if not _is_repeated(word, apart))
+    taken = list(names.values())
+    for place, member in enumerate(conditions):
+        clashes = taken.count(names[place]) > 1
+        bare = names[place] == member.model and [other.model for other in conditions].count(member.model) > 1
+        if clashes or bare:
+            names[place] = f"{names[place]} #{member.number}"
+    return tuple(
+        replace(condition, name=names[place], differing=differing[place]) for place, condition in enumerate(conditions)
+    )
+
+
+def _is_repeated(word: str, others: Sequence[str]) -> bool:
+    """Whether a nested setting repeats a top-level one that the model passes on under the same name."""
+    path, _, value = word.partition("=")
+    return "." in path and f"{path.rpartition('.')[2]}={value}" in others
+
+
+def _is_code(facet: str) -> bool:
+    """Whether the facet is a source hash, which only appears in the footnote."""
+    return facet.startswith("model code")
+
+
+def _differs(facet: str, word: str, other: Mapping[str, str]) -> bool:
+    return word != other.get(facet) and (facet in other or not facet.startswith("robot noise."))
+
+
+def _distinguishing(facets: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return a small set of facets that distinguishes the conditions, chosen greedily by number of groups."""
+    known = list(dict.fromkeys(facet for own in facets for facet in own))
+    chosen: list[str] = []
+
+    def kinds(of: Sequence[str]) -> int:
+        return len({tuple(own.get(facet) for facet in of) for own in facets})
+
+    while kinds(chosen) < len(facets):
+        best = max(known, key=lambda facet: kinds([*chosen, facet]), default=None)
+        if best is None or kinds([*chosen, best]) == kinds(chosen):
+            break  # the remaining conditions are distinguished by their numbers
+        chosen.append(best)
+    needed = [facet for facet in chosen if kinds([other for other in chosen if other != facet]) < kinds(chosen)]
+    return sorted(needed if kinds(needed) == kinds(chosen) else chosen, key=known.index)
+
+
+def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
+    """Yield the facets that can distinguish conditions of a model, with their texts, most important first."""
+    yield "environment", condition.environment
+    yield "robot", f"on {condition.robot}"
+    yield "site", f"in {condition.site}"
+    yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
+    yield "noise", "with noise" if condition.noisy else "without noise"
+    if condition.protocol_name:
+        yield "protocol", f"under {condition.protocol_name}"
+    if condition.max_actions is not None:
+        yield "cap", f"within {condition.max_actions} actions"
+    if condition.max_time_s is not None:
+        yield "time limit", f"within {condition.max_time_s:g} s"
+    if condition.max_path_m is not None:
+        yield "path limit", f"within {condition.max_path_m:g} m of path"
+    if condition.success_distance_m is not None:
+        yield "success distance", f"under {condition.success_distance_m:g} m"
+    yield "weights", f"weights {condition.weights_sha256[:8]}" if condition.weights_sha256 else "no weights"
+    protocol = {name: value for name, value in condition.protocol.items() if name not in _NAMED_ABOVE}
+    for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", condition.conditions)):
+        for name, value in _flat(settings):
+            yield f"{kind} {name}", f"{name}={value}"
+    if code := condition.source.get("sha256"):
+        yield "model code", f"code={code[:8]}"
+    yield "kind", f"through {condition.kind}"
+
+
+def _flat(settings: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
+    """Yield every setting with its dotted path; nested settings come last."""
+    for name, value in settings.items():
+        if not isinstance(value, Mapping):
+            yield f"{within}{name}", _short(f"{value:g}" if isinstance(value, float) else str(value))
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{within}{name}.")
+
+
+def _short(value: str) -> str:
+    """Return a setting's value; long values are shortened to their beginning and a hash."""
+    if len(value) <= _LONGEST_VALUE:
+        return value
+    return f"{value[: _LONGEST_VALUE - 9]}…{hashlib.sha256(value.encode()).hexdigest()[:8]}"

@@ -1,0 +1,73 @@
+"""SPL, SoftSPL and SCT of every episode of a DataFrame; `vsnbench.protocol.metrics` defines them."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sqlalchemy import Connection, func, select
+
+from vsnbench.report.analysis.conditions import Condition
+from vsnbench.results.schema.tables import Episode, Step, Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.spl` of every row; 0 for failures, whatever their lengths."""
+    efficiency = _efficiency(frame)
+    return efficiency.where(frame["success"], 0.0)
+
+
+def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.soft_spl` of every row."""
+    shortest, remaining = frame["shortest_m"], frame["remaining_m"]
+    moved = (1.0 - remaining / shortest.where(shortest > 0)).clip(0.0, 1.0)
+    there = (remaining <= 0).astype(float)  # the start was at the goal
+    progress = moved.where(shortest > 0, there).where(remaining.notna() & shortest.notna())
+    return progress * _efficiency(frame)
+
+
+def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
+    shortest, path = frame["shortest_m"], frame["path_length_m"]
+    longest = shortest.where(shortest >= path, path)
+    ratio = (shortest / longest.where(longest > 0)).where(longest > 0, 1.0)
+    return ratio.where(shortest.notna() & path.notna())
+
+
+def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition], connection: Connection) -> "pd.DataFrame":
+    """Add the columns `thinking_s` and `sct`."""
+    import numpy as np
+
+    speeds = {condition.number: condition.max_linear_m_s for condition in conditions}
+    real = [condition for condition in conditions if not condition.simulated]
+    # The time that a model thinks would reveal it in a blinded study.
+    campaigns = [campaign for condition in real if not condition.blind for campaign in condition.campaigns]
+    frame["thinking_s"] = frame["episode"].map(_thinking_s(connection, campaigns)).astype(np.float64)
+    counted_s = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]), 0.0)
+    frame["sct"] = sct_of(frame, frame["condition"].map(speeds).astype(np.float64), frame["duration_s"] + counted_s)
+    return frame
+
+
+def sct_of(
+    frame: "pd.DataFrame", max_linear_m_s: "pd.Series[float]", taken_s: "pd.Series[float]"
+) -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.sct` of every row; 0 for failures, whatever is known of them."""
+    ideal = frame["shortest_m"] / max_linear_m_s.where(max_linear_m_s > 0)
+    longest = ideal.where(ideal >= taken_s, taken_s)
+    ratio = (ideal / longest.where(longest > 0)).where(longest > 0, 1.0).where(ideal.notna() & taken_s.notna())
+    return ratio.where(frame["success"], 0.0)
+
+
+def _thinking_s(connection: Connection, campaigns: Sequence[int]) -> dict[int, float]:
+    """Return the inference time of each episode of which every step has one."""
+    if not campaigns:
+        return {}
+    rows = connection.execute(
+        select(Step.episode_id, func.sum(Step.infer_s))
+        .join(Episode, Episode.id == Step.episode_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Trial.campaign_id.in_(campaigns))
+        .group_by(Step.episode_id)
+        .having(func.count(Step.infer_s) == func.count())
+    )
+    return {row[0]: float(row[1] or 0.0) for row in rows}

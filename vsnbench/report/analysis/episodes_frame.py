@@ -1,0 +1,331 @@
+"""Reads the episodes of a record into a DataFrame, one row per episode, for all tables and figures.
+
+A row takes about 200 bytes. Steps (10 million in a large record) stay in the database and are counted there.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
+from sqlalchemy.types import NullType
+
+from vsnbench.report.analysis.conditions import Condition, Selection, read_conditions
+from vsnbench.report.analysis.efficiency import add_times, soft_spl_of, spl_of
+from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, site_contents
+from vsnbench.results.reading.read_model import (
+    COUNTED,
+    DISTANCE_M,
+    END_REASON,
+    GOAL_IN_SIGHT,
+    PART,
+    RUNNING,
+    SUCCESS,
+    SUPERSEDED,
+    UNJUDGED,
+    VOID,
+    episodes_of_trials,
+)
+from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.tables import Episode, Trial
+from vsnbench.sites.categories import GOAL_CATEGORIES
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    Integers: TypeAlias = NDArray[np.integer[Any]]
+    Floats: TypeAlias = NDArray[np.float64]
+    Rows: TypeAlias = NDArray[np.bool_] | Integers | slice
+
+COLUMNS: dict[str, str] = {
+    "episode": "number of the episode",
+    "condition": "number of the condition, see `ReportData.conditions`",
+    "campaign": "number of the campaign",
+    "process": "number of the process that ran it",
+    "session": "number of the operator session; 0 without an operator",
+    "trial": "number of the trial",
+    "goal": "goal category",
+    "start": "number of the starting position",
+    "repetition": "from 1",
+    "state": "counted, unjudged, void, superseded or running",
+    "end_reason": "according to the current verdict; None while running",
+    "success": "according to the current verdict; False without a verdict",
+    "actions": "actions of the policy, STOP and blocked ones included",
+    "path_length_m": "length of the driven path; NaN if unknown",
+    "shortest_m": "geodesic distance from the start to the goal; NaN if unknown",
+    "remaining_m": "geodesic distance from the end to the goal; NaN if unknown",
+    "distance_m": "distance to the goal according to the current verdict; NaN if unknown",
+    "goal_in_sight": "whether an instance was in sight at the end; True if the protocol does not require it",
+    "duration_s": "on the robot's clock; NaN if unknown",
+    "thinking_s": "wall time of the model's inference, on a real robot; NaN in simulation and if unknown",
+    "wall_duration_s": "wall time; NaN if unknown",
+    "spl": "success weighted by path length: 0 for a failure, NaN for a success of unknown length",
+    "soft_spl": "SPL with progress instead of success; NaN if a length is unknown",
+    "sct": "success weighted by completion time: 0 for a failure, NaN for a success of unknown time",
+    "started_at": "aware, UTC",
+    "ended_at": "aware, UTC; NaT while running",
+    "images_directory": "relative to the results directory; empty for none",
+}
+"""Columns of `ReportData.episodes` with their meaning."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportData:
+    """Conditions, episodes and planned trials of a report."""
+
+    conditions: tuple[Condition, ...]
+    episodes: "pd.DataFrame"
+    """One row per episode, with the columns of `COLUMNS`."""
+    planned: "pd.DataFrame"
+    """Planned trials: condition, goal, start, trials."""
+    sites: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """SHA-256 of a site -> its content."""
+    results_directory: Path | None = None
+    goals: Mapping[str, RecordedGoal] = field(default_factory=dict)
+    """Definitions of the goals that are not categories, by the name in the column `goal`."""
+
+    def of(self, condition: Condition) -> "pd.DataFrame":
+        """Return the episodes of one condition."""
+        return self.episodes[self.episodes["condition"] == condition.number]
+
+    def counted(self, condition: Condition | None = None) -> "pd.DataFrame":
+        """Return the counted episodes of one condition or of all."""
+        rows = self.episodes if condition is None else self.of(condition)
+        return rows[rows["state"] == COUNTED]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Codes:
+    """A categorical column as integer codes."""
+
+    numbers: "Integers"
+    names: Sequence[str]
+
+    def of(self, *names: str) -> "NDArray[np.bool_]":
+        """Return which rows have one of these values."""
+        import numpy as np
+
+        found = np.zeros(len(self.numbers), bool)
+        for name in names:
+            if name in self.names:
+                found |= self.numbers == self.names.index(name)
+        return found
+
+    def __getitem__(self, rows: "Rows") -> "Codes":
+        return Codes(self.numbers[rows], self.names)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EpisodeColumns:
+    """Columns of `ReportData.episodes` as arrays with one entry per episode."""
+
+    episode: "Integers"
+    condition: "Integers"
+    goal: Codes
+    start: "Integers"
+    state: Codes
+    end_reason: Codes
+    success: "NDArray[np.bool_]"
+    actions: "Integers"
+    spl: "Floats"
+    soft_spl: "Floats"
+    sct: "Floats"
+    duration_s: "Floats"
+    thinking_s: "Floats"
+    distance_m: "Floats"
+    shortest_m: "Floats"
+
+    @classmethod
+    def of(cls, episodes: "pd.DataFrame") -> Self:
+        """Return the columns of rows of `ReportData.episodes`."""
+
+        def column(name: str) -> Any:
+            values = episodes[name]
+            if name in ("goal", "state", "end_reason"):
+                return Codes(values.cat.codes.to_numpy(), list(values.cat.categories))
+            return values.to_numpy()
+
+        return cls(*(column(name) for name in cls.__slots__))
+
+    def __getitem__(self, rows: "Rows") -> Self:
+        return type(self)(*(getattr(self, name)[rows] for name in self.__slots__))
+
+    def by(self, numbers: "Integers") -> "Iterator[tuple[int, EpisodeColumns]]":
+        """Yield each number and its episodes, in the order of the rows.
+
+        Args:
+            numbers: (episodes,) group of each episode.
+        """
+        import numpy as np
+
+        order = np.argsort(numbers, kind="stable")
+        values, begins = np.unique(numbers[order], return_index=True)
+        for value, rows in zip(values.tolist(), np.split(order, begins[1:]), strict=False):
+            yield value, self[rows]
+
+
+def empty_report_data() -> ReportData:
+    """Return an empty record, for published results without episodes."""
+    import pandas as pd
+
+    episodes = _whole(_typed(dict.fromkeys(_READ, ())), {}).assign(thinking_s=[], sct=[])[list(COLUMNS)]
+    return ReportData((), episodes, pd.DataFrame(columns=["condition", "goal", "start", "trials"]))
+
+
+def goal_order(goal: str) -> tuple[int, str]:
+    """Sort key: the order of the paper's tables, then alphabetical."""
+    return (GOAL_CATEGORIES.index(goal) if goal in GOAL_CATEGORIES else len(GOAL_CATEGORIES), goal)
+
+
+def read_report_data(
+    engine: Engine, selection: Selection | None = None, results_directory: Path | None = None
+) -> ReportData:
+    """Read the data of a report.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    chosen = selection or Selection()
+    with record_errors(engine), engine.connect() as connection:
+        conditions, condition_of = read_conditions(connection, chosen)
+        episodes = add_times(_episodes(connection, chosen, condition_of), conditions, connection)[list(COLUMNS)]
+        planned = _planned(connection, chosen, condition_of)
+        for (campaign, goal), name in ambiguous_names(connection).items():
+            for frame in (episodes, planned):
+                frame["goal"] = frame["goal"].astype(object)
+                frame.loc[(frame["campaign"] == campaign) & (frame["goal"] == goal), "goal"] = name
+        episodes["goal"] = episodes["goal"].astype("category")
+        sites, goals = site_contents(connection, condition_of), definitions(connection)
+    return ReportData(conditions, episodes, _grouped(planned), sites, results_directory, goals)
+
+
+def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:
+    """Return SQL conditions for the trials of a selection."""
+    # For all campaigns, `+ 0` keeps the database from using the index, which would return the episodes in another order
+    # than the table's; sorting them is slower than reading them.
+    some = chosen.models or chosen.sites or chosen.robots or chosen.campaigns
+    campaign = Trial.campaign_id if some else Trial.campaign_id + 0
+    wanted: list[Any] = [campaign.in_(list(condition_of))]
+    if chosen.goals:
+        wanted.append(Trial.goal.in_(chosen.goals))
+    return wanted
+
+
+def episodes_query() -> Select[Any]:
+    """Select every episode with its trial and current verdict, ordered by number."""
+    return episodes_of_trials(
+        Episode.id,
+        Trial.campaign_id,
+        Episode.process_id,
+        type_coerce(func.coalesce(Episode.session_id, 0), NullType()),
+        Trial.id,
+        Trial.goal,
+        Trial.start,
+        Trial.repetition,
+        PART,
+        END_REASON,
+        type_coerce(func.coalesce(SUCCESS, False), NullType()),
+        Episode.actions,
+        Episode.path_length_m,
+        Episode.geodesic_start_m,
+        Episode.geodesic_end_m,
+        DISTANCE_M,
+        type_coerce(GOAL_IN_SIGHT, NullType()),
+        Episode.duration_s,
+        Episode.wall_duration_s,
+        # Untyped, because pandas converts 200,000 times at once and SQLAlchemy converts them one by one.
+        type_coerce(Episode.started_at, NullType()),
+        type_coerce(Episode.ended_at, NullType()),
+        Episode.images_directory,
+    ).order_by(Episode.id)
+
+
+_READ = (
+    *("episode", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
+    *("end_reason", "success", "actions"),
+    *("path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
+    *("duration_s", "wall_duration_s", "started_at", "ended_at", "images_directory"),
+)
+"""Columns of `episodes_query`, in the same order."""
+_BATCH = 200
+"""Rows alive at a time: the garbage collector traverses all of them repeatedly."""
+_PART = 20_000
+"""Episodes held as Python objects at a time, before conversion to NumPy arrays of a fifth of the size."""
+
+
+def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    import pandas as pd
+
+    query = episodes_query().where(*trial_filter(chosen, condition_of))
+    found = connection.execution_options(yield_per=_BATCH).execute(query)
+    parts: list[pd.DataFrame] = []
+    columns: list[list[Any]] = [[] for _ in _READ]
+    for rows in found.partitions():
+        for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+            column.extend(values)
+        if len(columns[0]) >= _PART:
+            parts.append(_typed(dict(zip(_READ, columns, strict=True))))
+            columns = [[] for _ in _READ]
+    parts.append(_typed(dict(zip(_READ, columns, strict=True))))
+    frame = pd.concat(parts, ignore_index=True)
+    return _whole(frame, condition_of)
+
+
+def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    """Add the derived columns, in the order and with the types of `COLUMNS`."""
+    import numpy as np
+    import pandas as pd
+
+    for name in ("goal", "end_reason"):
+        frame[name] = frame[name].astype("category")
+    frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
+    frame.insert(1, "condition", frame["campaign"].map(dict(condition_of)).astype(np.int64))
+    frame["spl"] = spl_of(frame)
+    frame["soft_spl"] = soft_spl_of(frame)
+    return frame
+
+
+def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
+    """Convert the driver's values to the types of `COLUMNS`, column by column for speed."""
+    import numpy as np
+    import pandas as pd
+
+    typed: dict[str, Any] = {}
+    for name, values in columns.items():
+        if name in ("episode", "campaign", "process", "session", "trial", "start", "repetition", "actions"):
+            typed[name] = np.array(values, np.int64)
+        elif name.endswith(("_m", "_s")):
+            numbers = np.array(values, np.float64)
+            typed[name] = np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities
+        elif name.endswith("_at"):
+            typed[name] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
+        else:
+            typed[name] = np.array(values, bool if name in ("success", "goal_in_sight") else object)
+    return pd.DataFrame(typed)
+
+
+def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
+    import numpy as np
+    import pandas as pd
+
+    rows = connection.execute(
+        select(Trial.campaign_id, Trial.goal, Trial.start, func.count())
+        .where(*trial_filter(chosen, condition_of))
+        .group_by(Trial.campaign_id, Trial.goal, Trial.start)
+    ).all()
+    frame = pd.DataFrame([tuple(row) for row in rows], columns=["campaign", "goal", "start", "trials"])
+    frame["condition"] = frame["campaign"].map(dict(condition_of)).astype(np.int64)
+    return frame
+
+
+def _grouped(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the planned trials by condition, goal and start."""
+    import numpy as np
+
+    grouped = frame.groupby(["condition", "goal", "start"], observed=True)["trials"].sum().reset_index()
+    for name in ("start", "trials"):
+        grouped[name] = grouped[name].astype(np.int64)
+    return grouped

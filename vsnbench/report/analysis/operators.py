@@ -1,0 +1,154 @@
+"""Operators and their sessions: judgements, overruled verdicts and interventions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Engine, select
+
+from vsnbench.report.analysis.cell_counts import outcomes_of
+from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.judgements import latest_judgements
+from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.tables import Event, Robot, Session
+from vsnbench.results.writing.entries import INTERVENTION
+from vsnbench.statistics.clustered import Outcomes
+from vsnbench.statistics.multiple import holm
+from vsnbench.statistics.permutation import Stratum, stratified_permutation
+from vsnbench.statistics.rates import Proportion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorSession:
+    """A session of one operator with one robot."""
+
+    number: int
+    operator: str
+    robot: str
+    began_at: datetime
+    ended_at: datetime
+    """End of the last episode if the session is open or its end was not recorded."""
+    outcomes: Outcomes
+    """Outcomes of the counted trials."""
+    attempts: int
+    interventions: int
+
+    @property
+    def hours(self) -> float:
+        """Duration in hours."""
+        return max(0.0, (self.ended_at - self.began_at).total_seconds()) / 3600
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """Activity of one operator."""
+
+    name: str
+    sessions: int
+    hours: float
+    """Total duration of the sessions."""
+    judged: Outcomes
+    """Outcomes of the counted trials that this operator judged."""
+    overruled: int
+    """Judged trials in which the protocol's verdict was different."""
+    interventions: int
+    p: float | None
+    """p-value of no association between success and the judging operator, stratified by model and goal, corrected for
+    the number of operators; None without another operator."""
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorActivity:
+    """Sessions in chronological order, and operators by name."""
+
+    sessions: tuple[OperatorSession, ...]
+    operators: tuple[Operator, ...]
+
+
+def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivity | None:
+    """Return the operators and sessions; None without operators, or with one operator in one session.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        rows = connection.execute(
+            select(Session.id, Session.operator, Robot.title, Session.began_at, Session.ended_at)
+            .join(Robot, Robot.id == Session.robot_id)
+            .where(Session.id.in_([int(number) for number in record.episodes["session"].unique() if number]))
+            .order_by(Session.began_at, Session.id)
+        ).all()
+        acted = connection.execute(select(Event.episode_id, Event.author).where(Event.kind == INTERVENTION)).all()
+    judged_by, overruled = _judged(engine)
+    if len(rows) < 2 and not acted and not judged_by:
+        return None
+    known = dict(zip(record.episodes["episode"].tolist(), record.episodes["session"].tolist(), strict=True))
+    interventions = [(known[episode], author) for episode, author in acted if episode in known]
+    sessions = tuple(_session(record, row, sum(session == row.id for session, _ in interventions)) for row in rows)
+    counted = record.counted()
+    judges = counted["episode"].map(judged_by)
+    names = (
+        {session.operator for session in sessions}
+        | set(judges.dropna())
+        | {author for _, author in interventions if author}
+    )
+    if len(names) < 2 and len(sessions) < 2:
+        return None
+    ordered = sorted(names)
+    found = [_chance(counted, judges, name) for name in ordered]
+    asked = [p for p in found if p is not None]
+    # With two operators both tests are the same.
+    corrected = iter(asked if len(asked) <= 2 else holm(asked))
+    operators = tuple(
+        Operator(
+            name=name,
+            sessions=sum(session.operator == name for session in sessions),
+            hours=sum(session.hours for session in sessions if session.operator == name),
+            judged=outcomes_of(counted[judges == name]),
+            overruled=sum(overruled.get(number, False) for number in counted.loc[judges == name, "episode"].tolist()),
+            interventions=sum(author == name for _, author in interventions),
+            p=None if p is None else next(corrected),
+        )
+        for name, p in zip(ordered, found, strict=True)
+    )
+    return OperatorActivity(sessions, operators)
+
+
+def _session(record: ReportData, row: Any, interventions: int) -> OperatorSession:
+    mine = record.episodes[record.episodes["session"] == row.id]
+    counted = record.counted()
+    last = mine["ended_at"].max()
+    return OperatorSession(
+        number=row.id,
+        operator=row.operator,
+        robot=row.title,
+        began_at=row.began_at,
+        ended_at=row.ended_at or (last.to_pydatetime() if last == last else row.began_at),
+        outcomes=outcomes_of(counted[counted["session"] == row.id]),
+        attempts=len(mine),
+        interventions=interventions,
+    )
+
+
+def _judged(engine: Engine) -> tuple[Mapping[int, str], Mapping[int, bool]]:
+    """Return the judging operator of each judged episode, and whether the verdict overruled the protocol."""
+    judgements = latest_judgements(engine)
+    return (
+        {number: last.author for number, (_, last) in judgements.items()},
+        {number: first is not None and first.success != last.success for number, (first, last) in judgements.items()},
+    )
+
+
+def _chance(counted: "pd.DataFrame", judges: "pd.Series[str]", name: str) -> float | None:
+    mine, others = judges == name, judges.notna() & (judges != name)
+    if not mine.any() or not others.any():
+        return None
+    strata = []
+    for _, rows in counted.groupby(["condition", "goal"], observed=True):
+        sides = [rows.loc[which.loc[rows.index], "success"] for which in (mine, others)]
+        strata.append(Stratum(*(Proportion(int(side.sum()), len(side)) for side in sides)))
+    return stratified_permutation(strata)

@@ -1,0 +1,1 @@
+"""Comparisons of models: pairing, effects, ranking, verdicts."""

@@ -1,0 +1,100 @@
+"""Real against simulated trials of one model, on the shared goals and if possible the shared cells."""
+
+from dataclasses import dataclass
+
+from vsnbench.report.analysis.conditions import Condition
+from vsnbench.report.analysis.episodes_frame import goal_order
+from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
+from vsnbench.report.comparison.compare import over_goals
+from vsnbench.report.comparison.pairing import Pairing, difference_interval, pair, rate_difference, same_places
+from vsnbench.statistics.agreement import Agreement, RankCorrelation, agreement, rank_correlation
+from vsnbench.statistics.clustered import arrays
+from vsnbench.statistics.prediction_powered import OnlyPredicted, Powered, PredictedCell, powered
+from vsnbench.statistics.rates import Interval
+
+
+@dataclass(frozen=True, slots=True)
+class SimRealPair:
+    """One model with real and simulated trials."""
+
+    real: Condition
+    simulated: Condition
+    goals: tuple[str, ...]
+    """Goals with both real and simulated trials; the other fields are about these goals."""
+    first: Summary
+    """Summary of the real trials."""
+    second: Summary
+    pairing: Pairing | None
+    """None if the sites differ or no cell is shared."""
+    powered: Powered | None
+    """Prediction-powered estimate; None if the simulated trials add nothing."""
+
+    @property
+    def difference(self) -> float:
+        """Real success rate minus the simulated one; for shared cells the mean over them."""
+        return rate_difference(self.pairing, self.first, self.second)
+
+    @property
+    def interval(self) -> Interval:
+        """95 % interval of the difference."""
+        return difference_interval(self.pairing, self.first, self.second)
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """Agreement of the shared cells."""
+        return agreement(self.pairing.outcomes) if self.pairing else None
+
+    @property
+    def ranks(self) -> RankCorrelation | None:
+        """Rank correlation of the rates of the shared cells."""
+        if not self.pairing:
+            return None
+        sides = (self.pairing.outcomes.first, self.pairing.outcomes.second)
+        return rank_correlation(*(arrays(side.cells)[1].tolist() for side in sides))
+
+
+def sim_real_pairs(results: Results) -> tuple[SimRealPair, ...]:
+    """Return every model that has both real and simulated results, on the shared goals."""
+    return tuple(
+        found
+        for real in results.conditions
+        for simulated in results.conditions
+        if _one_model(real.condition, simulated.condition) and (found := _pair_of(real, simulated))
+    )
+
+
+def _one_model(real: Condition, simulated: Condition) -> bool:
+    return (
+        not real.simulated
+        and simulated.simulated
+        and (real.model, real.weights_sha256) == (simulated.model, simulated.weights_sha256)
+    )
+
+
+def _pair_of(real: ConditionSummary, simulated: ConditionSummary) -> SimRealPair | None:
+    shared = {goal.goal for goal in real.goals} & {goal.goal for goal in simulated.goals}
+    if not shared:
+        return None
+    goals = tuple(sorted(shared, key=goal_order))
+    return SimRealPair(
+        real=real.condition,
+        simulated=simulated.condition,
+        goals=goals,
+        first=over_goals(real, goals),
+        second=over_goals(simulated, goals),
+        pairing=pair(real, simulated, goals),
+        powered=_powered(real, simulated, goals),
+    )
+
+
+def _powered(real: ConditionSummary, simulated: ConditionSummary, goals: tuple[str, ...]) -> Powered | None:
+    if not same_places(real.condition, simulated.condition):
+        return None
+    cells = [
+        {(g.goal, cell.cluster): cell for g in summary.goals if g.goal in goals for cell in g.summary.outcomes.cells}
+        for summary in (real, simulated)
+    ]
+    rates = {place: cell.successes / cell.trials for place, cell in cells[1].items() if place[1] > 0}
+    driven = [PredictedCell(cell, rates[place]) for place, cell in cells[0].items() if place in rates]
+    others = [OnlyPredicted(place[1], rate) for place, rate in rates.items() if place not in cells[0]]
+    return powered(driven, others)

@@ -1,0 +1,187 @@
+"""Selects the figures of a report and draws them."""
+
+import gc
+import multiprocessing
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsnbench.errors import SiteError
+from vsnbench.report.analysis.conditions import Condition, Selection
+from vsnbench.report.analysis.published import published_results
+from vsnbench.report.analysis.summary import ConditionSummary
+from vsnbench.report.analysis.trajectories import Track, read_tracks
+from vsnbench.report.build import Report, build
+from vsnbench.report.figures.actions import action_histogram
+from vsnbench.report.figures.cells import success_by_cell
+from vsnbench.report.figures.cumulative import mileage, outcomes_over_actions
+from vsnbench.report.figures.differences import differences
+from vsnbench.report.figures.plans import success_maps, trajectory_plan
+from vsnbench.report.figures.rates import success_by_goal
+from vsnbench.report.figures.style import Drawing
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.runtime.child_process import end_with_parent
+from vsnbench.sites.site import Site
+
+MAX_TRAJECTORIES = 12
+"""Maximum number of conditions whose trajectories are drawn; other figures use as many pages as needed."""
+
+WORKER_TRAJECTORIES = 2
+"""Number of trajectory figures, and every other one after them, that the worker process draws."""
+
+_ALLOCATIONS = 20_000
+"""Allocations between garbage collections; each collection traverses all figures."""
+
+_ORDER = (
+    "differences",
+    "success-by-goal",
+    "success-by-cell",
+    "outcomes-over-actions",
+    "success-map",
+    "trajectories",
+    "actions",
+    "mileage",
+)
+"""Order of the figures, by the beginning of their names."""
+
+
+def drawings(report: Report, url: str) -> list[Drawing]:
+    """Draw the figures of a report in reading order."""
+    drawn = [*_charts(report), *_histograms(report)]
+    return _in_order([*drawn, *(drawing for plan in _plans(report, url) if (drawing := plan.drawing()))])
+
+
+def _in_order(drawn: Iterable[Drawing]) -> list[Drawing]:
+    return sorted(drawn, key=lambda drawing: next(n for n, name in enumerate(_ORDER) if drawing.name.startswith(name)))
+
+
+def build_and_draw(
+    url: str, selection: Selection, results_directory: Path | None = None, *, reference: bool = False
+) -> tuple[Report, list[Drawing]]:
+    """Build a report and draw its figures in every format, with a second process.
+
+    The worker process counts actions while this one draws charts, then both draw floor plans.
+
+    Raises:
+        RecordError: no record exists, it is empty or it cannot be read.
+        UsageError: nothing in the record matches the selection.
+    """
+    can_fork = "fork" in multiprocessing.get_all_start_methods()
+    in_worker = WORKER_TRAJECTORIES if can_fork else 0  # matplotlib is not thread-safe
+    with _few_collections(), _worker(can_fork=can_fork) as worker:
+        plans: list[_Plan] = []
+        waiting: dict[int, Future[Drawing | None]] = {}
+        drawn: list[Drawing] = []
+
+        def draw_charts(uncounted: Report) -> None:
+            plans.extend(_plans(uncounted, url))
+            waiting.update(
+                {
+                    plan.summary.condition.number: worker.submit(plan.finished)
+                    for plan in _draw_trajectories(plans, in_worker)
+                }
+            )
+            drawn.extend(chart.finish() for chart in _charts(uncounted))
+
+        report = build(
+            *(url, selection, results_directory),
+            reference=reference,
+            meanwhile=draw_charts,
+            executor=worker,
+        )
+        drawn += [histogram.finish() for histogram in _histograms(report)]
+        numbers = [plan.summary.condition.number for plan in plans]
+        here = {n: plan.finished() for n, plan in zip(numbers, plans, strict=True) if n not in waiting}
+        trajectories = [here[n] if n in here else waiting[n].result() for n in numbers]
+    return report, _in_order([*drawn, *(drawing for drawing in trajectories if drawing)])
+
+
+def _draw_trajectories(plans: "Sequence[_Plan]", in_worker: int) -> "Sequence[_Plan]":
+    return [*plans[:in_worker], *plans[in_worker + 1 :: 2]] if in_worker else ()
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """Collect garbage a tenth as often, also in the worker: figures are full of reference cycles."""
+    before = gc.get_threshold()
+    gc.set_threshold(_ALLOCATIONS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+def _worker(*, can_fork: bool) -> Executor:
+    if can_fork:
+        # Fork instead of spawn, because importing everything again would cancel the gain. No thread is running yet.
+        return ProcessPoolExecutor(1, multiprocessing.get_context("fork"), end_with_parent)
+    return ThreadPoolExecutor(1)
+
+
+def _charts(report: Report) -> Iterator[Drawing]:
+    """Draw the figures that need no action counts."""
+    record, results = report.record, report.results
+    yield from differences(report.questions)
+    yield from success_by_goal(results, published_results() if report.reference else None)
+    yield from success_by_cell(results)
+    yield from outcomes_over_actions(record, results)
+    yield from success_maps(
+        [(site, summary) for summary in results.conditions if (site := _site(report, summary.condition)) is not None]
+    )
+    if course := mileage(record):
+        yield course
+
+
+def _histograms(report: Report) -> Iterator[Drawing]:
+    if report.activity:
+        yield from action_histogram(report.results, report.activity.actions)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """Data of the trajectory figure of one condition."""
+
+    site: Site
+    summary: ConditionSummary
+    tracks: tuple[Track, ...]
+    left_out: str
+    """Text about conditions that are not drawn; empty for none."""
+
+    def drawing(self) -> Drawing | None:
+        """Draw the figure; None without tracks."""
+        return trajectory_plan(self.site, self.summary, self.tracks, self.left_out)
+
+    def finished(self) -> Drawing | None:
+        """Draw the figure and save it in every format."""
+        drawing = self.drawing()
+        return drawing.finish() if drawing else None
+
+
+def _plans(report: Report, url: str) -> Iterator[_Plan]:
+    placed = [
+        (site, summary)
+        for summary in report.results.conditions
+        if (site := _site(report, summary.condition)) is not None
+    ]
+    left_out = ""
+    if others := [summary.condition.name for _, summary in placed[MAX_TRAJECTORIES:]]:
+        left_out = (
+            f" Drawn for {MAX_TRAJECTORIES} of {len(placed)} conditions; not drawn: {', '.join(others)} "
+            "(use `vsnbench report --model NAME --output DIR`)."
+        )
+    with open_record(url) as engine:
+        for site, summary in placed[:MAX_TRAJECTORIES]:
+            yield _Plan(site, summary, read_tracks(engine, report.record, summary.condition), left_out)
+
+
+def _site(report: Report, condition: Condition) -> Site | None:
+    """Return the recorded site; None for an import without a usable site."""
+    content = report.record.sites.get(condition.site_sha256)
+    if not content:
+        return None
+    try:
+        return Site.model_validate(content)
+    except (ValueError, SiteError):
+        return None

@@ -1,0 +1,143 @@
+"""Cumulative plots: outcomes over the number of actions, and distance over driving time."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from vsnbench.report.analysis.conditions import footnotes, kinds_note
+from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.figures.style import (
+    COLORS,
+    COLUMN_IN,
+    DASHES,
+    MAX_CONDITIONS,
+    PAGE_IN,
+    Drawing,
+    in_pages,
+    light_grid,
+    new_figure,
+    page_name,
+    styled,
+)
+from vsnbench.report.figures.text_layout import legend_below, shown
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_MOST_POINTS = 2000
+"""Maximum number of points of a curve."""
+
+
+def outcomes_over_actions(record: ReportData, results: Results) -> Iterator[Drawing]:
+    """Draw the cumulative incidence of success and failure over the number of actions.
+
+    Success and failure are competing events: a survival curve would rate a model that collides early like one that
+    succeeds early. Nothing is drawn without counted episodes.
+    """
+    done = [summary for summary in results.conditions if summary.total.episodes]
+    pages = in_pages(done, MAX_CONDITIONS)
+    for number, drawn in enumerate(pages, start=1):
+        yield _outcomes(record, drawn, number, len(pages))
+
+
+def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
+
+    with styled():
+        figure = new_figure(COLUMN_IN if len(drawn) <= 3 else PAGE_IN * 0.75, 2.0)
+        panels = figure.subplots(1, 2, sharex=True, sharey=True)
+        longest = max(int(record.counted(summary.condition)["actions"].max()) for summary in drawn)
+        lines, labels = [], []
+        for index, summary in enumerate(drawn):
+            rows = record.counted(summary.condition)
+            actions, success = rows["actions"].to_numpy(), rows["success"].to_numpy()
+            style: dict[str, Any] = {"color": COLORS[index], "linestyle": DASHES[index], "linewidth": 1.1}
+            for axes, which in zip(panels, (success, ~success), strict=True):
+                lengths, share = _incidence(actions, which, longest)
+                (line,) = axes.step([0, *lengths], [0, *(100 * share)], where="post", **style)
+            lines.append(line)
+            labels.append(f"{summary.condition.name} (n = {len(rows)})")
+        for axes, title in zip(panels, ("succeeded", "failed"), strict=True):
+            axes.set_title(title, loc="left")
+            axes.set_xlim(0, longest * 1.02)
+            axes.set_ylim(0, 102)
+            axes.set_xlabel("actions")
+            light_grid(axes, "both")
+        panels[0].set_ylabel("episodes (%)")
+        legend_below(figure, lines, labels)
+    words = "; ".join(
+        f"{shown(summary.condition.name)}: {summary.total.successes} of {summary.total.episodes} succeeded, "
+        f"mean {summary.total.mean_actions:.0f} actions"
+        for summary in drawn
+    )
+    caption = (
+        "Share of the episodes that had succeeded (left) and failed (right) by number of actions. The curves end at "
+        "the success rate and the failure rate. Failures: STOP too far away, collision, or action limit."
+    )
+    if note := kinds_note(summary.condition for summary in drawn):
+        caption += f" {note}"
+    return Drawing(
+        page_name("outcomes-over-actions", number),
+        f"Success and failure over actions{f' ({number} of {pages})' if pages > 1 else ''}",
+        f"Shares of episodes that succeeded and failed by action count. {words}.",
+        caption,
+        footnotes([summary.condition for summary in drawn]),
+        figure,
+    )
+
+
+def _incidence(
+    actions: "NDArray[np.int64]", which: "NDArray[np.bool_]", longest: int
+) -> "tuple[NDArray[np.int64], NDArray[np.float64]]":
+    """Return action counts, ascending, and the share of all episodes with this outcome by then."""
+    import numpy as np
+
+    lengths, ended = np.unique(actions[which], return_counts=True)
+    share = np.cumsum(ended) / len(actions)
+    return np.append(lengths, longest), np.append(share, share[-1] if len(share) else 0.0)
+
+
+def mileage(record: ReportData) -> Drawing | None:
+    """Draw each robot's distance over its driving time; None without distance.
+
+    All attempts are included, also void ones.
+    """
+    import numpy as np
+
+    robots: dict[tuple[str, bool], list[int]] = {}
+    for condition in record.conditions:
+        robots.setdefault((condition.robot_title or condition.robot, condition.simulated), []).append(condition.number)
+    curves = []
+    for (title, simulated), numbers in robots.items():
+        rows = record.episodes[record.episodes["condition"].isin(numbers)]
+        rows = rows[rows["path_length_m"].notna() & rows["duration_s"].notna()].sort_values("started_at")
+        if rows["path_length_m"].sum() > 0:
+            hours = np.cumsum(rows["duration_s"].to_numpy()) / 3600
+            kilometres = np.cumsum(rows["path_length_m"].to_numpy()) / 1000
+            keep = np.unique(np.linspace(0, len(hours) - 1, _MOST_POINTS).astype(int))
+            curves.append((f"{title}, {'simulated' if simulated else 'real'}", hours[keep], kilometres[keep]))
+    if not curves:
+        return None
+    with styled():
+        figure = new_figure(COLUMN_IN, 2.0)
+        axes = figure.subplots()
+        lines, labels = [], []
+        for index, (title, hours, kilometres) in enumerate(curves[:MAX_CONDITIONS]):
+            (line,) = axes.plot(
+                [0, *hours],
+                [0, *kilometres],
+                color=COLORS[index],
+                linestyle=DASHES[index],
+                linewidth=1.1,
+            )
+            lines.append(line)
+            labels.append(f"{title}: {kilometres[-1]:.2f} km in {hours[-1]:.2f} h")
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("driving time (h)")
+        axes.set_ylabel("distance driven (km)")
+        light_grid(axes, "both")
+        legend_below(figure, lines, labels)
+    words = "; ".join(f"{shown(title)} {km[-1]:.2f} km in {h[-1]:.2f} h" for title, h, km in curves)
+    caption = "Distance over driving time on the robot's clock, over all attempts, including void ones."
+    return Drawing("mileage", "Mileage", f"Distance over driving time. {words}.", caption, (), figure)

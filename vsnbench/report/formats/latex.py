@@ -1,0 +1,205 @@
+"""Report tables as LaTeX for a two-column paper: booktabs, fitting font sizes, captions with n and interval."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from vsnbench.report.tables.report_table import Column, ReportTable, fitted, footnotes_of
+from vsnbench.text.sanitize import sanitize
+
+PREAMBLE = r"""% \usepackage[T1]{fontenc}
+% \usepackage{array}
+% \usepackage{booktabs}"""
+"""Required packages, as comments, because the tables are pasted into another document."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Size:
+    """A font size and its average character width for digits and bold headings."""
+
+    command: str
+    letter_pt: float
+
+
+_SIZES = (_Size(r"\small", 4.7), _Size(r"\footnotesize", 4.2), _Size(r"\scriptsize", 3.7))
+_COLUMN_PT, _PAGE_PT = 243.0, 498.0
+"""Of a two-column paper on A4 or letter with margins of at least 2 cm."""
+_GAP_PT = 6.0
+_WRAPPED_LETTERS = 22
+"""Longer names are wrapped."""
+_FLOATS_AT_ONCE = 12
+"""Number of floats after which the page is cleared, because LaTeX queues only a few."""
+
+_OPENING = r"""\documentclass[a4paper,twocolumn]{article}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\IfFileExists{lmodern.sty}{\usepackage{lmodern}}{}
+\usepackage{textcomp}
+\usepackage{array}
+\usepackage{booktabs}
+\usepackage{graphicx}
+\usepackage[margin=1.8cm]{geometry}
+\setcounter{totalnumber}{20}\setcounter{topnumber}{20}\setcounter{dbltopnumber}{20}
+\renewcommand{\topfraction}{.98}\renewcommand{\dbltopfraction}{.98}\renewcommand{\textfraction}{.02}
+\renewcommand{\floatpagefraction}{.6}\renewcommand{\dblfloatpagefraction}{.6}
+\begin{document}"""
+
+_ESCAPES = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    "²": r"\textsuperscript{2}",
+    "–": r"\textendash{}",
+    "−": r"\textminus{}",
+    "…": r"\ldots{}",
+    "°": r"\textdegree{}",
+}
+
+
+def latex(tables: Iterable[ReportTable]) -> str:
+    """Return one float per table: `table` if it fits a column of a two-column paper, else `table*`."""
+    tables = list(tables)
+    names = "".join(f"% {escaped(words)}\n" for words in footnotes_of(tables))
+    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_float(table) for table in tables) + "\n"
+
+
+def document(tables: Iterable[ReportTable], figures: Iterable[tuple[str, bool, str]] = ()) -> str:
+    """Return a complete two-column document for pdflatex.
+
+    Args:
+        tables: tables of the report.
+        figures: file, whether it is wider than a column, and caption of each figure.
+    """
+    tables = list(tables)
+    names = [rf"\item {escaped(words)}" for words in footnotes_of(tables)]
+    names_section = (
+        [r"\section*{Names of the conditions}", r"\begin{itemize}", *names, r"\end{itemize}"] if names else []
+    )
+    floats = [*(_figure(*figure) for figure in figures), *(_float(table) for table in tables)]
+    parts = [
+        "\n".join([*floats[at : at + _FLOATS_AT_ONCE], r"\clearpage"]) for at in range(0, len(floats), _FLOATS_AT_ONCE)
+    ]
+    return "\n".join([_OPENING, *names_section, *parts, r"\end{document}", ""])
+
+
+def escaped(text: str) -> str:
+    """Escape text for LaTeX; characters without a pdflatex font are written by number."""
+    words = "".join(_mark(mark) for mark in sanitize(text))
+    words = words.replace("--", "-{}-").replace("''", "'{}'").replace("?`", "?{}`").replace("!`", "!{}`")
+    # At the start of a row these would be parsed as arguments of the preceding line break.
+    return f"{{{words[0]}}}{words[1:]}" if words[:1] in ("[", "*") else words
+
+
+def breakable(text: str) -> str:
+    """Escape text and allow line breaks after punctuation within names."""
+    return r"\allowbreak{}".join(escaped(part) for part in re.findall(r"[^.:/=_]+[.:/=_]*|[.:/=_]+", text))
+
+
+def _mark(mark: str) -> str:
+    if mark in _ESCAPES:
+        return _ESCAPES[mark]
+    if mark.isascii() or "\N{LATIN CAPITAL LETTER A WITH GRAVE}" <= mark <= "\N{LATIN SMALL LETTER Y WITH DIAERESIS}":
+        return mark
+    return f"U+{ord(mark):04X}"
+
+
+def _float(table: ReportTable) -> str:
+    size = next((size for size in _SIZES if _width_pt(table, size) <= _COLUMN_PT), None)
+    wide = size is None
+    if size is None:
+        size = next((size for size in _SIZES if _width_pt(table, size) <= _PAGE_PT), _SIZES[-1])
+        table = fitted(table, lambda part: _width_pt(part, size) <= _PAGE_PT)
+    environment = "table*" if wide else "table"
+    columns = "".join(_alignment(table, place) for place in range(len(table.columns)))
+    lines = [
+        rf"\begin{{{environment}}}[tbp]",
+        r"\centering",
+        rf"\caption{{{_caption(table)}}}",
+        rf"\label{{tab:{_label(table.name)}}}",
+        rf"{size.command}\setlength{{\tabcolsep}}{{{_GAP_PT / 2:g}pt}}",
+        rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
+        r"\toprule",
+        " & ".join(_heading(column) for column in table.columns) + r" \\",
+        r"\midrule",
+    ]
+    for index, row in enumerate(table.rows):
+        if row.total and index and not table.rows[index - 1].total:
+            lines.append(r"\midrule")
+        cells = [
+            breakable(cell.text) if _is_wrapped(table, place) else escaped(cell.text)
+            for place, cell in enumerate(row.cells)
+        ]
+        lines.append(" & ".join(cells) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", rf"\end{{{environment}}}"])
+
+
+def _figure(file: str, wide: bool, caption: str) -> str:
+    environment = "figure*" if wide else "figure"
+    return "\n".join(
+        [
+            rf"\begin{{{environment}}}[tbp]",
+            r"\centering",
+            rf"\includegraphics[width=\linewidth,height=.8\textheight,keepaspectratio]{{{file}}}",
+            rf"\caption{{{escaped(caption)}}}",
+            rf"\end{{{environment}}}",
+        ]
+    )
+
+
+def _alignment(table: ReportTable, place: int) -> str:
+    if table.columns[place].number:
+        return "r"
+    if _is_wrapped(table, place):
+        return rf">{{\raggedright\arraybackslash}}p{{{_WRAPPED_LETTERS / 2:g}em}}"
+    return "l"
+
+
+def _is_wrapped(table: ReportTable, place: int) -> bool:
+    return not table.columns[place].number and _letters(table, place) > _WRAPPED_LETTERS
+
+
+def _letters(table: ReportTable, place: int) -> int:
+    heading = round(1.15 * len(table.columns[place].heading))  # it is bold
+    return max(heading, *(len(row.cells[place].text) for row in table.rows), 0)
+
+
+def _width_pt(table: ReportTable, size: _Size) -> float:
+    """Estimate the width of a table: text columns wrap, numbers do not."""
+    letters = [
+        _letters(table, place) if column.number else min(_letters(table, place), _WRAPPED_LETTERS)
+        for place, column in enumerate(table.columns)
+    ]
+    return size.letter_pt * sum(letters) + _GAP_PT * (len(letters) - 1)
+
+
+def _heading(column: Column) -> str:
+    return rf"\textbf{{{escaped(column.heading)}}}"
+
+
+def _caption(table: ReportTable) -> str:
+    meanings = [
+        f"{escaped(column.heading)}: {escaped(column.note)}"
+        for column in table.columns
+        if column.note and ("/n" in column.heading or "interval" in column.heading)
+    ]
+    parts = [f"{escaped(table.title)}."]
+    if meanings:
+        parts.append("; ".join(meanings) + ".")
+    parts += [escaped(note) for note in table.notes]
+    return " ".join(parts)
+
+
+def _label(name: str) -> str:
+    return "".join(mark if mark.isalnum() else "-" for mark in name)

@@ -1,0 +1,237 @@
+"""Table model of a report, independent of the output format, and its terminal output."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from vsnbench.protocol.distance_text import distance_text
+from vsnbench.text.sanitize import sanitize
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from vsnbench.text.terminal import Console
+
+UNKNOWN = "–"
+"""Text of a cell without a value."""
+_WRAP = 16
+"""Width in characters at which a text column may wrap on a terminal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Heading of a column; numbers are right-aligned."""
+
+    heading: str
+    number: bool = True
+    note: str = ""
+    """Explanation of the heading."""
+    rank: int = 0
+    """Columns with the highest rank are dropped first if the table is too wide; rank 0 is always shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A text, with a sort value if the text would sort wrongly."""
+
+    text: str
+    value: float | str | None = None
+
+    @property
+    def key(self) -> float | str:
+        """Sort key."""
+        return self.text if self.value is None else self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a table; totals are separated from the other rows."""
+
+    cells: tuple[Cell, ...]
+    total: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """A table with a title, notes and footnotes."""
+
+    name: str
+    """Identifier for file names, anchors and labels."""
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = field(default=())
+    footnotes: tuple[str, ...] = field(default=())
+    """Explanations of the names in the table; each is printed once per document."""
+    condition: int | None = None
+    """Number of the condition, if the table is about only one."""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row.cells) != len(self.columns):
+                raise ValueError(
+                    f"table {self.name}: a row of {len(row.cells)} cells under {len(self.columns)} columns"
+                )
+
+
+def row(*cells: Cell, total: bool = False) -> Row:
+    """Return a row of these cells."""
+    return Row(tuple(cells), total)
+
+
+def word(text: str) -> Cell:
+    """Return a text cell."""
+    return Cell(text)
+
+
+def count(number: int | None) -> Cell:
+    """Return a cell with an integer, or a dash for None."""
+    return Cell(UNKNOWN, -math.inf) if number is None else Cell(str(number), number)
+
+
+def of(part: int, whole: int) -> Cell:
+    """Return a cell like 22/75, sorted by the ratio."""
+    return Cell(f"{part}/{whole}", part / whole if whole else -1.0)
+
+
+def decimal(number: float, places: int) -> Cell:
+    """Return a cell with a fixed number of decimals, or a dash for NaN, which sorts first."""
+    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else Cell(UNKNOWN, -math.inf)
+
+
+def goal_distance(distance_m: float, success_distance_m: float | None) -> Cell:
+    """Return a cell with a distance to the goal, rounded so that it stays on its side of the success distance."""
+    if not math.isfinite(distance_m):
+        return Cell(UNKNOWN, -math.inf)
+    return Cell(distance_text(distance_m, success_distance_m), distance_m)
+
+
+def percent(share: float, places: int = 2) -> Cell:
+    """Return a cell with a ratio in percent."""
+    return decimal(share * 100, places)
+
+
+def interval_percent(low: float, high: float, places: int = 2) -> Cell:
+    """Return a cell with an interval in percent, sorted by its lower end."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return Cell(UNKNOWN, -math.inf)
+    return Cell(f"[{low * 100:.{places}f}, {high * 100:.{places}f}]", low)
+
+
+def footnotes_of(tables: Iterable[ReportTable]) -> tuple[str, ...]:
+    """Return the footnotes of several tables without repetitions."""
+    return tuple(dict.fromkeys(words for table in tables for words in table.footnotes))
+
+
+def fitted(table: ReportTable, fits: Callable[[ReportTable], bool]) -> ReportTable:
+    """Return the table without the columns that do not fit, highest rank first.
+
+    Args:
+        table: its columns of rank 0 are always kept.
+        fits: whether a table fits.
+    """
+    while not fits(table):
+        highest = max(range(len(table.columns)), key=lambda place: (table.columns[place].rank, place))
+        if table.columns[highest].rank == 0:
+            break
+        table = _with_columns(table, [place for place in range(len(table.columns)) if place != highest])
+    return table
+
+
+def in_blocks(table: ReportTable, fits: Callable[[ReportTable], bool]) -> list[ReportTable]:
+    """Split a table that is too wide into blocks of columns; each block repeats the leading text columns.
+
+    Args:
+        table: the first block has the columns that `fitted` keeps.
+        fits: whether a block fits.
+    """
+    leading = next((place for place, column in enumerate(table.columns) if column.number), len(table.columns))
+    named = list(range(max(1, leading)))
+    first = fitted(table, fits)
+    left = [place for place, column in enumerate(table.columns) if column not in first.columns]
+    blocks = [first]
+    while left:
+        taken = left[:1]
+        while len(taken) < len(left) and fits(_with_columns(table, [*named, *left[: len(taken) + 1]])):
+            taken = left[: len(taken) + 1]
+        blocks.append(_with_columns(table, [*(place for place in named if place not in taken), *taken]))
+        left = left[len(taken) :]
+    return blocks
+
+
+def without_empty_columns(table: ReportTable) -> ReportTable:
+    """Return the table without the columns that have no values."""
+    known = [
+        place
+        for place in range(len(table.columns))
+        if not table.rows or any(row.cells[place].text != UNKNOWN for row in table.rows)
+    ]
+    return _with_columns(table, known)
+
+
+def _with_columns(table: ReportTable, places: Sequence[int]) -> ReportTable:
+    return replace(
+        table,
+        columns=tuple(table.columns[place] for place in places),
+        rows=tuple(replace(row, cells=tuple(row.cells[place] for place in places)) for row in table.rows),
+    )
+
+
+def print_tables(tables: Iterable[ReportTable], console: "Console") -> None:
+    """Print the tables; text from the record is never interpreted as markup."""
+    from rich.text import Text
+
+    tables = list(tables)
+    for table in tables:
+        for number, block in enumerate(in_blocks(table, lambda part: _width(part) <= console.width)):
+            console.print(_rich_table(block, is_titled=number == 0))
+        for note in table.notes:
+            console.print(Text(sanitize(note), style="dim"))
+        console.print()
+    for words in footnotes_of(tables):
+        console.print(Text(sanitize(words), style="dim"))
+
+
+def _rich_table(table: ReportTable, *, is_titled: bool) -> "Table":
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    title = Text(sanitize(table.title), style="bold") if is_titled else None
+    printed = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column, longest in zip(table.columns, _longest_words(table), strict=True):
+        # Numbers are never wrapped. On a narrow terminal text wraps between words, and only long names are broken.
+        printed.add_column(
+            Text(sanitize(column.heading)),
+            justify="right" if column.number else "left",
+            no_wrap=column.number,
+            overflow="fold",
+            min_width=min(_WRAP, longest),
+        )
+    for index, row in enumerate(table.rows):
+        if row.total and index and not table.rows[index - 1].total:
+            printed.add_section()
+        printed.add_row(*(Text(sanitize(cell.text)) for cell in row.cells), style="bold" if row.total else "")
+    return printed
+
+
+def _texts(table: ReportTable) -> list[list[str]]:
+    """Return the texts of each column, heading first."""
+    return [
+        [column.heading, *(sanitize(row.cells[place].text) for row in table.rows)]
+        for place, column in enumerate(table.columns)
+    ]
+
+
+def _longest_words(table: ReportTable) -> list[int]:
+    return [max((len(word) for text in column for word in text.split()), default=0) for column in _texts(table)]
+
+
+def _width(table: ReportTable) -> int:
+    # Text columns may wrap, numbers may not.
+    widest = [
+        max(map(len, words)) if column.number else min(_WRAP, max(map(len, words)))
+        for column, words in zip(table.columns, _texts(table), strict=True)
+    ]
+    return sum(widest) + 3 * len(widest) + 1

@@ -1,0 +1,148 @@
+"""Tables of real against simulated trials."""
+
+from collections.abc import Sequence
+
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.comparison.sim_vs_real import SimRealPair
+from vsnbench.report.tables.report_table import (
+    UNKNOWN,
+    Cell,
+    Column,
+    ReportTable,
+    Row,
+    count,
+    decimal,
+    interval_percent,
+    of,
+    percent,
+    row,
+    without_empty_columns,
+    word,
+)
+from vsnbench.report.wording import listed
+
+
+def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
+    """Real against simulated results (paper, Table 3) on the shared goals; None if there are none."""
+    if not found:
+        return None
+    return without_empty_columns(
+        ReportTable(
+            name="real-simulated",
+            title="Real world against simulation",
+            columns=(
+                Column("model", number=False),
+                Column("goals", number=False, rank=4),
+                Column("real", number=False, rank=3),
+                Column("k/n"),
+                Column("SR %"),
+                Column("95 % interval", rank=1),
+                Column("done", rank=2),
+                Column("simulated", number=False, rank=3),
+                Column("k/n"),
+                Column("SR %"),
+                Column("95 % interval", rank=1),
+                Column("done", rank=2),
+                Column("real - sim.", note="difference in success rate, points; for shared cells the mean over them"),
+                Column("95 % interval", note="Newcombe's interval of the difference, paired for shared cells"),
+                Column("shared cells", rank=2),
+            ),
+            rows=tuple(_real_row(pair) for pair in found),
+            notes=(
+                "On the goals with both real and simulated trials.",
+                *footnotes(
+                    list({side.number: side for pair in found for side in (pair.real, pair.simulated)}.values())
+                ),
+            ),
+        )
+    )
+
+
+def _real_row(pair: SimRealPair) -> Row:
+    a, b = pair.first, pair.second
+    return row(
+        word(pair.real.model),
+        word(listed(pair.goals)),
+        word(pair.real.name),
+        of(a.successes, a.episodes),
+        percent(a.success_rate),
+        interval_percent(a.interval.low, a.interval.high),
+        of(a.episodes, a.planned),
+        word(pair.simulated.name),
+        of(b.successes, b.episodes),
+        percent(b.success_rate),
+        interval_percent(b.interval.low, b.interval.high),
+        of(b.episodes, b.planned),
+        decimal(100 * pair.difference, 2),
+        interval_percent(pair.interval.low, pair.interval.high),
+        count(len(pair.pairing.outcomes.cells)) if pair.pairing else Cell(UNKNOWN, -1),
+    )
+
+
+_POWERED = (
+    "Prediction-powered inference (PPI++): the simulated rate of the cells without real trials, corrected by the "
+    "simulation error in the cells with real trials. Valid only if these cells were chosen independently of their "
+    "outcomes; not a primary result unless the study plan names it."
+)
+
+
+def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
+    """Agreement of real and simulated cells, and the prediction-powered rate; None without shared cells."""
+    paired = [pair for pair in found if pair.pairing]
+    if not paired:
+        return None
+    return without_empty_columns(
+        ReportTable(
+            name="cell-agreement",
+            title="Real and simulated results, cell by cell",
+            columns=(
+                Column("real", number=False),
+                Column("simulated", number=False),
+                Column("cells", note="shared cells"),
+                Column("bias", note="simulated success rate minus the real one, points"),
+                Column("error", note="root mean square difference of the rates of a cell, points"),
+                Column("same outcome %", rank=1, note="probability that a real and a simulated episode agree"),
+                Column("kappa", rank=2, note="Cohen's kappa: agreement beyond chance"),
+                Column("rank corr.", note="Spearman's rank correlation over the cells"),
+                Column("95 % interval", rank=3),
+                Column("real SR %", rank=1, note="mean over the cells with real trials"),
+                Column("95 % interval", rank=1),
+                Column("PPI++ SR %", rank=1, note="prediction-powered success rate over all simulated cells"),
+                Column("95 % interval", rank=1),
+                Column("tuning", rank=3, note="weight of the simulated results, 0 to 1"),
+                Column("cells saved", rank=1, note="additional real cells that would give the same precision"),
+            ),
+            rows=tuple(_agreement_row(pair) for pair in paired),
+            notes=(_POWERED,),
+        )
+    )
+
+
+def _agreement_row(pair: SimRealPair) -> Row:
+    like, ranks, gain = pair.agreement, pair.ranks, pair.powered
+    if like is None or ranks is None:
+        raise ValueError("a pair without shared cells has no row")
+    unknown = decimal(float("nan"), 0)
+    return row(
+        word(pair.real.name),
+        word(pair.simulated.name),
+        count(like.cells),
+        decimal(100 * like.bias, 1),
+        decimal(100 * like.error, 1),
+        percent(like.same, 1),
+        decimal(like.kappa, 2),
+        decimal(ranks.rho, 2),
+        Cell(f"[{ranks.interval.low:.2f}, {ranks.interval.high:.2f}]") if ranks.interval.known else unknown,
+        *(
+            (
+                percent(gain.plain_rate),
+                interval_percent(gain.plain_interval.low, gain.plain_interval.high),
+                percent(gain.rate),
+                interval_percent(gain.interval.low, gain.interval.high),
+                decimal(gain.tuning, 2),
+                decimal(gain.saved, 1),
+            )
+            if gain
+            else (unknown,) * 6
+        ),
+    )

@@ -1,0 +1,1 @@
+"""A results directory: its database and its files."""

@@ -1,0 +1,1 @@
+"""Files of a results directory: images, paths, entries."""

@@ -1,0 +1,55 @@
+"""Definitions of goals in a merge: compared between records, and copied with the trials that refer to them."""
+
+from collections.abc import Iterable, Sequence
+
+from sqlalchemy import Connection, select
+
+from vsnbench.errors import RecordError
+from vsnbench.results.schema.row_encoding import Row, find_or_insert
+from vsnbench.results.schema.tables import Campaign, Goal, Trial
+
+Definitions = dict[tuple[str, str], Row | None]
+"""(Key of the campaign, name of the goal) -> row of the definition; None for a category."""
+
+
+def definitions_of_trials(connection: Connection) -> Definitions:
+    """Return the definitions of the goals of a record's trials."""
+    rows = connection.execute(
+        select(Campaign.key, Trial.goal, Goal.sha256, Goal.name, Goal.kind, Goal.content, Goal.image)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Goal, Goal.id == Trial.goal_id)
+    )
+    found: Definitions = {}
+    for key, goal, *values in rows:
+        found[key, goal] = dict(zip(("sha256", "name", "kind", "content", "image"), values, strict=True))
+    return found
+
+
+def agreeing_definitions(records: Iterable[tuple[str, Connection]]) -> Definitions:
+    """Return the definitions of the goals of all records.
+
+    Raises:
+        RecordError: trials of one campaign have goals of one name with different definitions (`goal-changed`).
+    """
+    defined_in = [(name, connection, definitions_of_trials(connection)) for name, connection in records]
+    if not any(defined for _, _, defined in defined_in):
+        return {}
+    known: Definitions = {}
+    pairs = select(Campaign.key, Trial.goal).join(Campaign, Campaign.id == Trial.campaign_id).distinct()
+    for name, connection, defined in defined_in:
+        for key, goal in connection.execute(pairs):
+            mine = defined.get((key, goal))
+            before = known.setdefault((key, goal), mine)
+            if before != mine:
+                raise RecordError(
+                    f"goal {goal!r} of campaign {key[:12]} in {name} has another definition than in another record",
+                    advice="nothing was written; trials of different goals cannot be merged under one name",
+                    code="goal-changed",
+                )
+    return known
+
+
+def take_definitions(mine: Connection, key: str, goals: Sequence[str], definitions: Definitions) -> dict[str, int]:
+    """Store the definitions of the goals of a campaign, and return their numbers in this record by name."""
+    wanted = ((goal, definitions.get((key, goal))) for goal in dict.fromkeys(goals))
+    return {goal: find_or_insert(mine, Goal, row, "sha256") for goal, row in wanted if row is not None}

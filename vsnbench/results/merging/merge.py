@@ -1,0 +1,159 @@
+"""Applies a merge within one transaction: campaigns, studies, processes, episodes and verdicts; all or nothing.
+
+Numbers are assigned anew, in the order in which the episodes began.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, insert, select, update
+
+from vsnbench.errors import RecordError
+from vsnbench.results.merging.episodes import (
+    add_events,
+    add_verdicts,
+    columns_of,
+    difference,
+    insert_episode_rows,
+    missing_events,
+    read_episode_rows,
+)
+from vsnbench.results.merging.goals import agreeing_definitions, take_definitions
+from vsnbench.results.merging.plan import (
+    IDENTITIES,
+    EpisodeUpdate,
+    MergePlan,
+    NewEpisode,
+    OtherRecord,
+    agreeing_campaigns,
+    campaign_numbers,
+    new_events,
+    new_trials,
+)
+from vsnbench.results.merging.studies import write_studies
+from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_row, text
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial
+from vsnbench.results.writing.campaigns import extend_plan
+from vsnbench.results.writing.episodes import images_directory
+
+MERGED = "merged"
+"""Kind of events that record the source of merged episodes."""
+
+PlaceFiles = Callable[[NewEpisode, str], None]
+"""Places a new episode's files in a directory, relative to the results directory, before the commit."""
+
+
+_ADVISORY_LOCK = 7_305_514_014
+
+
+def lock_merges(connection: Connection) -> None:
+    """Wait until no other merge writes to this record; SQLite has a single writer anyway."""
+    if connection.dialect.name == "postgresql":
+        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_ADVISORY_LOCK})")
+
+
+def apply_merge(
+    mine: Connection,
+    others: Sequence[OtherRecord],
+    plan: MergePlan,
+    with_files: Collection[str],
+    place_files: PlaceFiles,
+) -> None:
+    """Apply a merge plan within one transaction.
+
+    Args:
+        mine: a transaction that may write.
+        others: the other records, unchanged since the plan was made.
+        plan: the merge plan.
+        with_files: UUIDs of the new episodes whose files are added.
+        place_files: called for each of them.
+
+    Raises:
+        RecordError: the records contradict each other, or this one has changed since the plan was made.
+    """
+    processes = _Processes(mine)
+    campaigns = agreeing_campaigns(mine, others)
+    for row, other in sorted(campaigns.values(), key=lambda found: (found[0]["created_at"], found[0]["key"])):
+        _take_campaign(mine, other.connection, row, processes)
+    numbers = campaign_numbers(mine)
+    definitions = agreeing_definitions([("this record", mine), *((other.name, other.connection) for other in others)])
+    for key, trials in new_trials(mine, others, campaigns).items():
+        goals = take_definitions(mine, key, [trial.goal for trial in trials], definitions)
+        extend_plan(mine, numbers[key], trials, goals)
+    for key, events in new_events(mine, others).items():
+        mine.execute(insert(Event), [{**event, "campaign_id": numbers[key]} for event in events])
+    known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(Trial))}
+    write_studies(mine, plan.studies.united, numbers, known, processes.number)
+    for new_episode in plan.new_episodes:
+        whole = read_episode_rows(others[new_episode.other].connection, new_episode.number)
+        trial = known[numbers[whole.campaign_key], whole.trial.goal, whole.trial.start, whole.trial.repetition]
+        has_files = new_episode.uuid in with_files
+        number = insert_episode_rows(mine, whole, trial, processes.number(whole.process), has_files=has_files)
+        if number is None:
+            raise RecordError(f"episode {new_episode.uuid} was added by another process; nothing was written")
+        if has_files:
+            place_files(new_episode, images_directory(number))
+    for update_ in plan.updates:
+        _add(mine, others[update_.other], update_)
+    _record_sources(mine, others, plan, numbers)
+
+
+def _add(mine: Connection, other: OtherRecord, update_: EpisodeUpdate) -> None:
+    """Append the verdicts and events of an episode that this record lacks."""
+    number = mine.execute(select(Episode.id).where(Episode.uuid == update_.uuid)).scalar_one()
+    ours = read_episode_rows(mine, number, steps=False)
+    theirs = read_episode_rows(other.connection, update_.number, steps=False)
+    if wrong := difference(ours, theirs):
+        raise RecordError(f"episode {update_.number} of {other.name} ({update_.uuid}): {wrong}; nothing was written")
+    add_events(mine, number, missing_events(ours.events, theirs.events))
+    if len(theirs.verdicts) > len(ours.verdicts):
+        add_verdicts(mine, number, theirs.verdicts[len(ours.verdicts) :])
+        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.state.value))
+
+
+def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_Processes") -> None:
+    if mine.execute(select(Campaign.id).where(Campaign.key == row["key"])).first() is not None:
+        return
+    given = {name: value for name, value in row.items() if name != "id"}
+    for table, column, _ in IDENTITIES:
+        found = other.execute(select(*columns_of(table, "id")).where(table.__table__.c.id == row[column])).mappings()
+        given[column] = find_or_insert(mine, table, dict(found.one()), "sha256")
+    process = other.execute(select(*columns_of(Process, "id")).where(Process.id == row["process_id"])).mappings()
+    given["process_id"] = processes.number(dict(process.one()))
+    find_or_insert(mine, Campaign, given, "key")
+
+
+class _Processes:
+    """Processes of this record, found by their identity."""
+
+    _BY = ("host", "pid", "boot_id", "pid_namespace", "start_ticks", "started_at", "command")
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        rows = connection.execute(select(*columns_of(Process))).mappings()
+        self._numbers: dict[tuple[Any, ...], int] = {self._identity(dict(row)): int(row["id"]) for row in rows}
+
+    def number(self, row: Row) -> int:
+        """Return the number of a process in this record, inserting it if needed."""
+        identity = self._identity(row)
+        if identity not in self._numbers:
+            self._numbers[identity] = insert_row(self._connection, Process, row)
+        return self._numbers[identity]
+
+    def _identity(self, row: Row) -> tuple[Any, ...]:
+        return tuple(row[name] for name in self._BY)
+
+
+def _record_sources(
+    mine: Connection, others: Sequence[OtherRecord], plan: MergePlan, numbers: Mapping[str, int]
+) -> None:
+    """Record, per campaign and source, the number of merged episodes."""
+    counts: dict[tuple[str, int], int] = {}
+    for new_episode in plan.new_episodes:
+        where = (new_episode.campaign_key, new_episode.other)
+        counts[where] = counts.get(where, 0) + 1
+    event = {"kind": MERGED, "author": "", "created_at": datetime.now(UTC)}
+    for (key, other), count in counts.items():
+        words = text(f"{count} episode{'' if count == 1 else 's'} came from {others[other].name}")
+        mine.execute(insert(Event), {**event, "campaign_id": numbers[key], "text": words})

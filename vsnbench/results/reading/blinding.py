@@ -1,0 +1,94 @@
+"""Blinding: arms of a blinded study are shown as codes in every query.
+
+Every query of a model's or campaign's name uses `MODEL_NAME` and `CAMPAIGN_NAME`. Other identifying data (weights,
+settings, hashes, diagnostics, timing, error messages) are hidden as well. The database contains the real names, so the
+blinding relies on not reading it directly.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, Text, cast, func, literal, select
+from sqlalchemy.orm import InstrumentedAttribute
+
+from vsnbench.protocol.judge import EndReason
+from vsnbench.results.reading.rows import EpisodeDetails, EpisodeProvenance, RecordedEvent
+from vsnbench.results.schema.study_tables import Study, StudyArm
+from vsnbench.results.schema.tables import Campaign, Episode, Model, Trial
+from vsnbench.values.step import StepRecord
+
+HIDDEN = "hidden while the study is blinded"
+"""Replacement of texts that could identify a model."""
+TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})
+"""End reasons and event kinds with texts from the model."""
+
+
+def _code(campaign_id: InstrumentedAttribute[int]) -> Any:
+    return (
+        select(literal("study").concat(cast(Study.id, Text)).concat("-").concat(StudyArm.code))
+        .select_from(StudyArm)
+        .join(Study, Study.id == StudyArm.study_id)
+        .where(StudyArm.campaign_id == campaign_id, Study.blind.is_(True), Study.unblinded_at.is_(None))
+    )
+
+
+CODE: ColumnElement[str | None] = _code(Campaign.id).correlate(Campaign).scalar_subquery()
+"""Code of a campaign that is an arm of a blinded study; NULL for others."""
+MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, Model.name)
+CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
+CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
+
+
+def blind_episodes(connection: Connection, numbers: Iterable[int]) -> frozenset[int]:
+    """Return those of these episodes that belong to blinded arms."""
+    query = (
+        select(Episode.id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .where(Episode.id.in_(list(numbers)), CODE.is_not(None))
+    )
+    return frozenset(connection.scalars(query))
+
+
+def hide_step(step: StepRecord) -> StepRecord:
+    """Return a step without the model's texts, diagnostics and timing."""
+    timings = replace(step.timings, infer_s=None)
+    return replace(step, raw_action=step.action.value, timings=timings, probabilities={}, details={})
+
+
+def hide_steps(steps: Iterable[StepRecord]) -> tuple[StepRecord, ...]:
+    """Return steps without identifying data."""
+    return tuple(map(hide_step, steps))
+
+
+def hide_details(details: EpisodeDetails) -> EpisodeDetails:
+    """Return an episode without identifying data."""
+    return replace(
+        details,
+        error=HIDDEN if details.error and details.ended_with in TELLING else details.error,
+        wall_duration_s=None,
+        verdicts=tuple(
+            replace(verdict, reason=verdict.end_reason) if verdict.end_reason in TELLING else verdict
+            for verdict in details.verdicts
+        ),
+        events=tuple(map(_hide_event, details.events)),
+        provenance=_hide_provenance(details.provenance),
+    )
+
+
+def _hide_event(event: RecordedEvent) -> RecordedEvent:
+    return replace(event, text=HIDDEN) if event.kind in TELLING else event
+
+
+def _hide_provenance(given: EpisodeProvenance) -> EpisodeProvenance:
+    return replace(
+        given,
+        platform={name: value for name, value in given.platform.items() if not name.startswith("model_")},
+        weights_sha256="",
+        weights_label="",
+        model_files={},
+        model_code={},
+        model_settings={},
+        campaign_key="",
+    )

@@ -1,0 +1,329 @@
+"""Queries of episodes, their details and steps, and of campaigns."""
+
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+from sqlalchemy import Connection, Engine, Select, func, select
+from sqlalchemy.orm import aliased
+
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.results.annotations import tags_of
+from vsnbench.results.goals import goal_of_trial, with_goals
+from vsnbench.results.reading.blinding import (
+    CAMPAIGN_KEY,
+    CAMPAIGN_NAME,
+    MODEL_NAME,
+    blind_episodes,
+    hide_details,
+    hide_steps,
+)
+from vsnbench.results.reading.filtering import restricted
+from vsnbench.results.reading.read_model import (
+    COLLISION,
+    COUNTS,
+    DISTANCE_M,
+    DISTANCE_SOURCE,
+    END_REASON,
+    GOAL_INSTANCE,
+    SUCCESS,
+    episodes_of_campaigns,
+    episodes_of_trials,
+)
+from vsnbench.results.reading.rows import (
+    CampaignState,
+    EpisodeDetails,
+    EpisodeFilter,
+    EpisodeProvenance,
+    EpisodeSummary,
+    PendingEpisode,
+    RecordedEvent,
+    RecordedVerdict,
+)
+from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.row_encoding import fix_of_columns
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
+from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
+from vsnbench.results.writing.sessions import placement_of, session_of
+from vsnbench.results.writing.steps import step_of_row
+from vsnbench.text.sanitize import sanitize
+from vsnbench.values.fix import PoseSource
+from vsnbench.values.step import StepRecord
+
+
+def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
+    """Return episodes by number; with a limit, the latest ones.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = restricted(_summary_query(), which)
+    with _reader(engine) as connection:
+        if limit is None:
+            rows = connection.execute(query.order_by(Episode.id)).all()
+        else:
+            rows = connection.execute(query.order_by(Episode.id.desc()).limit(limit)).all()[::-1]
+        return _summaries(connection, rows)
+
+
+def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
+    """Return the number of episodes that match a filter.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = restricted(episodes_of_campaigns(func.count(Episode.id)), which)
+    with _reader(engine) as connection:
+        return int(connection.execute(query).scalar_one())
+
+
+def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
+    """Return one episode with its verdicts, events and provenance.
+
+    Raises:
+        UsageError: the episode does not exist.
+        RecordError: the database cannot be read.
+    """
+    with _reader(engine) as connection:
+        summary = _one_summary(connection, episode_id)
+        episode = connection.execute(select(Episode.__table__).where(Episode.id == episode_id)).one()
+        verdicts = connection.execute(
+            select(
+                Verdict.created_at,
+                Verdict.proposed,
+                Verdict.success,
+                Verdict.end_reason,
+                Verdict.distance_m,
+                Verdict.distance_source,
+                Verdict.goal_instance,
+                Verdict.goal_in_sight,
+                *(Verdict.author, Verdict.source, Verdict.reason, Verdict.note),
+            )
+            .where(Verdict.episode_id == episode_id)
+            .order_by(Verdict.id)
+        )
+        events = connection.execute(
+            select(Event.created_at, Event.step_number, Event.kind, Event.author, Event.text)
+            .where(Event.episode_id == episode_id)
+            .order_by(Event.id)
+        )
+        counts, goal_instance = connection.execute(
+            episodes_of_trials(COUNTS, GOAL_INSTANCE).where(Episode.id == episode_id)
+        ).one()
+        details = EpisodeDetails(
+            summary=summary,
+            seed=episode.seed,
+            ended_with=episode.end_reason,
+            error=episode.error,
+            goal_definition=goal_of_trial(connection, episode.trial_id),
+            goal_instance=goal_instance,
+            wall_duration_s=episode.wall_duration_s,
+            geodesic_end_m=episode.geodesic_end_m,
+            placement=fix_of_columns(
+                episode.start_x_m,
+                episode.start_y_m,
+                episode.start_heading_rad,
+                episode.start_source or PoseSource.ESTIMATED.value,
+            ),
+            measured=placement_of(connection, episode_id),
+            session=session_of(connection, episode_id),
+            final=fix_of_columns(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
+            counts=bool(counts),
+            verdicts=tuple(RecordedVerdict(*tuple(row)) for row in verdicts),
+            events=tuple(RecordedEvent(*row) for row in events),
+            provenance=_provenance(connection, episode_id),
+        )
+        return hide_details(details) if blind_episodes(connection, [episode_id]) else details
+
+
+def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
+    """Return the episodes that await an operator's judgement, by number.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    proposal, any_proposal = aliased(Verdict), aliased(Verdict)
+    latest = select(func.max(any_proposal.id)).where(
+        any_proposal.episode_id == Episode.id, any_proposal.proposed.is_(True)
+    )
+    query = (
+        episodes_of_campaigns(
+            *(Episode.id, MODEL_NAME, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
+            *(Episode.end_reason, Episode.ended_at, proposal.reason, proposal.success),
+        )
+        .outerjoin(proposal, proposal.id == latest.scalar_subquery())
+        .where(Episode.state == EpisodeState.AWAITING.value)
+        .order_by(Episode.id)
+    )
+    with _reader(engine) as connection:
+        return tuple(PendingEpisode(*row) for row in connection.execute(query))
+
+
+def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
+    """Return the committed steps of an episode in order; empty if it does not exist.
+
+    Raises:
+        RecordError: the database cannot be read, or a step is invalid.
+    """
+    query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
+    with _reader(engine) as connection:
+        steps = tuple(_step(row) for row in connection.execute(query))
+        return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
+
+
+def _step(row: Any) -> StepRecord:
+    try:
+        return step_of_row(row)
+    except ValueError as error:
+        where = f"episode {row.episode_id}, step {row.number}"
+        raise RecordError(f"{where}: {sanitize(str(error))[:80]}; the record is damaged") from error
+
+
+def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
+    """Return all campaigns with their progress, in order of creation.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    planned = select(func.count()).where(Trial.campaign_id == Campaign.id).correlate(Campaign).scalar_subquery()
+    done = (
+        select(func.count(func.distinct(Episode.trial_id)))
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Trial.campaign_id == Campaign.id, Episode.state.in_([state.value for state in RESULTS]))
+        .correlate(Campaign)
+        .scalar_subquery()
+    )
+    query = (
+        select(
+            Campaign.id,
+            CAMPAIGN_KEY,
+            CAMPAIGN_NAME,
+            Campaign.created_at,
+            MODEL_NAME,
+            Robot.name,
+            Robot.simulated,
+            Site.name,
+            Campaign.seed,
+            planned,
+            done,
+        )
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .order_by(Campaign.id)
+    )
+    with _reader(engine) as connection:
+        return tuple(CampaignState(*row) for row in connection.execute(query))
+
+
+def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
+    """Return the image directories of those of these episodes that are in the record.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    wanted = sorted(uuids)
+    found: dict[str, str] = {}
+    with _reader(engine) as connection:
+        for first in range(0, len(wanted), _AT_ONCE):
+            some = Episode.uuid.in_(wanted[first : first + _AT_ONCE])
+            found |= {row.uuid: row.images_directory for row in connection.execute(_PLACES.where(some))}
+    return found
+
+
+_AT_ONCE = 500
+_PLACES = select(Episode.uuid, Episode.images_directory)
+
+
+@contextmanager
+def _reader(engine: Engine) -> Iterator[Connection]:
+    with record_errors(engine), reading(engine).begin() as connection:
+        yield connection
+
+
+def _summary_query() -> Select[*tuple[Any, ...]]:
+    """Select the columns of EpisodeSummary in order."""
+    return episodes_of_campaigns(
+        Episode.id,
+        Episode.uuid,
+        Campaign.id,
+        CAMPAIGN_NAME,
+        MODEL_NAME,
+        Robot.name,
+        Robot.simulated,
+        Site.name,
+        Trial.goal,
+        Trial.start,
+        Trial.repetition,
+        Episode.origin,
+        Episode.state,
+        END_REASON,
+        SUCCESS,
+        Episode.actions,
+        DISTANCE_M,
+        DISTANCE_SOURCE,
+        COLLISION,
+        Episode.path_length_m,
+        Episode.geodesic_start_m,
+        Episode.duration_s,
+        Episode.started_at,
+        Episode.ended_at,
+        Episode.images_directory,
+        Campaign.protocol["success_distance_m"].as_float(),
+    )
+
+
+def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
+    row = connection.execute(_summary_query().where(Episode.id == episode_id)).first()
+    if row is None:
+        raise UsageError(
+            f"episode {episode_id} does not exist",
+            advice="`vsnbench episodes list` lists the episodes",
+            code="unknown-episode",
+        )
+    return _summaries(connection, [row])[0]
+
+
+def _summaries(connection: Connection, rows: Sequence[Any]) -> tuple[EpisodeSummary, ...]:
+    tags = tags_of(connection, (row.id for row in rows))
+    found = (EpisodeSummary(*row) for row in rows)
+    return tuple(replace(summary, tags=tags[summary.id]) if summary.id in tags else summary for summary in found)
+
+
+def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
+    row = connection.execute(
+        select(
+            Process.vsnbench_version,
+            Process.git_commit,
+            Process.git_dirty,
+            Process.host,
+            Process.operator,
+            Process.command,
+            Process.packages,
+            Process.platform,
+            Model.weights_sha256,
+            Model.weights_label,
+            Model.files,
+            Model.code,
+            Model.settings,
+            Robot.kind,
+            Robot.profile,
+            Site.sha256,
+            Site.content,
+            Campaign.protocol,
+            Campaign.protocol_sha256,
+            Campaign.conditions,
+            *(Campaign.key, Campaign.seed, Campaign.id),
+        )
+        .select_from(Episode)
+        .join(Process, Process.id == Episode.process_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(Campaign, Campaign.id == Trial.campaign_id)
+        .join(Model, Model.id == Campaign.model_id)
+        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(Site, Site.id == Campaign.site_id)
+        .where(Episode.id == episode_id)
+    ).one()
+    found = EpisodeProvenance(*row[:-1])
+    return replace(found, site_content=with_goals(connection, found.site_content, row[-1:]))

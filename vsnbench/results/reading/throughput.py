@@ -1,0 +1,48 @@
+"""Throughput of a record and progress of sweeps, to estimate the remaining time."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sqlalchemy import Engine, func
+
+from vsnbench.results.reading.read_model import episodes_of_campaigns
+from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.tables import Campaign, Episode, Model, Site
+from vsnbench.results.writing.lifecycle import RESULTS
+
+
+@dataclass(frozen=True, slots=True)
+class Throughput:
+    """Recorded durations and progress."""
+
+    seconds: Mapping[str, tuple[float, int]]
+    """By model: mean wall time of an episode, and number of episodes."""
+    done: Mapping[tuple[str, str, int], int]
+    """By model, site and seed: number of trials with a result."""
+
+
+NO_THROUGHPUT = Throughput({}, {})
+
+
+def throughput_of(engine: Engine) -> Throughput:
+    """Read the recorded durations and progress.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    results = Episode.state.in_([state.value for state in RESULTS])
+    seconds = (
+        episodes_of_campaigns(Model.name, func.avg(Episode.wall_duration_s), func.count(Episode.wall_duration_s))
+        .where(results, Episode.wall_duration_s > 0)
+        .group_by(Model.name)
+    )
+    done = (
+        episodes_of_campaigns(Model.name, Site.name, Campaign.seed, func.count(Episode.trial_id.distinct()))
+        .where(results)
+        .group_by(Model.name, Site.name, Campaign.seed)
+    )
+    with record_errors(engine), reading(engine).begin() as connection:
+        return Throughput(
+            {name: (float(mean), count) for name, mean, count in connection.execute(seconds)},
+            {(model, site, seed): count for model, site, seed, count in connection.execute(done)},
+        )

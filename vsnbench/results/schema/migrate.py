@@ -1,0 +1,341 @@
+"""Migrates databases to the current schema with Alembic, rejects newer schemas, and makes backups."""
+
+import contextlib
+import os
+import sqlite3
+import subprocess
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import Connection, Engine, inspect, or_, select, text
+
+from vsnbench.errors import RecordError
+from vsnbench.files.atomic import atomic_file, part_path
+from vsnbench.files.package_data import resource_directory
+from vsnbench.results.database_url import libpq_connection, sqlite_path
+from vsnbench.results.schema.engine import database_label, open_engine, record_errors, sqlite_reader
+from vsnbench.results.schema.guard import refuse_foreign_schema
+from vsnbench.results.schema.tables import Campaign, Model, Robot, Site
+
+if TYPE_CHECKING:
+    from alembic.config import Config
+
+HEAD: Final = "0008"
+"""Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
+
+
+_empty_records: list[bytes] = []
+"""Empty database created in memory, as the content of a file."""
+
+
+@dataclass(frozen=True, slots=True)
+class SchemaState:
+    """Schema revision of a database and the pending migrations."""
+
+    current: str | None
+    """Revision of the database; None if it is empty."""
+    head: str
+    """Revision of this version of vsnbench."""
+    pending: tuple[str, ...]
+    """Revisions in between, in order."""
+
+    @property
+    def up_to_date(self) -> bool:
+        """Whether no migration is pending."""
+        return self.current == self.head
+
+
+def schema_state(engine: Engine) -> SchemaState:
+    """Return the revision of a database and the pending migrations.
+
+    Raises:
+        RecordError: the database cannot be read, is from a newer vsnbench, or is not a record.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        return _state(connection)
+
+
+@contextmanager
+def open_record(url: str) -> Iterator[Engine]:
+    """Open an existing record for reading, and close it at the end of the block.
+
+    Raises:
+        UsageError: the URL is invalid.
+        RecordError: no record exists, or its schema is not the current one.
+    """
+    engine = open_engine(url, read_only=True)
+    try:
+        _check_readable(engine)
+        yield engine
+    finally:
+        engine.dispose()
+
+
+def _check_readable(engine: Engine) -> None:
+    if _has_head(engine):
+        _check_campaigns(engine)
+        return
+    state = schema_state(engine)
+    if state.up_to_date:
+        return
+    if state.current is None:
+        raise RecordError(f"the database {database_label(engine)} is empty", advice="`vsnbench run` adds data")
+    raise RecordError(
+        f"the database {database_label(engine)} has the older schema {state.current}, this version reads {state.head}",
+        advice="`vsnbench db upgrade` upgrades it; make a copy first with `vsnbench db backup`",
+    )
+
+
+def get_ready(url: str) -> None:
+    """Create an empty record in memory for a missing database, while the caller waits for other processes.
+
+    Nothing is written yet, because the run may still be refused.
+    """
+    path = sqlite_path(url)
+    if path is None or path.exists() or _empty_records:
+        return
+    engine = open_engine("sqlite://")
+    with engine.connect() as connection:  # an in-memory database exists as long as its connection
+        upgrade(engine)
+        _empty_records.append(_raw(connection).serialize())
+    engine.dispose()
+
+
+def create_record(url: str) -> None:
+    """Write the empty record from `get_ready` if there is no database.
+
+    Concurrent processes, and file systems without hard links, leave it to `upgrade`.
+    """
+    path = sqlite_path(url)
+    if path is None or path.exists() or not _empty_records:
+        return
+    part = part_path(path)
+    with contextlib.suppress(OSError):  # another process has created it, or hard links are not supported
+        try:
+            part.write_bytes(_empty_records[0])
+            os.link(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
+    """Migrate the database to the newest schema: all or nothing. A current database is only read.
+
+    Args:
+        engine: the database.
+        is_copy: the database is a private copy, so that recorded live processes do not matter.
+
+    Returns:
+        The previous state.
+
+    Raises:
+        RecordError: as in `schema_state`; or the database cannot be written, or an older vsnbench is using it.
+    """
+    if _has_head(engine):
+        return SchemaState(HEAD, HEAD, ())
+    from alembic import command
+
+    before = schema_state(engine)
+    with record_errors(engine), engine.connect() as connection:
+        sqlite = connection.dialect.name == "sqlite"
+        if sqlite:
+            # Rebuilding a table drops the old one, which foreign keys would prevent. The pragma has no effect inside a
+            # transaction, so the driver's connection is used.
+            _raw(connection).execute("PRAGMA foreign_keys = OFF")
+        try:
+            with connection.begin():
+                if not sqlite:
+                    # Of several processes on a server one migrates, and the others wait.
+                    connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_ADVISORY_LOCK})")
+                if before.current is not None and not is_copy:
+                    _check_nobody_writes(connection)
+                config = _config()
+                config.attributes["connection"] = connection
+                command.upgrade(config, "head")
+                if sqlite:
+                    _check_foreign_keys(connection)
+        finally:
+            if sqlite:
+                _raw(connection).execute("PRAGMA foreign_keys = ON")
+    return before
+
+
+def backup(url: str, target: Path) -> None:
+    """Copy the database to `target` atomically while others may be writing.
+
+    Args:
+        url: the database; SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
+        target: must not exist.
+
+    Raises:
+        RecordError: the copy cannot be made.
+    """
+    if target.exists():
+        raise RecordError(f"{target} already exists", advice="choose a new file for the backup")
+    if not target.parent.is_dir():
+        raise RecordError(f"the directory {target.parent} does not exist", advice="create it, or choose another place")
+    source = sqlite_path(url)
+    try:
+        with atomic_file(target) as part:
+            if source is None:
+                _dump_postgresql(url, part)
+            else:
+                _copy_sqlite(source, part)
+    except sqlite3.Error as error:
+        raise RecordError(f"cannot write the backup {target}: {error}") from error
+
+
+_ADVISORY_LOCK = 7_305_514_013
+
+
+def _check_campaigns(engine: Engine) -> None:
+    """Check that no campaign refers to a missing row, because it would be missing from every table.
+
+    Raises:
+        RecordError: a row was deleted by hand.
+    """
+    query = (
+        select(Campaign.id, Model.id, Robot.id, Site.id)
+        .outerjoin(Model, Model.id == Campaign.model_id)
+        .outerjoin(Robot, Robot.id == Campaign.robot_id)
+        .outerjoin(Site, Site.id == Campaign.site_id)
+        .where(or_(Model.id.is_(None), Robot.id.is_(None), Site.id.is_(None)))
+        .order_by(Campaign.id)
+    )
+    with record_errors(engine), engine.connect() as connection:
+        torn = connection.execute(query).first()
+    if torn is not None:
+        lacks = [name for name, found in zip(("model", "robot", "site"), torn[1:], strict=True) if found is None]
+        raise RecordError(
+            f"the database {database_label(engine)} is incomplete: the {' and the '.join(lacks)} of campaign {torn[0]} "
+            "is missing, and the campaign would be missing from every table",
+            advice="restore a backup",
+        )
+
+
+def _check_nobody_writes(connection: Connection) -> None:
+    """Check that no other process is recording an episode.
+
+    Raises:
+        RecordError: an older vsnbench is using the database.
+    """
+    from vsnbench.results.writing.provenance import this_process
+    from vsnbench.results.writing.recovery import live_writers
+
+    if _is_head(connection):  # another process has upgraded it while this one waited
+        return
+    if who := live_writers(connection, this_process()):
+        raise RecordError(
+            f"{who} is using the database {database_label(connection.engine)} with an older vsnbench; it was not "
+            "upgraded",
+            advice="repeat the command when that process has ended",
+        )
+
+
+def _has_head(engine: Engine) -> bool:
+    with record_errors(engine), engine.connect() as connection:
+        return _is_head(connection)
+
+
+def _is_head(connection: Connection) -> bool:
+    if not inspect(connection).has_table("alembic_version"):
+        return False
+    return list(connection.scalars(text("SELECT version_num FROM alembic_version"))) == [HEAD]
+
+
+def _config() -> "Config":
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", str(resource_directory("migrations")).replace("%", "%%"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def _state(connection: Connection) -> SchemaState:
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
+
+    scripts = ScriptDirectory.from_config(_config())
+    head = scripts.get_current_head() or ""
+    order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
+    try:
+        current = MigrationContext.configure(connection).get_current_revision()
+    except CommandError as error:  # several revisions
+        raise RecordError(
+            f"the database {database_label(connection.engine)} has several schema revisions ({error})",
+            advice="restore a backup",
+        ) from error
+    if current is None:
+        tables = inspect(connection).get_table_names()
+        if tables:
+            raise RecordError(
+                f"the database {database_label(connection.engine)} holds other "
+                f"tables ({', '.join(sorted(tables)[:3])}) and no "
+                "record of vsnbench",
+                advice="choose another database",
+            )
+        return SchemaState(None, head, tuple(order))
+    if current not in order:
+        raise RecordError(
+            f"the database {database_label(connection.engine)} was written by a newer vsnbench "
+            f"(its schema is {current}, this "
+            f"version knows up to {head})",
+            advice="upgrade vsnbench, or choose another results directory",
+        )
+    return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
+
+
+def _check_foreign_keys(connection: Connection) -> None:
+    orphans = connection.exec_driver_sql("PRAGMA foreign_key_check").fetchall()
+    if orphans:
+        table, row, parent, _ = orphans[0]
+        raise RecordError(
+            f"cannot upgrade the database {database_label(connection.engine)}: row {row} of {table} refers to a "
+            f"missing row of {parent} "
+            f"({len(orphans)} such rows); nothing was changed, restore a backup"
+        )
+
+
+def _raw(connection: Connection) -> sqlite3.Connection:
+    raw = connection.connection.dbapi_connection
+    if not isinstance(raw, sqlite3.Connection):
+        raise TypeError(f"not an SQLite connection: {raw!r}")
+    return raw
+
+
+def _copy_sqlite(source: Path, target: Path) -> None:
+    if not source.is_file():
+        raise RecordError(f"no record at {source}: nothing to back up")
+    with closing(sqlite_reader(source)()) as database, closing(sqlite3.connect(target)) as copy:
+        refuse_foreign_schema(database, str(source))
+        database.backup(copy)
+        # A single file: a copy in WAL mode would need its companion files.
+        copy.execute("PRAGMA journal_mode = DELETE")
+        (verdict,) = copy.execute("PRAGMA quick_check").fetchone()
+    if verdict != "ok":
+        raise RecordError(
+            f"the database {source} is damaged ({verdict}) and was not copied", advice="restore an earlier backup"
+        )
+
+
+def _dump_postgresql(url: str, target: Path) -> None:
+    connection, secrets = libpq_connection(url)
+    try:
+        done = subprocess.run(
+            ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, **secrets},
+        )
+    except FileNotFoundError as error:
+        raise RecordError(
+            "a backup of PostgreSQL requires the program pg_dump", advice="install postgresql-client"
+        ) from error
+    if done.returncode:
+        raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")

@@ -1,0 +1,174 @@
+"""Converts values to table columns and back, and inserts rows safely with concurrent processes."""
+
+import math
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, insert, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from vsnbench.protocol.judge import Verdict
+from vsnbench.results.schema.base import Base
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.provenance import Provenance
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.placement import MeasuredPlacement
+from vsnbench.values.pose import Pose
+
+Row = dict[str, Any]
+"""Column name -> value."""
+
+
+def number(value: float | None) -> float | None:
+    """Return a number for the record: NULL if it is not finite."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def text(value: str) -> str:
+    """Return text that every database accepts: without NUL characters and lone surrogates."""
+    return value.replace("\x00", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
+
+
+def pose_columns(prefix: str, pose: Pose | None) -> Row:
+    """Return `<prefix>_x_m`, `_y_m` and `_heading_rad`."""
+    return {
+        f"{prefix}_x_m": pose.x_m if pose else None,
+        f"{prefix}_y_m": pose.y_m if pose else None,
+        f"{prefix}_heading_rad": pose.heading_rad if pose else None,
+    }
+
+
+def pose_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
+    """Return the pose of three columns; None unless it is complete."""
+    return None if x_m is None or y_m is None or heading_rad is None else Pose(x_m, y_m, heading_rad)
+
+
+def fix_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | None, source: str | None) -> Fix | None:
+    """Return the pose of three columns with its source; None unless it is complete."""
+    pose = pose_of_columns(x_m, y_m, heading_rad)
+    return None if pose is None or source is None else Fix(pose, PoseSource(source))
+
+
+def process_row(given: Provenance) -> Row:
+    """Return the row of a writing process."""
+    return {
+        "host": text(given.identity.host),
+        "pid": given.identity.pid,
+        "boot_id": given.identity.boot_id,
+        "pid_namespace": given.identity.pid_namespace,
+        "start_ticks": given.identity.start_ticks,
+        "started_at": given.started_at,
+        "operator": text(given.operator),
+        "command": text(given.command),
+        "vsnbench_version": given.vsnbench_version,
+        "git_commit": given.git_commit,
+        "git_dirty": given.git_dirty,
+        "packages": dict(given.packages),
+        "platform": dict(given.platform),
+    }
+
+
+def episode_begin_row(begin: EpisodeBegin) -> Row:
+    """Return the columns set at an episode's beginning."""
+    return {
+        "started_at": begin.started_at or datetime.now(UTC),
+        "geodesic_start_m": number(begin.geodesic_m),
+        **({} if begin.has_images else {"images_directory": ""}),
+    }
+
+
+def placement_row(start: Fix) -> Row:
+    """Return the columns set when the robot is placed."""
+    return {**pose_columns("start", start.pose), "start_source": start.source.value}
+
+
+def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
+    """Return the row of a measured placement accepted now."""
+    offset = measured.offset
+    return {
+        "episode_id": episode_id,
+        "created_at": datetime.now(UTC),
+        "author": text(author),
+        "method": measured.method.value,
+        "looks": measured.looks,
+        **{name: getattr(measured.pose, name) for name in ("x_m", "y_m", "heading_rad")},
+        "covariance": list(measured.covariance.values),
+        "ahead_m": offset.x_m,
+        "left_m": offset.y_m,
+        "turn_rad": offset.heading_rad,
+        "determined": measured.determined,
+        "within_tolerance": measured.within_tolerance,
+        "undetermined": [text(direction) for direction in measured.undetermined],
+        "moved": [text(name) for name in measured.moved],
+        "depth_scale": measured.depth_scale,
+        "words": text(measured.headline),
+    }
+
+
+def episode_end_row(end: EpisodeEnd) -> Row:
+    """Return the columns set at an episode's end."""
+    distance = end.verdict.distance if end.verdict else None
+    return {
+        "ended_at": end.ended_at or datetime.now(UTC),
+        "end_reason": end.end_reason.value,
+        "error": text(end.error),
+        "actions": end.actions,
+        "path_length_m": number(end.path_length_m),
+        "geodesic_end_m": number(end.geodesic_m),
+        "duration_s": number(end.duration_s),
+        "wall_duration_s": number(end.wall_duration_s),
+        "distance_to_goal_m": number(distance.distance_m) if distance else None,
+        "distance_source": distance.source.value if distance else None,
+        "goal_instance": distance.instance if distance else None,
+        "goal_in_sight": distance.in_sight if distance else None,
+        **pose_columns("final", end.final.pose if end.final else None),
+        "final_source": end.final.source.value if end.final else None,
+    }
+
+
+def verdict_row(
+    episode_id: int, verdict: Verdict, *, author: str, source: str, note: str = "", proposed: bool = False
+) -> Row:
+    """Return the row of a verdict given now."""
+    distance = verdict.distance
+    return {
+        "episode_id": episode_id,
+        "created_at": datetime.now(UTC),
+        "proposed": proposed,
+        "success": verdict.success,
+        "end_reason": verdict.end_reason.value,
+        "distance_m": number(distance.distance_m) if distance else None,
+        "distance_source": distance.source.value if distance else None,
+        "goal_instance": distance.instance if distance else None,
+        "goal_in_sight": distance.in_sight if distance else None,
+        "author": text(author),
+        "source": source,
+        "reason": text(verdict.text),
+        "note": text(note),
+    }
+
+
+def insert_row(connection: Connection, table: type[Base], row: Row) -> int:
+    """Insert a row and return its id."""
+    key: Any = connection.execute(insert(table), row).inserted_primary_key
+    return int(key[0])
+
+
+def find_or_insert(connection: Connection, table: type[Base], row: Row, unique: str) -> int:
+    """Return the id of the row with this value in its unique column, inserting it if needed.
+
+    A concurrent insertion of the same row is waited for.
+    """
+    columns = table.__table__.c
+    wanted = select(columns.id).where(columns[unique] == row[unique])
+    found: int | None = connection.execute(wanted).scalar()
+    if found is None:
+        connection.execute(insert_if_absent(connection, table, [unique]), row)
+        found = connection.execute(wanted).scalar_one()
+    return found
+
+
+def insert_if_absent(connection: Connection, table: type[Base], unique: list[str]) -> Any:
+    """Return an INSERT that ignores existing rows."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table).on_conflict_do_nothing(index_elements=unique)

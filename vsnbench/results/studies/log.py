@@ -1,0 +1,129 @@
+"""Hash-chained log of a study, appended within the transaction that it records.
+
+Each event contains the hashes of its predecessors, and the study's row contains the hashes of the newest events, so
+that edited and deleted events are detected. A merge unites two logs: the next event then has several predecessors.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, Select, insert, select, update
+
+from vsnbench.results.schema.engine import to_json
+from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEvent, StudyTrial
+from vsnbench.results.schema.tables import Episode, Trial, Verdict
+
+ENTRY, OUTCOME = "entry", "outcome"
+"""Kinds of events."""
+VERDICT_COLUMNS = (
+    *("created_at", "proposed", "success", "end_reason", "distance_m", "distance_source", "goal_instance"),
+    *("goal_in_sight", "author", "source", "reason", "note"),
+)
+"""Columns of a verdict in the log."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogEvent:
+    """An event of a study's log."""
+
+    created_at: datetime
+    kind: str
+    content: str
+    """JSON with sorted keys."""
+    previous: str
+    """Hashes of the preceding events, sorted, separated by spaces."""
+    sha256: str
+
+    @property
+    def parents(self) -> frozenset[str]:
+        """Hashes of the preceding events."""
+        return frozenset(self.previous.split())
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether the hash matches the content."""
+        return self.sha256 == event_hash(self.created_at, self.kind, self.content, self.previous)
+
+
+def event_hash(created_at: datetime, kind: str, content: str, previous: str) -> str:
+    """Return the hash of an event, which covers all preceding events through `previous`."""
+    moment = created_at.astimezone(UTC).isoformat(timespec="microseconds")
+    return hashlib.sha256("\n".join([previous, kind, moment, content]).encode()).hexdigest()
+
+
+def heads_of(events: Iterable[LogEvent]) -> frozenset[str]:
+    """Return the hashes of the events without a successor."""
+    known = tuple(events)
+    followed = {parent for event in known for parent in event.parents}
+    return frozenset(event.sha256 for event in known) - followed
+
+
+def append_event(connection: Connection, study_id: int, kind: str, content: Mapping[str, Any]) -> None:
+    """Append an event to a study's log.
+
+    The study's row stays locked until the transaction ends, so that concurrent processes append one after another.
+    """
+    locked = select(Study.log_heads).where(Study.id == study_id).with_for_update(key_share=True)
+    previous = connection.execute(locked).scalar_one()
+    now, words = datetime.now(UTC), to_json(content, in_order=True)
+    sha256 = event_hash(now, kind, words, previous)
+    row = {"created_at": now, "kind": kind, "content": words, "previous": previous, "sha256": sha256}
+    connection.execute(insert(StudyEvent), {"study_id": study_id, **row})
+    connection.execute(update(Study).where(Study.id == study_id).values(log_heads=sha256))
+
+
+def log_outcome(connection: Connection, episode_id: int) -> None:
+    """Append the state and verdict of an episode to its study's log; without a study it does nothing.
+
+    Call it last in a transaction over several episodes, because it locks the study's row.
+    """
+    found = connection.execute(
+        select(
+            *(StudyTrial.study_id, StudyArm.name, Trial.goal, Trial.start, Trial.repetition),
+            *(Episode.uuid, Episode.state),
+        )
+        .select_from(Episode)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .join(StudyTrial, StudyTrial.trial_id == Trial.id)
+        .join(StudyArm, (StudyArm.campaign_id == Trial.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
+        .where(Episode.id == episode_id)
+    ).first()
+    if found is None:
+        return
+    verdicts = verdicts_by_episode(connection, [episode_id]).get(episode_id, ())
+    content = {
+        "episode": found.uuid,
+        "arm": found.name,
+        "goal": found.goal,
+        "start": found.start,
+        "repetition": found.repetition,
+        "state": found.state,
+        "verdicts": len(verdicts),
+        "verdict": verdicts[-1] if verdicts else None,
+    }
+    append_event(connection, found.study_id, OUTCOME, content)
+
+
+def verdicts_by_episode(
+    connection: Connection, episodes: Sequence[int] | Select[int]
+) -> Mapping[int, Sequence[dict[str, Any]]]:
+    """Return the verdicts by episode number, oldest first, in the format of the log."""
+    columns = [getattr(Verdict, name) for name in VERDICT_COLUMNS]
+    query = select(Verdict.episode_id, *columns).where(Verdict.episode_id.in_(episodes)).order_by(Verdict.id)
+    found: dict[int, list[dict[str, Any]]] = {}
+    for row in connection.execute(query).mappings():
+        verdict = {**row, "created_at": row["created_at"].isoformat(timespec="microseconds")}
+        found.setdefault(verdict.pop("episode_id"), []).append(verdict)
+    return found
+
+
+def events_of(connection: Connection, study_id: int) -> tuple[LogEvent, ...]:
+    """Return a study's log, oldest event first."""
+    columns = [getattr(StudyEvent, name) for name in LogEvent.__dataclass_fields__]
+    rows = connection.execute(
+        select(*columns).where(StudyEvent.study_id == study_id).order_by(StudyEvent.created_at, StudyEvent.id)
+    )
+    return tuple(LogEvent(**row) for row in rows.mappings())

@@ -1,0 +1,1 @@
+"""Writing of episodes, steps, verdicts and sessions."""

@@ -1,0 +1,350 @@
+"""Campaigns: a condition and a seed, with planned trials and their progress.
+
+Concurrent processes that open the same campaign share one row.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, Engine, func, select
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.goals import refuse_lost_goals, store_goals
+from vsnbench.results.reading.read_model import SUCCESS, current_verdict_id
+from vsnbench.results.schema import tables
+from vsnbench.results.schema.engine import reading, to_json, transaction
+from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_if_absent, text
+from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState
+from vsnbench.sites.site import Site
+from vsnbench.values.robot_identity import RobotIdentity
+
+
+def content_sha256(content: object) -> str:
+    """Return the hash of a JSON value, independent of the order of its keys."""
+    return hashlib.sha256(to_json(content, in_order=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class ModelIdentity:
+    """A policy with the weights and settings that results depend on."""
+
+    name: str
+    goals: frozenset[str] | None = None
+    sensors: frozenset[str] = frozenset()
+    weights_sha256: str = ""
+    weights_label: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    surveyed: bool = False
+    """The model has access to the site file."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the files given to the model, by option."""
+    code: Mapping[str, str] = field(default_factory=dict)
+    """Class, source hash, package version and commit of a user's policy."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of name, weights, settings, files and code."""
+        content = [self.name, self.weights_sha256, dict(self.settings), self.surveyed]
+        # Commits that do not change the source do not change the model.
+        code = {name: value for name, value in self.code.items() if name != "commit"}
+        return content_sha256([*content, dict(self.files), code] if self.files or code else content)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTrial:
+    """A planned trial; `repetition` counts from 1."""
+
+    goal: str
+    start: int
+    repetition: int = 1
+
+
+def trial_seed(campaign_seed: int, goal: str, start: int, repetition: int) -> int:
+    """Return the seed of a trial's episodes, independent of the order of the trials."""
+    text = f"{campaign_seed}/{goal}/{start}/{repetition}"
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignPlan:
+    """A condition, a seed and requested trials; equal conditions and seeds are the same campaign.
+
+    Raises:
+        ValueError: no trials, or duplicate trials.
+    """
+
+    site: Site
+    robot: RobotIdentity
+    model: ModelIdentity
+    protocol: ProtocolParameters
+    seed: int
+    trials: Sequence[PlannedTrial]
+    """In running order."""
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    """Conditions reported by the robot."""
+    name: str = ""
+    """Display name, not part of the key."""
+
+    def __post_init__(self) -> None:
+        if not self.trials:
+            raise ValueError("a campaign needs at least one trial")
+        if len(set(self.trials)) != len(self.trials):
+            raise ValueError("a trial is planned twice")
+
+    @property
+    def protocol_sha256(self) -> str:
+        """Hash of the protocol's parameters."""
+        return content_sha256(self.protocol.model_dump(mode="json"))
+
+    @property
+    def key(self) -> str:
+        """Hash of the condition and the seed, without the trials."""
+        return content_sha256(
+            [
+                self.site.sha256,
+                self.robot.sha256,
+                self.model.sha256,
+                self.protocol_sha256,
+                dict(self.conditions),
+                self.seed,
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A trial in the database."""
+
+    id: int
+    campaign_id: int
+    goal: str
+    start: int
+    repetition: int
+
+
+@dataclass(frozen=True, slots=True)
+class OpenCampaign:
+    """An open campaign with the trials that were requested."""
+
+    id: int
+    key: str
+    name: str
+    seed: int
+    resumed: bool
+    """The campaign existed before."""
+    trials: tuple[Trial, ...]
+    """Requested trials in the order of the plan; the campaign may have more."""
+    added: int
+    """Number of requested trials that were not planned before."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialProgress:
+    """State of a trial, from its first episode that is not void."""
+
+    trial: Trial
+    episode_id: int | None
+    state: EpisodeState | None
+    """None if the trial is open."""
+    success: bool | None
+    """None unless judged."""
+    here: bool
+    """The episode belongs to this process."""
+    holder: str = ""
+    """Description of the process of the episode; empty if the trial is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignProgress:
+    """States of the requested trials."""
+
+    trials: tuple[TrialProgress, ...]
+
+    @property
+    def left(self) -> tuple[Trial, ...]:
+        """Open trials in the order of the plan."""
+        return tuple(trial.trial for trial in self.trials if trial.state is None)
+
+    @property
+    def elsewhere(self) -> tuple[TrialProgress, ...]:
+        """Trials that are active in another process."""
+        return tuple(trial for trial in self.trials if trial.state in ACTIVE and not trial.here)
+
+    @property
+    def awaiting(self) -> tuple[TrialProgress, ...]:
+        """Trials that await an operator's judgement."""
+        return tuple(trial for trial in self.trials if trial.state is EpisodeState.AWAITING)
+
+    @property
+    def outcomes(self) -> tuple[bool, ...]:
+        """Success of each judged trial."""
+        return tuple(bool(trial.success) for trial in self.trials if trial.state is EpisodeState.JUDGED)
+
+
+class CampaignWriter:
+    """Campaign methods of a journal; every method commits before it returns."""
+
+    engine: Engine
+    _process_id: int
+
+    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
+        """Return the campaign of a plan; new trials are added to it."""
+        with transaction(self.engine) as connection:
+            return find_or_create(connection, plan, self._process_id)
+
+    def campaign_progress(self, campaign: OpenCampaign) -> CampaignProgress:
+        """Return the states of the requested trials."""
+        with transaction(reading(self.engine)) as connection:
+            return campaign_progress(connection, campaign, self._process_id)
+
+
+def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
+    """Return the campaign of a plan with all requested trials."""
+    key = plan.key
+    there = connection.execute(select(tables.Campaign.id).where(tables.Campaign.key == key)).scalar()
+    if there is None:
+        there = find_or_insert(
+            connection,
+            tables.Campaign,
+            {
+                **campaign_row(plan),
+                "site_id": find_or_insert(connection, tables.Site, site_row(plan.site), "sha256"),
+                "robot_id": find_or_insert(connection, tables.Robot, robot_row(plan.robot), "sha256"),
+                "model_id": find_or_insert(connection, tables.Model, model_row(plan.model), "sha256"),
+                "process_id": process_id,
+            },
+            "key",
+        )
+    # On a server this row serves as the lock for concurrent extensions of a plan.
+    campaign = connection.execute(select(tables.Campaign).where(tables.Campaign.id == there).with_for_update()).one()
+    before = _trials(connection, there)
+    wanted = {trial.goal for trial in plan.trials}
+    goals = store_goals(connection, there, [goal for goal in plan.site.goals if goal.id in wanted])
+    refuse_lost_goals(connection, there, wanted - set(goals))
+    new = [trial for trial in plan.trials if trial not in before]
+    if new:
+        extend_plan(connection, there, new, goals)
+    known = _trials(connection, there) if new else before
+    return OpenCampaign(
+        id=there,
+        key=key,
+        name=campaign.name,
+        seed=campaign.seed,
+        resumed=bool(before),
+        trials=tuple(known[trial] for trial in plan.trials),
+        added=len(new),
+    )
+
+
+def _trials(connection: Connection, campaign_id: int) -> dict[PlannedTrial, Trial]:
+    rows = connection.execute(select(tables.Trial).where(tables.Trial.campaign_id == campaign_id))
+    cells = ((row.id, PlannedTrial(row.goal, row.start, row.repetition)) for row in rows)
+    return {cell: Trial(number, campaign_id, cell.goal, cell.start, cell.repetition) for number, cell in cells}
+
+
+def extend_plan(
+    connection: Connection, campaign_id: int, new: Sequence[PlannedTrial], goals: Mapping[str, int] | None = None
+) -> None:
+    """Append new trials to the plan of a campaign, in this order; `goals` are the definitions by name."""
+    highest = connection.scalar(select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id))
+    first = 0 if highest is None else highest + 1
+    connection.execute(
+        insert_if_absent(connection, tables.Trial, ["campaign_id", "goal", "start", "repetition"]),
+        [
+            {
+                "campaign_id": campaign_id,
+                "rank": rank,
+                "goal": trial.goal,
+                "goal_id": (goals or {}).get(trial.goal),
+                "start": trial.start,
+                "repetition": trial.repetition,
+            }
+            for rank, trial in enumerate(new, start=first)
+        ],
+    )
+
+
+def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id: int) -> CampaignProgress:
+    """Return the states of the trials of an open campaign, in its order."""
+    first = (
+        select(func.min(tables.Episode.id))
+        .where(tables.Episode.trial_id == tables.Trial.id, tables.Episode.state != EpisodeState.VOID.value)
+        .correlate(tables.Trial)
+        .scalar_subquery()
+    )
+    rows = connection.execute(
+        select(
+            tables.Trial.id,
+            tables.Episode.id,
+            tables.Episode.state,
+            SUCCESS,
+            tables.Episode.process_id,
+            tables.Process.pid,
+            tables.Process.host,
+        )
+        .select_from(tables.Trial)
+        .join(tables.Episode, tables.Episode.id == first)
+        .join(tables.Process, tables.Process.id == tables.Episode.process_id)
+        .outerjoin(tables.Verdict, tables.Verdict.id == current_verdict_id(tables.Episode.id))
+        .where(tables.Trial.campaign_id == campaign.id)
+    )
+    taken = {
+        trial: (episode, EpisodeState(state), success, at == process_id, f"process {pid} on {host}")
+        for trial, episode, state, success, at, pid, host in rows
+    }
+    free = (None, None, None, False)
+    return CampaignProgress(tuple(TrialProgress(trial, *taken.get(trial.id, free)) for trial in campaign.trials))
+
+
+def site_row(site: Site) -> Row:
+    """Return the row of a site."""
+    return {"sha256": site.sha256, "name": site.name, "title": site.title, "content": site.content()}
+
+
+def robot_row(robot: RobotIdentity) -> Row:
+    """Return the row of a robot."""
+    return {
+        "sha256": robot.sha256,
+        "kind": text(robot.kind),
+        "name": robot.profile.name,
+        "title": robot.profile.title,
+        "simulated": robot.simulated,
+        "profile": robot.profile.content(),
+    }
+
+
+def model_row(model: ModelIdentity) -> Row:
+    """Return the row of a model."""
+    return {
+        "sha256": model.sha256,
+        "name": text(model.name),
+        "weights_sha256": model.weights_sha256,
+        "weights_label": text(model.weights_label),
+        "files": dict(model.files),
+        "code": dict(model.code),
+        "settings": dict(model.settings),
+        "goals": None if model.goals is None else sorted(model.goals),
+        "sensors": sorted(model.sensors),
+        "surveyed": model.surveyed,
+    }
+
+
+def campaign_row(plan: CampaignPlan) -> Row:
+    """Return the row of a campaign, without foreign keys."""
+    return {
+        "key": plan.key,
+        "name": text(plan.name) or _campaign_name(plan),
+        "created_at": datetime.now(UTC),
+        "protocol": plan.protocol.model_dump(mode="json"),
+        "protocol_sha256": plan.protocol_sha256,
+        "conditions": dict(plan.conditions),
+        "seed": plan.seed,
+    }
+
+
+def _campaign_name(plan: CampaignPlan) -> str:
+    simulated = "simulated " if plan.robot.simulated else ""
+    return f"{text(plan.model.name)} on {simulated}{plan.robot.profile.name} in {plan.site.name}"

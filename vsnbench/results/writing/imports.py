@@ -1,0 +1,111 @@
+"""Imports episodes of other tools, all of a file or none, and withdraws imports."""
+
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, insert, select, update
+
+from vsnbench.errors import UsageError
+from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.results.schema.row_encoding import insert_row, number
+from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step, Trial
+from vsnbench.results.writing import campaigns
+from vsnbench.results.writing.campaigns import CampaignPlan
+from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.episodes import end_episode, images_directory
+from vsnbench.results.writing.judging import judge
+from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
+from vsnbench.results.writing.steps import step_row
+from vsnbench.values.step import StepRecord
+
+IMPORTED = "imported"
+"""Origin of imported episodes, and kind of their robots."""
+
+KeepFiles = Callable[[int, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedEpisode:
+    """An episode of another tool."""
+
+    end: EpisodeEnd
+    steps: Sequence[StepRecord] = ()
+    geodesic_m: float | None = None
+    started_at: datetime | None = None
+    judged: Verdict | None = None
+    """The tool's judgement; None awaits an operator's."""
+    author: str = ""
+    """Author of the judgement."""
+    has_images: bool = False
+
+
+def import_episodes(
+    connection: Connection,
+    process_id: int,
+    plan: CampaignPlan,
+    episodes: Sequence[ImportedEpisode],
+    keep_files: KeepFiles | None = None,
+) -> tuple[int, tuple[int, ...]]:
+    """Write the episodes within a transaction; see `Journal.import_campaign`."""
+    campaign = campaigns.find_or_create(connection, plan, process_id)
+    progress = campaigns.campaign_progress(connection, campaign, process_id)
+    if len(progress.left) < len(campaign.trials):
+        raise UsageError(
+            f"{plan.name}: these episodes are already in the record, as campaign {campaign.id}",
+            advice=f"`vsnbench db remove-import {campaign.id}` voids them",
+        )
+    numbers = []
+    for place, (trial, given) in enumerate(zip(campaign.trials, episodes, strict=True)):
+        episode_id = insert_row(
+            connection,
+            Episode,
+            {
+                "uuid": str(uuid.uuid4()),
+                "trial_id": trial.id,
+                "process_id": process_id,
+                "origin": IMPORTED,
+                "state": EpisodeState.RUNNING.value,
+                "seed": 0,
+                "started_at": given.started_at or datetime.now(UTC),
+                "error": "",
+                "actions": 0,
+                "geodesic_start_m": number(given.geodesic_m),
+                "images_directory": "",
+            },
+        )
+        if given.has_images and keep_files:
+            directory = images_directory(episode_id)
+            connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
+            keep_files(place, directory)
+        if given.steps:
+            connection.execute(insert(Step), [step_row(episode_id, step) for step in given.steps])
+        end_episode(connection, process_id, episode_id, given.end)
+        if given.judged is not None:
+            judge(connection, episode_id, given.judged, author=given.author, source="import")
+        numbers.append(episode_id)
+    return campaign.id, tuple(numbers)
+
+
+def withdraw(connection: Connection, campaign_id: int, *, author: str, note: str) -> int:
+    """Void an import's episodes within a transaction; see `Journal.withdraw_import`."""
+    kind = connection.execute(
+        select(Robot.kind).join(Campaign, Campaign.robot_id == Robot.id).where(Campaign.id == campaign_id)
+    ).scalar()
+    if kind is None:
+        raise UsageError(f"campaign {campaign_id} does not exist", advice="`vsnbench db status` lists the campaigns")
+    if kind != IMPORTED:
+        raise UsageError(
+            f"campaign {campaign_id} was run here, not imported",
+            advice="`vsnbench judge N --void WHY` voids one of its episodes",
+        )
+    numbers = connection.scalars(
+        select(Episode.id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Trial.campaign_id == campaign_id, Episode.state.in_([state.value for state in RESULTS]))
+    ).all()
+    void = Verdict(EndReason.ABORTED, None, "void: the import was withdrawn")
+    for episode_id in numbers:
+        judge(connection, episode_id, void, author=author, source="person", note=note)
+    return len(numbers)

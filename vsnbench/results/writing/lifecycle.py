@@ -1,0 +1,129 @@
+"""States of an episode and their transitions.
+
+    claimed -> placed -> running -> awaiting judgement -> judged
+                                                       -> void
+
+A trial is claimed before the operator moves the robot to its start. The episode is placed when its start pose is
+confirmed, and runs until it ends. Results that the protocol can decide are judged immediately. Others (real robots,
+imported logs) await an operator's judgement and do not count before. A later verdict may void a judged episode or judge
+a void one; earlier verdicts are kept. A retracted judgement leaves the episode awaiting another, and stays recorded.
+"""
+
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy import Connection, DateTime, Engine, func, select, update
+
+from vsnbench.errors import EpisodeClosedError, UsageError
+from vsnbench.results.schema.tables import Episode, Process
+
+
+class EpisodeState(StrEnum):
+    """State of an episode."""
+
+    CLAIMED = "claimed"
+    """A process has claimed the trial; the robot moves to the start."""
+    PLACED = "placed"
+    """The robot is at the start, with a confirmed pose."""
+    RUNNING = "running"
+    AWAITING = "awaiting"
+    """The episode has ended and awaits an operator's judgement."""
+    JUDGED = "judged"
+    """The episode is a success or a failure."""
+    VOID = "void"
+    """The episode has no result: the trial must be repeated."""
+
+
+ACTIVE = (EpisodeState.CLAIMED, EpisodeState.PLACED, EpisodeState.RUNNING)
+"""A process is running the trial."""
+RESULTS = (EpisodeState.AWAITING, EpisodeState.JUDGED)
+"""The trial has a result; of several results the first counts."""
+ENDED = (EpisodeState.AWAITING, EpisodeState.JUDGED, EpisodeState.VOID)
+
+PREVIOUS_STATES: dict[EpisodeState, tuple[EpisodeState, ...]] = {
+    EpisodeState.CLAIMED: (),
+    EpisodeState.PLACED: (EpisodeState.CLAIMED, EpisodeState.PLACED),
+    EpisodeState.RUNNING: (EpisodeState.PLACED,),
+    EpisodeState.AWAITING: (EpisodeState.RUNNING, EpisodeState.JUDGED, EpisodeState.VOID),
+    EpisodeState.JUDGED: (EpisodeState.RUNNING, *ENDED),
+    EpisodeState.VOID: (*ACTIVE, *ENDED),
+}
+"""State -> allowed previous states."""
+
+LEASE = timedelta(seconds=60)
+"""Time for which a claim holds without renewal; `Journal.renew` and, after a part of the time, steps renew it."""
+
+
+def lease(connection: Connection | Engine) -> Any:
+    """Return the value of a lease renewed now.
+
+    On a server its own clock is used, because the clocks of two robots may differ by minutes.
+    """
+    if connection.dialect.name == "postgresql":
+        return func.clock_timestamp(type_=DateTime(timezone=True)) + LEASE
+    return datetime.now(UTC) + LEASE
+
+
+def moment(connection: Connection) -> datetime:
+    """Return the current time of the clock used for leases."""
+    if connection.dialect.name == "postgresql":
+        return connection.execute(select(func.clock_timestamp(type_=DateTime(timezone=True)))).scalar_one()
+    return datetime.now(UTC)
+
+
+def advance(
+    connection: Connection,
+    episode_id: int,
+    to: EpisodeState,
+    *,
+    from_states: Iterable[EpisodeState] = (),
+    process_id: int | None = None,
+    **values: Any,
+) -> None:
+    """Move an episode to another state and set further columns.
+
+    Args:
+        connection: a transaction that may write.
+        episode_id: number of the episode.
+        to: the new state; may be the current one if `PREVIOUS_STATES` allows it.
+        from_states: restricts the allowed previous states.
+        process_id: process that must have claimed the episode.
+        values: other columns.
+
+    Raises:
+        UsageError: the episode does not exist.
+        EpisodeClosedError: the transition is not allowed, or another process has the episode.
+    """
+    before = tuple(from_states) or PREVIOUS_STATES[to]
+    wanted = [Episode.id == episode_id, Episode.state.in_([state.value for state in before])]
+    if process_id is not None:
+        wanted.append(Episode.process_id == process_id)
+    if to in ENDED:
+        values["lease_until"] = None
+    moved = connection.execute(update(Episode).where(*wanted).values(state=to.value, **values))
+    if moved.rowcount != 1:
+        raise _refusal(connection, episode_id, to)
+
+
+def _refusal(connection: Connection, episode_id: int, to: EpisodeState) -> EpisodeClosedError | UsageError:
+    found = connection.execute(
+        select(Episode.state, Episode.end_reason, Process.pid, Process.host)
+        .join(Process, Process.id == Episode.process_id)
+        .where(Episode.id == episode_id)
+    ).first()
+    if found is None:
+        return UsageError(f"episode {episode_id} does not exist", advice="`vsnbench episodes list` lists the episodes")
+    state = EpisodeState(found.state)
+    if state in ACTIVE:
+        where = f"it is {state} by process {found.pid} on {found.host}"
+        if to in (EpisodeState.JUDGED, EpisodeState.VOID):
+            return EpisodeClosedError(
+                f"episode {episode_id} cannot be judged yet: {where}", advice="judge it when it has ended"
+            )
+        return EpisodeClosedError(f"episode {episode_id} cannot be continued in this process: {where}")
+    return EpisodeClosedError(
+        f"episode {episode_id} has already ended ({found.end_reason}, {state}): another process wrote its end, because "
+        "it considered this process dead; nothing was added"
+    )

@@ -1,0 +1,82 @@
+"""Differences of a model from the last one of the same name, reported for new campaigns."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import Connection, select
+
+from vsnbench.results.reading.blinding import CODE
+from vsnbench.results.schema.tables import Campaign, Model
+from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.text.sanitize import sanitize
+
+_SHOWN_CHARACTERS = 41
+"""Length of a displayed hash."""
+_HASH_CHARACTERS = 12
+_HASHES = frozenset({"weights", "sha256"})
+
+
+def differences(old: ModelIdentity, new: ModelIdentity) -> tuple[str, ...]:
+    """Return the differences between two models of the same name."""
+    found = _changed("", {"weights": old.weights_sha256}, {"weights": new.weights_sha256})
+    found += _changed("file --", old.files, new.files, hashes=True)
+    found += _changed("code ", old.code, new.code)
+    found += _changed("setting ", old.settings, new.settings)
+    if old.surveyed != new.surveyed:
+        found.append("access to the site file")
+    return tuple(found)
+
+
+def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelIdentity] | None:
+    """Return the newest earlier campaign of a model of this name, and its model; None if there is none."""
+    row = connection.execute(
+        select(
+            Campaign.id,
+            Model.weights_sha256,
+            Model.weights_label,
+            Model.settings,
+            Model.surveyed,
+            Model.files,
+            Model.code,
+        )
+        .join(Model, Model.id == Campaign.model_id)
+        .where(Model.name == name, Campaign.id < campaign_id, CODE.is_(None))  # blinded arms are left out
+        .order_by(Campaign.id.desc())
+        .limit(1)
+    ).first()
+    if row is None:
+        return None
+    model = ModelIdentity(
+        name,
+        weights_sha256=row.weights_sha256,
+        weights_label=row.weights_label,
+        settings=row.settings,
+        surveyed=row.surveyed,
+        files=row.files,
+        code=row.code,
+    )
+    return row.id, model
+
+
+def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any], *, hashes: bool = False) -> list[str]:
+    words = []
+    old, new = _flat(old), _flat(new)
+    for name in sorted(old.keys() | new.keys()):
+        was, now = old.get(name), new.get(name)
+        if was != now:
+            shown = f"{kind}{name.replace('_', '-') if hashes else name}"
+            most = _HASH_CHARACTERS if hashes or name.rpartition(".")[2] in _HASHES else _SHOWN_CHARACTERS
+            words.append(f"{shown} ({_short(was, most)} → {_short(now, most)})")
+    return words
+
+
+def _flat(values: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return all single values by their paths."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{within}{name}.") if isinstance(value, Mapping) else {f"{within}{name}": value}
+    return flat
+
+
+def _short(value: Any, most: int) -> str:
+    return "none" if value is None or value == "" else sanitize(str(value)[:most])

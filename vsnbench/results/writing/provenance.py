@@ -1,0 +1,152 @@
+"""Description of the writing process, and checks whether a process is alive."""
+
+import getpass
+import os
+import platform
+import shlex
+import socket
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import psutil
+
+from vsnbench import __version__
+from vsnbench.results.database_url import without_passwords
+from vsnbench.runtime.git import checkout_of
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessIdentity:
+    """Unique identity of a process."""
+
+    host: str
+    pid: int
+    boot_id: str
+    """Boot id of the kernel; empty if unknown."""
+    pid_namespace: str
+    """PID namespace, because containers number their processes separately."""
+    start_ticks: int
+    """Start time in kernel ticks since boot; 0 if unknown."""
+
+    def is_alive(self, here: "ProcessIdentity") -> bool | None:
+        """Return whether this process is running, seen from the process `here`.
+
+        Returns:
+            None if unknown: it ran in another container, on another machine, or before a restart. Host names are not
+            sufficient, because robots of one make often share theirs.
+        """
+        same_kernel = self.boot_id == here.boot_id and (bool(self.boot_id) or self.host == here.host)
+        if not same_kernel or self.pid_namespace != here.pid_namespace:
+            return None
+        if self.start_ticks:
+            return _start_ticks(self.pid) == self.start_ticks
+        return psutil.pid_exists(self.pid)
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """A writing process and the environment that its results depend on."""
+
+    identity: ProcessIdentity
+    started_at: datetime
+    operator: str
+    command: str
+    vsnbench_version: str
+    git_commit: str = ""
+    git_dirty: bool = False
+    packages: Mapping[str, str] = field(default_factory=dict)
+    platform: Mapping[str, str] = field(default_factory=dict)
+
+
+def gather_provenance(operator: str | None = None) -> Provenance:
+    """Describe this process.
+
+    Args:
+        operator: name of the operator. Default: $VSNBENCH_OPERATOR, then the login name.
+    """
+    code = checkout_of(Path(__file__))
+    return Provenance(
+        identity=this_process(),
+        started_at=datetime.now(UTC),
+        operator=operator or os.environ.get("VSNBENCH_OPERATOR") or login_name(),
+        command=without_passwords(shlex.join(sys.argv)),
+        vsnbench_version=__version__,
+        git_commit=code.commit,
+        git_dirty=code.dirty,
+        packages=_packages(),
+        platform={
+            "system": platform.platform(),
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "processor": _processor(),
+        },
+    )
+
+
+def this_process() -> ProcessIdentity:
+    """Return the identity of this process; not cached, because a fork is another process."""
+    return ProcessIdentity(
+        host=socket.gethostname(),
+        pid=os.getpid(),
+        boot_id=_read(Path("/proc/sys/kernel/random/boot_id")).strip(),
+        pid_namespace=_pid_namespace(),
+        start_ticks=_start_ticks(os.getpid()),
+    )
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
+def _pid_namespace() -> str:
+    try:
+        return str(Path("/proc/self/ns/pid").readlink())
+    except OSError:
+        return ""
+
+
+def _start_ticks(pid: int) -> int:
+    """Return field 22 of /proc/PID/stat; 0 if the process does not exist or is a zombie.
+
+    psutil converts this to wall-clock time, which changes when a robot's clock is set.
+    """
+    _, _, rest = _read(Path(f"/proc/{pid}/stat")).rpartition(")")  # the process name may contain spaces and brackets
+    fields = rest.split()
+    return int(fields[19]) if len(fields) > 19 and fields[0] != "Z" else 0
+
+
+def login_name() -> str:
+    """Return the login name, the default operator."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # the user of a container may have no name
+        return f"uid {os.getuid()}"
+
+
+@cache
+def _packages() -> dict[str, str]:
+    found = dict(_name_and_version(package) for package in metadata.distributions())
+    return {name: found[name] for name in sorted(found) if name}
+
+
+def _name_and_version(package: metadata.Distribution) -> tuple[str, str]:
+    """Return a package's lower-case name and version; ten times as fast as the mail parser."""
+    text = package.read_text("METADATA") or package.read_text("PKG-INFO") or package.read_text("") or ""
+    head = dict(line.partition(": ")[::2] for line in text.partition("\n\n")[0].splitlines())
+    return head.get("Name", "").strip().lower(), head.get("Version", "").strip()
+
+
+@cache
+def _processor() -> str:
+    for line in _read(Path("/proc/cpuinfo")).splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor()

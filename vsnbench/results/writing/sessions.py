@@ -1,0 +1,169 @@
+"""Writes and reads sessions: one operator with one robot.
+
+A session begins with the first trial that its operator starts. It ends when another operator takes over, when the
+operator leaves, or by recovery when its process has died.
+"""
+
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, Engine, func, select, update
+
+from vsnbench.results.schema.engine import reading, transaction
+from vsnbench.results.schema.placement_tables import Placement
+from vsnbench.results.schema.row_encoding import Row, insert_row, text
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Session, Trial
+from vsnbench.results.writing.entries import INTERVENTION
+from vsnbench.results.writing.lifecycle import ACTIVE
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.placement import PoseCovariance
+from vsnbench.values.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSession:
+    """The session of an episode."""
+
+    uuid: str
+    operator: str
+    began_at: datetime
+    ended_at: datetime | None
+    """None if the session is open."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedPlacement:
+    """A measured start pose of a robot."""
+
+    author: str
+    created_at: datetime
+    method: str
+    looks: int
+    pose: Fix
+    covariance: PoseCovariance
+    """In the site's frame."""
+    offset: Pose
+    """Offset from the mark: x ahead, y to the left."""
+    determined: bool
+    within_tolerance: bool
+    undetermined: tuple[str, ...]
+    moved: tuple[str, ...]
+    depth_scale: float
+    words: str
+
+
+def join_session(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:
+    """Assign an active episode of this process to its operator's session, which is started if needed."""
+    mine = Episode.id == episode_id, Episode.process_id == process_id
+    active = Episode.state.in_([state.value for state in ACTIVE])
+    robot_id = connection.scalar(
+        select(Campaign.robot_id)
+        .join(Trial, Trial.campaign_id == Campaign.id)
+        .join(Episode, Episode.trial_id == Trial.id)
+        .where(*mine, active)
+    )
+    if robot_id is None:
+        return  # the claim is lost; the next step reports it
+    operator = text(operator)
+    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
+    own = Session.operator == operator, Session.robot_id == robot_id
+    session_id = connection.scalar(select(Session.id).where(*lasting, *own))
+    if session_id is None:
+        end_sessions(connection, process_id, f"{operator} took over")
+        now = datetime.now(UTC)
+        row = {"process_id": process_id, "robot_id": robot_id, "operator": operator, "began_at": now, "words": ""}
+        session_id = insert_row(connection, Session, {"uuid": str(uuid.uuid4()), **row})
+    connection.execute(update(Episode).where(*mine).values(session_id=session_id))
+
+
+def end_sessions(connection: Connection, process_id: int, words: str = "") -> None:
+    """End the open sessions of a process."""
+    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
+    connection.execute(update(Session).where(*lasting).values(ended_at=datetime.now(UTC), words=text(words)))
+
+
+def end_orphaned_session(connection: Connection, session_id: int) -> None:
+    """End a session whose process has died, at its last recorded activity."""
+    last = select(func.max(func.coalesce(Episode.ended_at, Episode.started_at), type_=Episode.started_at.type))
+    died_at = connection.scalar(last.where(Episode.session_id == session_id))
+    connection.execute(
+        update(Session)
+        .where(Session.id == session_id, Session.ended_at.is_(None))
+        .values(ended_at=Session.began_at if died_at is None else died_at, words="its process died")
+    )
+
+
+def session_of(connection: Connection, episode_id: int) -> RecordedSession | None:
+    """Return the session of an episode; None without an operator."""
+    row = connection.execute(
+        select(Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
+        .join(Episode, Episode.session_id == Session.id)
+        .where(Episode.id == episode_id)
+    ).first()
+    return None if row is None else RecordedSession(*row)
+
+
+def operator_of(connection: Connection, episode_id: int) -> str:
+    """Return the operator of an episode, or an empty string."""
+    found = session_of(connection, episode_id)
+    return found.operator if found else ""
+
+
+def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
+    """Return the measured start pose of an episode; None if it was not measured."""
+    row = connection.execute(select(Placement.__table__).where(Placement.episode_id == episode_id)).first()
+    if row is None:
+        return None
+    return RecordedPlacement(
+        author=row.author,
+        created_at=row.created_at,
+        method=row.method,
+        looks=row.looks,
+        pose=Fix(Pose(row.x_m, row.y_m, row.heading_rad), PoseSource.MEASURED),
+        covariance=PoseCovariance(*row.covariance),
+        offset=Pose(row.ahead_m, row.left_m, row.turn_rad),
+        determined=row.determined,
+        within_tolerance=row.within_tolerance,
+        undetermined=tuple(row.undetermined),
+        moved=tuple(row.moved),
+        depth_scale=row.depth_scale,
+        words=row.words,
+    )
+
+
+def interventions_in(engine: Engine, campaigns: Sequence[int]) -> int:
+    """Return the number of operator interventions in these campaigns.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    query = (
+        select(func.count(Event.id))
+        .join(Episode, Episode.id == Event.episode_id)
+        .join(Trial, Trial.id == Episode.trial_id)
+        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
+    )
+    with transaction(reading(engine)) as connection:
+        return int(connection.scalar(query) or 0)
+
+
+def session_row(connection: Connection, session_id: int | None) -> Row | None:
+    """Return the content of a session without foreign keys; None for None."""
+    if session_id is None:
+        return None
+    columns = (Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
+    return dict(connection.execute(select(*columns).where(Session.id == session_id)).mappings().one())
+
+
+def find_or_insert_session(connection: Connection, row: Row, process_id: int, robot_id: int) -> int:
+    """Return the number of another record's session; a copy of an open session is updated with its end."""
+    known = connection.execute(select(Session.id, Session.ended_at).where(Session.uuid == row["uuid"])).first()
+    if known is None:
+        return insert_row(connection, Session, {**row, "process_id": process_id, "robot_id": robot_id})
+    if known.ended_at is None and row["ended_at"] is not None:
+        ended = {"ended_at": row["ended_at"], "words": row["words"]}
+        connection.execute(update(Session).where(Session.id == known.id).values(ended))
+    return int(known.id)

@@ -1,0 +1,268 @@
+"""Converts steps to rows and back, and appends them quickly while a robot drives.
+
+The statements of a step are compiled once per database. Compiling them for every step would cost more than executing
+them, on a thread that competes with the model for the interpreter.
+"""
+
+import logging
+import math
+import sqlite3
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Self
+
+from sqlalchemy import Dialect, Engine, PoolProxiedConnection, bindparam, insert, select, update
+from sqlalchemy.sql.dml import UpdateBase
+
+from vsnbench.results.schema.engine import transaction
+from vsnbench.results.schema.row_encoding import Row, fix_of_columns, number, pose_columns, pose_of_columns, text
+from vsnbench.results.schema.tables import Episode, Step
+from vsnbench.results.writing.lifecycle import LEASE, EpisodeState, lease
+from vsnbench.values.action import Action
+from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Movement, movement_from_json, movement_to_json
+from vsnbench.values.step import StepRecord, StepTimings
+
+logger = logging.getLogger(__name__)
+
+RENEWED_AFTER = LEASE / 6
+"""A step renews the lease of its episode if the last renewal is older than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverStatement:
+    """A statement compiled for a database driver, with the encoders of its parameters."""
+
+    text: str
+    names: tuple[str, ...]
+    """Names of the parameters, in order for drivers with positional parameters."""
+    encoders: tuple[Callable[[Any], Any] | None, ...]
+    """Encoder of each parameter."""
+    given: Mapping[str, Any]
+    """Constant parameters."""
+    by_place: bool
+
+    @classmethod
+    def of(cls, statement: UpdateBase, dialect: Dialect, columns: list[str] | None = None) -> Self:
+        """Compile a statement for a database; `columns` are the columns of an INSERT."""
+        compiled = statement.compile(dialect=dialect, column_keys=columns)
+        encoders = {
+            name: parameter.type.dialect_impl(dialect).bind_processor(dialect)
+            for name, parameter in compiled.binds.items()
+        }
+        given = {
+            name: parameter.effective_value for name, parameter in compiled.binds.items() if not parameter.required
+        }
+        names = tuple(compiled.binds) if compiled.positiontup is None else tuple(compiled.positiontup)
+        return cls(
+            str(compiled), names, tuple(encoders[name] for name in names), given, compiled.positiontup is not None
+        )
+
+    def execute(self, run: Callable[[str, Any], Any], values: Row) -> int:
+        """Execute it through `run`, which takes a statement and parameters; return the number of changed rows."""
+        values = {**self.given, **values}
+        encoded = tuple(
+            values[name] if encode is None else encode(values[name])
+            for name, encode in zip(self.names, self.encoders, strict=True)
+        )
+        parameters = encoded if self.by_place else dict(zip(self.names, encoded, strict=True))
+        return int(run(self.text, parameters).rowcount)
+
+
+class StepStatements:
+    """Appends steps to the running episodes of one process."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._is_sqlite = engine.dialect.name == "sqlite"
+        until = lease(engine)  # on a server an expression of the statement
+        self._tells_time = isinstance(until, datetime)
+        runs_here = (
+            Episode.id == bindparam("episode_id"),
+            Episode.process_id == bindparam("process"),
+            Episode.end_reason.is_(None),
+            Episode.state == EpisodeState.RUNNING.value,
+        )
+        sign = update(Episode).where(*runs_here).values(lease_until=bindparam("until") if self._tells_time else until)
+        self._sign_of_life = DriverStatement.of(sign, engine.dialect)
+        columns = Step.__table__.columns
+        names = [column.name for column in columns]
+        self._insert = DriverStatement.of(insert(Step).inline(), engine.dialect, names)
+        row = select(*(bindparam(column.name, type_=column.type) for column in columns))
+        running = select(Episode.id).where(*runs_here)
+        self._insert_where_it_runs = DriverStatement.of(
+            insert(Step).from_select(names, row.where(running.exists())), engine.dialect
+        )
+        self._one_at_a_time = threading.Lock()
+        self._pooled: PoolProxiedConnection | None = None
+        self._alive: tuple[int, datetime] | None = None
+        """Last episode whose lease was renewed here, and the end of that lease."""
+
+    def append(self, process_id: int, row: Row) -> bool:
+        """Commit a step's row; returns False without writing if the episode runs elsewhere.
+
+        The lease of the episode is renewed if a part of it has passed.
+
+        Raises:
+            RecordError: the database cannot be used.
+        """
+        if self._is_sqlite:
+            try:
+                return self._commit_with_driver(process_id, row)
+            except sqlite3.Error as error:
+                # Nothing was written: the slow path waits for locks and reports errors.
+                logger.debug("step %s is retried on the slow path: %s", row["number"], error)
+                self.close_connection()
+        with transaction(self._engine) as connection:
+            return self._write(connection.exec_driver_sql, process_id, row)
+
+    def close_connection(self) -> None:
+        """Release the connection held between steps; the next step opens another."""
+        with self._one_at_a_time:
+            pooled, self._pooled = self._pooled, None
+            if pooled is not None:
+                pooled.close()
+
+    def _commit_with_driver(self, process_id: int, row: Row) -> bool:
+        """Commit with SQLite's own driver, at half the cost of SQLAlchemy."""
+        with self._one_at_a_time:
+            self._pooled = self._pooled or self._engine.raw_connection()
+            connection: Any = self._pooled.driver_connection
+            if self._lease_is_fresh(row["episode_id"]):  # a single statement is a transaction
+                values = {**row, "process": process_id}
+                return self._insert_where_it_runs.execute(connection.execute, values) == 1
+            connection.execute("BEGIN IMMEDIATE")
+            try:
+                written = self._write(connection.execute, process_id, row)
+                connection.execute("COMMIT")
+            except BaseException:
+                connection.rollback()
+                raise
+            return written
+
+    def _lease_is_fresh(self, episode_id: int) -> bool:
+        """Whether the lease of an episode was renewed recently, by the clock used for leases."""
+        if self._alive is None or self._alive[0] != episode_id:
+            return False
+        return LEASE - RENEWED_AFTER < self._alive[1] - datetime.now(UTC) <= LEASE
+
+    def _write(self, run: Callable[[str, Any], Any], process_id: int, row: Row) -> bool:
+        until = datetime.now(UTC) + LEASE
+        alive: Row = {"episode_id": row["episode_id"], "process": process_id}
+        if self._tells_time:
+            alive["until"] = until
+        if self._sign_of_life.execute(run, alive) != 1:
+            return False
+        self._insert.execute(run, row)
+        self._alive = (row["episode_id"], until)
+        return True
+
+
+def step_row(episode_id: int, step: StepRecord) -> Row:
+    """Return the row of a step; a blocked step ends where it began."""
+    result = step.result
+    collision = result.collision if result else None
+    return {
+        "episode_id": episode_id,
+        "number": step.number,
+        "raw_action": text(step.raw_action) or step.action.value,
+        "action": step.action.value,
+        "blocked": step.blocked,
+        "completed": result is not None and result.completed,
+        "failure": text(result.blocked or result.failure) if result else "",
+        "recorded_at": step.recorded_at or datetime.now(UTC),
+        "stamp_s": number(step.stamp_s),
+        **pose_columns("observed", step.observed),
+        **pose_columns("after", step.after),
+        **pose_columns("world", step.world.pose if step.world else None),
+        "world_source": step.world.source.value if step.world else None,
+        "displacement_m": number(result.displacement_m) if result else 0.0,
+        "turn_rad": number(result.turn_rad) if result else 0.0,
+        "duration_s": number(result.duration_s) if result else 0.0,
+        "corrections": result.corrections if result else 0,
+        "collision_source": collision.source.value if collision else None,
+        "collision_touched": text(collision.touched) if collision else None,
+        "rgb_digest": step.rgb_digest,
+        "depth_digest": step.depth_digest,
+        "sense_s": number(step.timings.sense_s),
+        "infer_s": number(step.timings.infer_s),
+        "move_s": number(step.timings.move_s),
+        "probabilities": dict(step.probabilities) or None,
+        "details": dict(step.details) or None,
+        "movement": _movement_json(step),
+    }
+
+
+def _movement_json(step: StepRecord) -> dict[str, Any] | None:
+    """Return the JSON of a step's movement and of its place in a chunk; None for a discrete action."""
+    content = {} if step.movement is None else movement_to_json(step.movement)
+    if step.part is not None:
+        content["part"] = list(step.part)
+    if step.result is not None and step.result.path_m is not None:
+        content["path_m"] = number(step.result.path_m)
+    return content or None
+
+
+def step_of_row(row: Any) -> StepRecord:
+    """Return the step of a row.
+
+    Raises:
+        ValueError: the row has invalid values.
+    """
+    result = None
+    movement, part, path_m = _movement_of(row.movement)
+    if not row.blocked or path_m is not None:  # a movement that the guard ended has a result
+        collision = None
+        if row.collision_source is not None:
+            collision = Collision(CollisionSource(row.collision_source), row.collision_touched or "")
+        result = MotionResult(
+            completed=row.completed,
+            displacement_m=_known(row.displacement_m),
+            turn_rad=_known(row.turn_rad),
+            duration_s=_known(row.duration_s),
+            collision=collision,
+            failure="" if row.blocked else row.failure,
+            blocked=row.failure if row.blocked else "",
+            path_m=path_m,
+            corrections=row.corrections,
+            pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
+        )
+    return StepRecord(
+        number=row.number,
+        action=Action(row.action),
+        raw_action=row.raw_action,
+        result=result,
+        observed=pose_of_columns(row.observed_x_m, row.observed_y_m, row.observed_heading_rad),
+        stamp_s=row.stamp_s,
+        world=fix_of_columns(row.world_x_m, row.world_y_m, row.world_heading_rad, row.world_source),
+        rgb_digest=row.rgb_digest,
+        depth_digest=row.depth_digest,
+        timings=StepTimings(row.sense_s, row.infer_s, row.move_s),
+        probabilities=row.probabilities or {},
+        details=row.details or {},
+        recorded_at=row.recorded_at,
+        movement=movement,
+        part=part,
+    )
+
+
+def _movement_of(content: Any) -> tuple[Movement | None, tuple[int, int] | None, float | None]:
+    """Return the movement, the place in a chunk and the driven length of a `movement` column.
+
+    Raises:
+        ValueError: the content is invalid.
+    """
+    if content is None:
+        return None, None, None
+    try:
+        movement = movement_from_json(content) if "kind" in content else None
+        part = (int(content["part"][0]), int(content["part"][1])) if "part" in content else None
+        return movement, part, float(content["path_m"]) if content.get("path_m") is not None else None
+    except (TypeError, IndexError, AttributeError) as error:
+        raise ValueError(f"invalid movement: {error}") from error
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value

@@ -1,0 +1,138 @@
+"""Calibration of the camera mount in a robot profile."""
+
+import io
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import RobotError
+from vsnbench.files.atomic import write_atomic
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_differences
+from vsnbench.robots.ros.link import connect
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.images.camera_images import decode_depth, median_depth_m
+from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, rectifier_of
+from vsnbench.values.camera import Camera
+from vsnbench.values.robot_profile import RobotProfile
+
+logger = logging.getLogger(__name__)
+
+_PATIENCE_S = 20.0
+_CALIBRATION_S = 5.0
+_FOV_STD_DEG = 0.1
+_DIGITS = {"mount_height_m": 3, "tilt_deg": 2, "roll_deg": 2, "horizontal_fov_deg": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class CameraCalibration:
+    """Measured quantities of a camera and their values in the profile."""
+
+    differences: tuple[MountDifference, ...]
+
+    @property
+    def corrections(self) -> dict[str, float]:
+        """New values of fields of the camera whose error exceeds the uncertainty of the measurement."""
+        return {
+            difference.field: round(difference.measured.value, _DIGITS[difference.field])
+            for difference in self.differences
+            if abs(difference.measured.value - difference.profile) > difference.measured.std
+        }
+
+
+def calibrate(profile: RobotProfile) -> CameraCalibration:
+    """Measure the mount of a camera by the floor, and read its field of view from camera_info.
+
+    The robot does not move and should face about 2 m of free floor.
+
+    Raises:
+        RobotError: no images arrive, or they show no floor.
+    """
+    if not profile.interface or not getattr(profile.interface, "depth", ""):
+        raise RobotError(
+            f"robot profile {profile.name} has no depth topic",
+            advice="set interface.depth: the mount is measured in depth images",
+            code="no-depth",
+        )
+    link = connect(profile, ProtocolParameters())
+    try:
+        fov = _field_of_view(link, profile.camera)
+        camera = profile.camera
+        if fov is not None:
+            camera = camera.model_copy(update={"horizontal_fov_deg": fov.measured.value})
+        depth_m = _depth_m(link, camera)
+    finally:
+        link.close()
+    try:
+        floor = fit_floor(depth_m, camera.without_roll)
+    except NoFloorError as error:
+        raise RobotError(
+            f"the mount of the camera cannot be measured: {error}", advice=FREE_FLOOR_ADVICE, code="no-floor"
+        ) from error
+    return CameraCalibration((*mount_differences(floor, profile.camera), *(() if fov is None else (fov,))))
+
+
+def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
+    """Return the median of the robot's next depth images, rectified to `camera`.
+
+    Raises:
+        RobotError: no depth images arrive, or they do not fit the profile.
+    """
+    topic, count = link.names.depth, link.names.depth_frames
+    frames = link.wait_for(lambda now: now.depths[-count:] if len(now.depths) >= count else (), _PATIENCE_S)
+    if not frames:
+        raise RobotError(
+            f"no depth images on {topic} for {_PATIENCE_S:.0f} s", advice="check the camera driver", code="no-image"
+        )
+    decoded = [decode_depth(link.image(frame.payload)) for frame in frames]
+    height, width = decoded[-1].shape[:: -1 if link.image_turns % 2 else 1]
+    if (width, height) != (camera.width, camera.height):
+        raise RobotError(
+            f"the depth image is {width}x{height}, the profile has {camera.width}x{camera.height}",
+            advice="set the mode of the camera driver, or the camera of the profile",
+            code="wrong-image-size",
+        )
+    rectifier = rectifier_of(link.snapshot().calibrations.get(topic), camera, topic, link.image_turns)
+    return rectifier.depth(median_depth_m(decoded, camera.depth_min_m, camera.depth_max_m))
+
+
+def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
+    """Return the field of view in camera_info, or None."""
+    topic = link.names.depth
+    link.wait_for(lambda now: now.depths, _PATIENCE_S)  # the camera has to be discovered first
+    calibration = link.wait_for(lambda now: now.calibrations.get(topic), _CALIBRATION_S)
+    if not isinstance(calibration, Intrinsics):
+        if link.names.depth_info and calibration is None:
+            logger.warning(
+                "no camera_info on %s within %g s: the field of view of the profile is used",
+                *(link.names.depth_info, _CALIBRATION_S),
+            )
+        return None
+    measured = Measured(calibration.horizontal_fov_deg(link.image_turns), _FOV_STD_DEG)
+    limit = FOV_SHARE * camera.horizontal_fov_deg
+    return MountDifference("horizontal_fov_deg", "°", measured, camera.horizontal_fov_deg, limit)
+
+
+def write_corrections(source: Path, target: Path, corrections: dict[str, float]) -> None:
+    """Write a profile with other values of its camera to `target`; comments stay.
+
+    Raises:
+        RobotError: the profile has no camera, or the file cannot be written.
+    """
+    from ruamel.yaml import YAML
+
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 4096
+    content = yaml.load(source.read_text(encoding="utf-8"))
+    if "camera" not in content:
+        raise RobotError(f"{source} has no camera", code="no-camera")
+    for name, value in corrections.items():
+        content["camera"][name] = value
+    text = io.StringIO()
+    yaml.dump(content, text)
+    write_atomic(target, text.getvalue().encode(), RobotError)

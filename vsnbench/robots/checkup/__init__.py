@@ -1,0 +1,1 @@
+"""`vsnbench doctor`: checks of a robot before trials."""

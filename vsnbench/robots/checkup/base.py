@@ -1,0 +1,253 @@
+"""The check-up of a robot over ROS before a session."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+from vsnbench.errors import RobotError
+from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
+from vsnbench.robots.checkup.hazards import ActiveHazards
+from vsnbench.robots.checkup.images import frozen_result, image_results
+from vsnbench.robots.checkup.odometry import PlanarReading, TfReadings, frames_result, odometry_results
+from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros_common.messages import planar
+from vsnbench.ros_common.odometry import OdometryReader
+from vsnbench.ros_common.topic_listener import TopicListener
+from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.robot_profile import RobotProfile
+
+LISTEN_S = 2.0
+DOCTOR = "vsnbench_doctor"
+"""Name of the node of a check-up."""
+_TURN_DEG = 30
+_DEFAULT_ADVICE = "check the log of discrete_move"
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Result of a turn.
+
+    Attributes:
+        answered: whether the mover answered True.
+        turned_rad: turn of the odometry; None without odometry.
+        reason: why the turn failed, or an empty string.
+    """
+
+    answered: bool
+    turned_rad: float | None
+    reason: str = ""
+
+
+class TurnTest(ABC):
+    """Turns the robot on the spot."""
+
+    @abstractmethod
+    def turn(self, movement: str, angle_deg: int) -> Turn:
+        """Turn the robot.
+
+        Raises:
+            RobotError: the mover does not answer.
+        """
+
+    @abstractmethod
+    def newest_depth(self) -> Any:
+        """Return a depth image that arrives from now on; None if none arrives."""
+
+    @abstractmethod
+    def further_results(self) -> Iterator[CheckResult]:
+        """Perform the checks that follow successful turns."""
+
+
+class RosCheckup(ABC):
+    """Checks every part of a robot; subclasses connect to a middleware.
+
+    Attributes:
+        topics: type of the messages by topic, of all topics that the robot should publish.
+        messages: received messages by topic.
+        image_turns: number of clockwise quarter turns that set an image upright.
+        has_event_topics: whether some topics publish only when something changes.
+        closing: closes what `connect` opened.
+    """
+
+    names: RosInterface
+    topics: dict[str, str]
+    image_turns = 0
+    has_event_topics = False
+
+    def __init__(self, profile: RobotProfile) -> None:
+        self.profile = profile
+        self.hazards = ActiveHazards()
+        self.transforms = TfReadings()
+        self.messages: dict[str, TopicMessages] = {}
+        self.closing = ExitStack()
+        self._tf: OdometryReader[Any] | None = None
+
+    def results(self, *, move: bool) -> Iterator[CheckResult]:
+        """Perform all checks; ends early if there is no connection.
+
+        Args:
+            move: whether the robot may turn on the spot to check its odometry.
+        """
+        with self.closing:
+            if not (yield from self._connect()):
+                return
+            yield from self._command_results()
+            yield from self._topic_results()
+            readable = {
+                topic: self.messages[topic] if self._has_type(topic, kind) else TopicMessages()
+                for topic, kind in self.topics.items()
+            }
+            yield from image_results(self.profile, readable, self._read, self.image_turns)
+            yield from frame_results(self.names, readable)
+            yield from self._odometry_results(readable)
+            yield from self.hazards.results()
+            yield from self._base_results(readable)
+            yield from clock_results(self.names, self.messages, self._remote_nodes())
+            yield from self._mover_results(move=move)
+            if move:
+                yield from self._motion_results()
+
+    @abstractmethod
+    def _connect(self) -> Generator[CheckResult, None, bool]:
+        """Check the installation and the network and call `listen`. Returns whether the check-up can continue."""
+
+    @abstractmethod
+    def _command_results(self) -> Iterator[CheckResult]:
+        """Check the subscribers of the velocities and other publishers."""
+
+    @abstractmethod
+    def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+        """Check the battery and other parts of the base."""
+
+    @abstractmethod
+    def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:
+        """Check what executes movements; `move` tells whether the turns follow."""
+
+    @abstractmethod
+    def _turn_test(self) -> AbstractContextManager[TurnTest]:
+        """Return the test of turns.
+
+        Raises:
+            RobotError: the mover cannot be reached.
+        """
+
+    @abstractmethod
+    def _publishers(self, topic: str) -> Sequence[str]:
+        """Return the publishers of a topic."""
+
+    @abstractmethod
+    def _has_type(self, topic: str, kind: str) -> bool:
+        """Return whether a topic has a message type."""
+
+    @abstractmethod
+    def _topic_fault(self, topic: str, kind: str, bad: Health) -> CheckResult | None:
+        """Return the fault of a published topic, such as another type.
+
+        Args:
+            topic: name of the topic.
+            kind: type of its messages in the profile.
+            bad: health of a topic that cannot be used.
+        """
+
+    @abstractmethod
+    def _described(self, topic: str, kind: str) -> str:
+        """Return the description of a topic in its result."""
+
+    @abstractmethod
+    def _unpublished_advice(self, *, required: bool) -> str:
+        """Return the advice for a topic without a publisher."""
+
+    @abstractmethod
+    def _silent_advice(self, topic: str) -> str:
+        """Return the advice for a topic without messages."""
+
+    @abstractmethod
+    def _read(self, kind: str, data: bytes) -> Any:
+        """Return a serialized message of a type such as `sensor_msgs/Image`."""
+
+    @abstractmethod
+    def _seconds(self, stamp: Any) -> float:
+        """Return the stamp of a message in seconds."""
+
+    @abstractmethod
+    def _remote_nodes(self) -> frozenset[str]:
+        """Return the nodes that may run on other machines."""
+
+    def listen(self, listener: TopicListener) -> None:
+        """Receive messages for LISTEN_S.
+
+        Raises:
+            RobotError: the odometry is from TF, and the type of its messages is not installed.
+        """
+        if self.names.tf:
+            self._tf = listener.follow_odometry(self.names, self.transforms.take)
+        self.messages = listener.listen(LISTEN_S)
+        if self.names.tf:
+            self.messages[self.names.odometry_topic] = self.transforms.messages
+
+    def _topic_results(self) -> Iterator[CheckResult]:
+        names = self.names
+        rates = {names.odometry_topic: self.profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
+        if names.depth:
+            rates[names.depth] = names.camera_rate_hz
+        for topic, kind in self.topics.items():
+            bad, messages = Health.FAILED if topic in rates else Health.WARNING, self.messages[topic]
+            if not self._publishers(topic):
+                advice = self._unpublished_advice(required=topic in rates)
+                yield CheckResult(topic, bad, "no node publishes it", advice)
+            elif (fault := self._topic_fault(topic, kind, bad)) is not None:
+                yield fault
+            elif topic in rates and messages.arrivals:
+                yield rate_result(topic, self._described(topic, kind), messages, rates[topic])
+            elif messages.arrivals or (topic not in rates and self.has_event_topics):
+                yield CheckResult(topic, Health.OK, kind)
+            else:
+                seen = f"{self._described(topic, kind)}, silent for {LISTEN_S:g} s"
+                yield CheckResult(topic, bad, seen, self._silent_advice(topic))
+
+    def _odometry_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+        names, topic = self.names, self.names.odometry_topic
+        if not self._has_type(topic, self.topics[topic]):
+            return
+        if names.tf and self._tf is not None:
+            yield frames_result(names.tf, self._tf.fault, self.transforms.messages.senders)
+            yield from odometry_results(self.profile, self.transforms.readings)
+        else:
+            messages = [self._read("nav_msgs/Odometry", data) for data in readable[topic].messages]
+            readings = [PlanarReading(*planar(message), self._seconds(message.header.stamp)) for message in messages]
+            yield from odometry_results(self.profile, readings)
+
+    def _motion_results(self) -> Iterator[CheckResult]:
+        """Turn to the left and back, and compare with the odometry and the depth images."""
+        try:
+            with self._turn_test() as test:
+                yield from _turn_results(test)
+        except RobotError as error:
+            yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
+
+
+def _turn_results(test: TurnTest) -> Iterator[CheckResult]:
+    depth_before = test.newest_depth()
+    for movement, sign in (("Left", 1), ("Right", -1)):
+        what = f"{movement} {_TURN_DEG}°"
+        try:
+            turn = test.turn(movement, _TURN_DEG)
+        except RobotError as error:
+            yield CheckResult(what, Health.FAILED, error.statement, error.advice or _DEFAULT_ADVICE)
+            return
+        if turn.turned_rad is None:
+            yield CheckResult(what, Health.FAILED, "no odometry", "start the driver of the base")
+            return
+        result = turn_result(what, sign * math.radians(_TURN_DEG), turn.turned_rad, answered=turn.answered)
+        yield replace(result, advice=turn.reason) if turn.reason and not turn.answered else result
+        if result.health is Health.FAILED:
+            return
+        if movement == "Left" and depth_before is not None and (depth_after := test.newest_depth()) is not None:
+            frozen = frozen_result(depth_before, depth_after)
+            if frozen is not None:
+                yield frozen
+    yield from test.further_results()

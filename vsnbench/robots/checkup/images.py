@@ -1,0 +1,179 @@
+"""Checks of a robot's images: format, size, depth, freezing, calibration, mount of the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import ImageError
+from vsnbench.protocol.depth_evidence import evidence_pixels
+from vsnbench.protocol.parameters import DepthGuard
+from vsnbench.robots.checkup.mount import mount_results
+from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.robots.ros.interface_kinds import interface_of
+from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
+from vsnbench.sensing.images.compressed_images import is_compressed
+from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, CalibrationError, Intrinsics, rectifier_of
+from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.robot_profile import RobotProfile
+
+_MAX_HOLES = 0.4
+"""A larger share of invalid depth is a warning."""
+Read = Callable[[str, bytes], Any]
+"""Returns a serialized message of a type such as `sensor_msgs/Image`."""
+
+
+def image_type(topic: str) -> str:
+    """Return the message type of an image topic, by image_transport's naming."""
+    return "sensor_msgs/CompressedImage" if is_compressed(topic) else "sensor_msgs/Image"
+
+
+def type_advice(wanted: str, found: str) -> str:
+    """Return the advice for a topic with another type than the profile's."""
+    if found == "sensor_msgs/CompressedImage":
+        return "remap it: the topic of a compressed image must end in /compressed or /compressedDepth"
+    return f"the profile needs {wanted}"
+
+
+def image_results(
+    profile: RobotProfile, messages: dict[str, TopicMessages], read: Read, turns: int = 0
+) -> Iterator[CheckResult]:
+    """Report whether the received images fit the profile.
+
+    Args:
+        profile: profile of the robot.
+        messages: received messages by topic.
+        read: see Read.
+        turns: number of clockwise quarter turns that set an image upright.
+    """
+    names, camera = interface_of(profile), profile.camera
+    frames: list[DepthImage] = []
+    for what, topic in (("colour image", names.color), ("depth image", names.depth)):
+        if not topic or not messages[topic].messages:
+            continue
+        try:
+            images = [_message(read, topic, data) for data in messages[topic].messages[-names.depth_frames :]]
+            if what == "depth image":
+                decoded: list[Any] = [decode_depth(image) for image in images]
+            else:
+                decoded = [decode_color(images[-1])]
+        except ImageError as error:
+            yield CheckResult(
+                what, Health.FAILED, error.statement, error.advice or "set the format in the camera driver"
+            )
+            continue
+        height, width = decoded[-1].shape[:2][:: -1 if turns % 2 else 1]
+        encoding = getattr(images[-1], "encoding", "") or images[-1].format
+        seen = f"{encoding}, {width}x{height}"
+        if (width, height) != (camera.width, camera.height):
+            advice = "set the mode of the driver, or the camera of the profile"
+            yield CheckResult(what, Health.FAILED, f"{seen}; the profile has {camera.width}x{camera.height}", advice)
+            continue
+        yield CheckResult(what, Health.OK, seen)
+        if what == "depth image":
+            frames = decoded
+    if frames:
+        yield from _depth_results(profile, [np.rot90(frame, -turns) for frame in frames])
+    calibrations: dict[str, Intrinsics | CalibrationError | None] = {}
+    for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
+        if info and topic and messages[info].messages:
+            calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
+            yield _calibration_result(profile, info, topic, calibrations[topic], turns)
+    if frames:
+        median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
+        yield from _mount_results(profile, calibrations.get(names.depth), median_m, turns)
+
+
+def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[CheckResult]:
+    """Report range and invalid share of upright depth images, as the depth guard needs them."""
+    camera = profile.camera
+    if fault := range_fault(frames[-1], camera):
+        yield CheckResult("depth range", Health.FAILED, fault, WRONG_UNIT)
+    before = share_invalid(median_depth_m(frames[-1:], camera.depth_min_m, camera.depth_max_m))
+    depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
+    after, (height, width) = share_invalid(depth_m), depth_m.shape
+    seen = f"{before:.0%} of the pixels in one image, {after:.0%} after the median of {len(frames)}"
+    evidence = evidence_pixels(camera, width, height, profile.base.radius_m, DepthGuard()).read(depth_m, camera)
+    if evidence.is_blind:
+        seen += f"; {evidence.valid_share:.0%} of those that show the way ahead are valid: no forward move is possible"
+        advice = f"turn the robot to free space ({camera.depth_min_m:g} m is too near), and check its depth"
+        yield CheckResult("depth invalid", Health.FAILED, seen, advice)
+    elif evidence.hides_something or after > _MAX_HOLES:
+        advice = "check for close objects, sunlight and a dirty lens"
+        yield CheckResult("depth invalid", Health.WARNING, seen, advice)
+    else:
+        yield CheckResult("depth invalid", Health.OK, seen)
+
+
+def frozen_result(before: Any, after: Any) -> CheckResult | None:
+    """Return whether the depth image changed with a turn; None for images without depth."""
+    if not any(before.data):
+        return None
+    if bytes(before.data) != bytes(after.data):
+        return CheckResult("depth changes", Health.OK, "the image after the turn differs")
+    seen = "the images before and after the turn are identical: the camera is frozen"
+    return CheckResult("depth changes", Health.FAILED, seen, "restart the driver of the camera")
+
+
+def _message(read: Read, topic: str, data: bytes) -> Any:
+    """Return the message of an image topic.
+
+    Raises:
+        ImageError: the data is not such a message.
+    """
+    kind = image_type(topic)
+    try:
+        return read(kind, data)
+    except Exception as error:
+        raise ImageError(f"a message on {topic} is not a {kind}") from error
+
+
+def _calibration(read: Read, data: bytes, topic: str) -> Intrinsics | CalibrationError | None:
+    try:
+        return Intrinsics.of(read("sensor_msgs/CameraInfo", data), topic)
+    except CalibrationError as error:
+        return error
+
+
+def _calibration_result(
+    profile: RobotProfile,
+    info: str,
+    topic: str,
+    calibration: Intrinsics | CalibrationError | None,
+    turns: int,
+) -> CheckResult:
+    if calibration is None:
+        return CheckResult(info, Health.WARNING, "not calibrated (K is zero)", "the profile's field of view is used")
+    try:
+        rectifier = rectifier_of(calibration, profile.camera, topic, turns)
+    except CalibrationError as error:
+        return CheckResult(info, Health.FAILED, error.statement, error.advice)
+    assert isinstance(calibration, Intrinsics)  # noqa: S101  # rectifier_of raises errors
+    fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), profile.camera.horizontal_fov_deg
+    moved = f"; images are rectified, by {rectifier.moved_px:.0f} px at most" if rectifier.resamples else ""
+    if abs(fov_deg - wanted_deg) > FOV_SHARE * wanted_deg:
+        return CheckResult(
+            info,
+            Health.WARNING,
+            f"field of view {fov_deg:.1f}°; the profile has {wanted_deg:g}°{moved}",
+            f"set camera.horizontal_fov_deg: {fov_deg:.1f} in your profile",
+        )
+    return CheckResult(info, Health.OK, f"field of view {fov_deg:.1f}°{moved}")
+
+
+def _mount_results(
+    profile: RobotProfile,
+    calibration: Intrinsics | CalibrationError | None,
+    median_m: npt.NDArray[np.float32],
+    turns: int,
+) -> Iterator[CheckResult]:
+    """Check the mount by the depth image, unless its calibration is faulty."""
+    try:
+        rectifier = rectifier_of(calibration, profile.camera, "", turns)
+    except CalibrationError:
+        return
+    yield from mount_results(rectifier.depth(median_m), profile.camera)

@@ -1,0 +1,257 @@
+"""The check-up of a robot over ROS 1."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlparse
+
+from vsnbench.control.law import ideal_duration_s
+from vsnbench.control.settings import MotionSettings
+from vsnbench.errors import RobotError
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.checks import battery_result
+from vsnbench.robots.checkup.images import image_type, type_advice
+from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.ros1.graph import graph_faults, server_of
+from vsnbench.ros1.installation import missing_packages
+from vsnbench.ros1.interface import TF_MESSAGE, Ros1Interface, ros1_interface
+from vsnbench.ros1.master import Master, MasterError, SystemState
+from vsnbench.ros_common.messages import planar
+from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.action import Action
+from vsnbench.values.robot_profile import RobotProfile
+
+if TYPE_CHECKING:
+    from vsnbench.ros1.service_call import ServiceClient
+    from vsnbench.ros1.topic_listener import TopicListener
+
+_DEPTH_S = 0.5
+"""Time for depth images before and after a turn."""
+_NODE = f"/{DOCTOR}"
+_OWN_NODES = frozenset({"/vsnbench", _NODE})
+_TWIST = "geometry_msgs/Twist"
+
+
+class Ros1Checkup(RosCheckup):
+    """Checks every part of a robot over ROS 1."""
+
+    names: Ros1Interface
+    listener: TopicListener
+    has_event_topics = True
+
+    def __init__(self, profile: RobotProfile) -> None:
+        super().__init__(profile)
+        self.names = ros1_interface(profile)
+        self.topics = _topics(self.names)
+        self._state = SystemState({}, {}, {})
+        self._types: dict[str, str] = {}
+
+    def _connect(self) -> Generator[CheckResult, None, bool]:
+        if missing := missing_packages():
+            yield CheckResult("ROS 1", Health.FAILED, f"no Python module {missing[0]}", "run scripts/install_ros.sh")
+            return False
+        yield CheckResult("ROS 1", Health.OK, "installed")
+        try:
+            self._master = master = Master.from_environment()
+            began_s = time.monotonic()
+            master.pid()
+            trip_ms = (time.monotonic() - began_s) * 1000
+        except MasterError as error:
+            yield CheckResult("master", Health.FAILED, error.statement, error.advice)
+            return False
+        yield CheckResult("master", Health.OK, f"{master.uri} answers in {trip_ms:.0f} ms")
+        yield _own_address(master)
+        if (other := master.live_node("/vsnbench")) is not None:
+            yield CheckResult("session", Health.WARNING, f"vsnbench is running at {other}", "wait until it has ended")
+        self._receive()
+        return True
+
+    def _receive(self) -> None:
+        from vsnbench.ros1.battery import active_hazards_of_kobuki
+        from vsnbench.ros1.hazard_events import subscribe_hazards
+        from vsnbench.ros1.topic_listener import TopicListener
+
+        names = self.names
+        self.listener = TopicListener(DOCTOR, [topic for topic, kind in self.topics.items() if kind != TF_MESSAGE])
+        self.closing.callback(self.listener.close)
+        subscribe_hazards(names, self.hazards.take)
+        self.listen(self.listener)
+        self._state, self._types = self._master.state(), self._master.topic_types()
+        kobuki = "kobuki_msgs/SensorState"
+        if names.battery and self._has_type(names.battery, kobuki) and self.messages[names.battery].messages:
+            # Hazard events are only sent on changes; the sensor state also shows a sensor that is already active.
+            state = self._read(kobuki, self.messages[names.battery].messages[-1])
+            for hazard in active_hazards_of_kobuki(state):
+                self.hazards.take(hazard, -1, True, "sensor state")
+
+    def _command_results(self) -> Iterator[CheckResult]:
+        names, state, types = self.names, self._state, self._types
+        subscribers = [node for node in state.subscribers.get(names.command, []) if node != _NODE]
+        if not set(subscribers) - {server_of(names.discrete_move, state), "/vsnbench"}:
+            advice = "start the driver of the base, or remap its topic"
+            yield CheckResult(names.command, Health.FAILED, "no base subscribes", advice)
+        elif types.get(names.command, _TWIST) != _TWIST:
+            yield CheckResult(names.command, Health.FAILED, f"is a {types[names.command]}", f"it must be a {_TWIST}")
+        else:
+            yield CheckResult(names.command, Health.OK, f"subscribed by {', '.join(subscribers)}")
+        for fault in graph_faults(names, state, types, _OWN_NODES):
+            yield CheckResult(fault.name, Health.FAILED if fault.fatal else Health.WARNING, fault.seen, fault.advice)
+
+    def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+        from vsnbench.ros1.battery import battery_in
+
+        names = self.names
+        if names.battery and readable[names.battery].messages:
+            battery = battery_in(self._read(names.battery_type, readable[names.battery].messages[-1]))
+            if battery is not None:
+                yield battery_result(battery)
+
+    def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:  # noqa: ARG002
+        from vsnbench.ros1.service_call import ServiceRefusedError
+
+        name = self.names.discrete_move
+        try:
+            trip_s = self._client().probe()
+        except ServiceRefusedError as error:
+            advice = error.advice or "end the server, which has another version of discrete_move/DiscreteServer"
+            yield CheckResult(name, Health.FAILED, error.statement, advice)
+        except RobotError as error:
+            advice = f"start it: vsnbench robots serve {self.profile.name}"
+            yield CheckResult(name, Health.FAILED, error.statement, advice)
+        else:
+            yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
+
+    @contextmanager
+    def _turn_test(self) -> Iterator[TurnTest]:
+        yield _TurnTest(self, self._client())
+
+    def _publishers(self, topic: str) -> Sequence[str]:
+        return self._state.publishers.get(topic, [])
+
+    def _has_type(self, topic: str, kind: str) -> bool:
+        return self._types.get(topic) == kind
+
+    def _topic_fault(self, topic: str, kind: str, bad: Health) -> CheckResult | None:
+        if self._has_type(topic, kind):
+            return None
+        found = self._types.get(topic, "")
+        return CheckResult(topic, bad, f"is a {found}", type_advice(kind, found))
+
+    def _described(self, topic: str, kind: str) -> str:  # noqa: ARG002
+        return kind
+
+    def _unpublished_advice(self, *, required: bool) -> str:
+        advice = "start its driver, or correct the topic in the profile"
+        return f"{advice}; if it runs, the master was restarted after it: restart all nodes" if required else advice
+
+    def _silent_advice(self, topic: str) -> str:
+        return f"check that {', '.join(self._publishers(topic))} is alive and can resolve the name of this machine"
+
+    def _read(self, kind: str, data: bytes) -> Any:
+        from vsnbench.ros1.topic_listener import message_of
+
+        return message_of(kind, data)
+
+    def _seconds(self, stamp: Any) -> float:
+        return float(stamp.to_sec())
+
+    def _remote_nodes(self) -> frozenset[str]:
+        here = {"localhost", socket.gethostname(), os.environ.get("ROS_IP", ""), os.environ.get("ROS_HOSTNAME", "")}
+        remote = set()
+        for node in {node for nodes in self._state.publishers.values() for node in nodes}:
+            try:
+                host = urlparse(str(self._master.ask("lookupNode", node))).hostname or ""
+            except (LookupError, MasterError):
+                continue
+            if host not in here and not host.startswith("127."):
+                remote.add(node)
+        return frozenset(remote)
+
+    def heading_rad(self) -> float | None:
+        """Return the heading of the odometry after a motion has settled; None without odometry."""
+        if self.names.tf:
+            return self.transforms.settled_heading_rad()
+        data = self.listener.monitor.settled(self.names.odometry)
+        return None if data is None else planar(self._read("nav_msgs/Odometry", data))[2]
+
+    def newest_depth(self) -> Any:
+        """Return a depth image that arrives from now on; None if none arrives."""
+        topic = self.names.depth
+        messages = self.listener.listen(_DEPTH_S)[topic].messages if topic else []
+        return self._read("sensor_msgs/Image", messages[-1]) if messages else None
+
+    def _client(self) -> ServiceClient:
+        from vsnbench.ros1.messages import DiscreteServer
+        from vsnbench.ros1.service_call import ServiceClient
+
+        return ServiceClient(self.names.discrete_move, DiscreteServer, self._master, _NODE)
+
+
+class _TurnTest(TurnTest):
+    """Turns the robot by the server of discrete_move."""
+
+    def __init__(self, checkup: Ros1Checkup, client: ServiceClient) -> None:
+        self._checkup = checkup
+        self._client = client
+        settings = MotionSettings.for_robot(checkup.profile)
+        self._timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, settings) + 12.0
+
+    def turn(self, movement: str, angle_deg: int) -> Turn:
+        """Turn the robot.
+
+        Raises:
+            RobotError: the server does not answer.
+        """
+        from vsnbench.ros1.messages import DiscreteServerRequest
+
+        before = self._checkup.heading_rad()
+        answered = bool(self._client.call(DiscreteServerRequest(movement, angle_deg), self._timeout_s).response)
+        after = self._checkup.heading_rad()
+        if before is None or after is None:
+            return Turn(answered, None)
+        return Turn(answered, math.remainder(after - before, math.tau))
+
+    def newest_depth(self) -> Any:
+        """Return a depth image that arrives from now on; None if none arrives."""
+        return self._checkup.newest_depth()
+
+    def further_results(self) -> Iterator[CheckResult]:
+        """Check nothing: the server of discrete_move stops the base."""
+        return iter(())
+
+
+def _topics(names: Ros1Interface) -> dict[str, str]:
+    """Return the type of every topic that the robot should publish."""
+    expected = {
+        names.odometry_topic: names.odometry_type,
+        names.color: image_type(names.color),
+        names.depth: image_type(names.depth),
+        names.color_info: "sensor_msgs/CameraInfo",
+        names.depth_info: "sensor_msgs/CameraInfo",
+        names.bumper: names.bumper_type,
+        names.cliff: names.cliff_type,
+        names.wheel_drop: names.wheel_drop_type,
+        names.battery: names.battery_type,
+    }
+    return {topic: kind for topic, kind in expected.items() if topic}
+
+
+def _own_address(master: Master) -> CheckResult:
+    """Return whether other machines can reach the address that this machine registers."""
+    given = os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME")
+    remote = urlparse(master.uri).hostname not in ("localhost", "127.0.0.1", socket.gethostname())
+    if given:
+        if remote and (given.startswith("127.") or given == "localhost"):
+            seen = f"{given}, but the master is on another machine"
+            return CheckResult("own address", Health.FAILED, seen, "set ROS_IP to the address of this machine")
+        return CheckResult("own address", Health.OK, given)
+    if remote:
+        seen = f"neither ROS_IP nor ROS_HOSTNAME is set: the robot must resolve {socket.gethostname()}"
+        return CheckResult("own address", Health.WARNING, seen, "export ROS_IP=<address of this machine>")
+    return CheckResult("own address", Health.OK, "this machine only")

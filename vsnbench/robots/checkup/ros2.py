@@ -1,0 +1,268 @@
+"""The check-up of a robot over ROS 2."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from vsnbench.errors import RobotError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.checks import battery_result
+from vsnbench.robots.checkup.images import image_type
+from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.robots.checkup.watchdog import stored_watchdog_result, watchdog_result
+from vsnbench.robots.ros.link import connect
+from vsnbench.robots.ros.start import Patience, wait_until_ready
+from vsnbench.robots.ros.watchdog import measure_watchdog, store_measurement
+from vsnbench.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
+from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
+from vsnbench.ros2.interface import TF_MESSAGE, VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros2.topic_service import TopicServiceClient
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.simulation import ACCOUNT
+from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.battery import Battery
+from vsnbench.values.robot_profile import RobotProfile
+
+if TYPE_CHECKING:
+    from vsnbench.ros2.topic_listener import TopicListener
+
+_DEPTH_S = 2.0
+_BATTERY_STATE = "sensor_msgs/msg/BatteryState"
+
+
+class Ros2Checkup(RosCheckup):
+    """Checks every part of a robot over ROS 2."""
+
+    names: Ros2Interface
+    listener: TopicListener
+
+    def __init__(self, profile: RobotProfile) -> None:
+        super().__init__(profile)
+        self.names = ros2_interface(profile)
+        self.image_turns = self.names.image_turns
+        self.topics = _topics(self.names)
+        self.dock = Dock(profile.name, self.names)
+        self._others: list[str] = []
+
+    def _connect(self) -> Generator[CheckResult, None, bool]:
+        if missing := missing_packages():
+            yield CheckResult("ROS 2", Health.FAILED, f"no Python module {missing[0]}", INSTALL)
+            return False
+        distribution = os.environ.get("ROS_DISTRO", "")
+        yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
+        from vsnbench.ros2.topic_listener import TopicListener
+
+        topics = {topic: kind for topic, kind in self.topics.items() if kind != TF_MESSAGE}
+        try:
+            self.listener = TopicListener(DOCTOR, self.names.root, topics)
+            self.closing.callback(self.listener.close)
+        except RobotError as error:
+            yield CheckResult("node", Health.FAILED, error.statement, error.advice)
+            return False
+        try:
+            self._receive()
+        except RobotError as error:
+            yield CheckResult("TF", Health.FAILED, error.statement, error.advice)
+            return False
+        self._others = sorted(set(self.listener.graph.nodes()) - {self.listener.node.full_name})
+        yield graph_result(self._others)
+        return bool(self._others or any(self._publishers(topic) for topic in self.topics))
+
+    def _receive(self) -> None:
+        from vsnbench.ros2.hazard_events import subscribe_hazards
+
+        subscribe_dock(self.listener.node, self.names, self.dock)
+        subscribe_hazards(self.listener.node, self.names, self.hazards.take)
+        self.listen(self.listener)
+
+    def _command_results(self) -> Iterator[CheckResult]:
+        names, graph = self.names, self.listener.graph
+        subscribers = graph.subscribers(names.command)
+        bases = bases_of(subscribers)
+        fault = command_fault(names.command, names.command_type, subscribers, VELOCITIES)
+        fault = fault or incompatibility(self.listener.node.velocity_quality, bases)
+        if fault is not None:
+            yield CheckResult(names.command, Health.FAILED, fault.statement, fault.advice)
+            return
+        described = ", ".join(f"{base.node} ({base.qos_text})" for base in bases)
+        yield CheckResult(names.command, Health.OK, f"{bases[0].type_name}, subscribed by {described}")
+        rivals = sorted({publisher.node for publisher in graph.publishers(names.command) if not publisher.is_own})
+        if rivals:
+            advice = "end that node, unless it only relays commands"
+            yield CheckResult(names.command, Health.WARNING, f"{', '.join(rivals)} can also steer the base", advice)
+
+    def _battery_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+        names, dock = self.names, self.dock
+        if not names.battery or not readable[names.battery].messages:
+            return
+        state = self._read("sensor_msgs/BatteryState", readable[names.battery].messages[-1])
+        battery = Battery.reported(state.percentage, state.voltage)
+        if dock.is_charging and dock.is_docked is None:
+            advice = f"a docked base does not turn: {dock.advice}"
+            charge = f"{battery.text}, charging" if battery else "charging"
+            yield CheckResult("battery", Health.WARNING, f"{charge}: the robot may be on its dock", advice)
+        elif battery is not None:
+            yield battery_result(battery)
+
+    def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+        names, dock = self.names, self.dock
+        yield from self._battery_results(readable)
+        if names.hazards and irobot_type("msg", "HazardDetectionVector") is None:
+            yield CheckResult(
+                names.hazards,
+                Health.WARNING,
+                "irobot_create_msgs is not installed: the operator has to report collisions",
+                "press the space bar at a contact, or source a distribution that has ros-<distro>-irobot-create-msgs",
+            )
+        elif names.hazards and not self._publishers(names.hazards):
+            seen = "no node publishes it: the operator has to report collisions"
+            advice = "uncomment hazard_detection in the republisher.yaml of the robot"
+            yield CheckResult(names.hazards, Health.WARNING, seen, advice)
+        if dock.fault is not None:
+            yield CheckResult("dock", Health.FAILED, dock.fault.statement, dock.advice)
+        elif dock.is_docked is not None:
+            yield CheckResult("dock", Health.OK, "the robot is off its dock")
+
+    def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:
+        name, graph = self.names.discrete_move, self.listener.graph
+        start = f"vsnbench robots serve {self.profile.name}"
+        if graph.subscribers(f"{name}/question"):
+            yield self._server_result(name, f"restart it: {start}")
+            return
+        seen = "does not run on the robot: vsnbench run steers it over the network"
+        yield CheckResult(name, Health.OK, seen, f"on a poor network, run on the robot: {start}")
+        if not move:
+            simulated = bool(graph.publishers(self.names.simulation_topic(ACCOUNT)))
+            yield stored_watchdog_result(self.profile, simulated=simulated)
+
+    def _server_result(self, name: str, advice: str) -> CheckResult:
+        try:
+            TopicServiceClient(self.listener.node, name).call({"movement": "Ping"}, 2.0)
+        except RobotError as error:
+            return CheckResult(name, Health.FAILED, error.statement, advice)
+        return CheckResult(name, Health.OK, "runs on the robot, and answers")
+
+    @contextmanager
+    def _turn_test(self) -> Iterator[TurnTest]:
+        self.listener.close()
+        link = connect(self.profile, ProtocolParameters())
+        try:
+            wait_until_ready(link, Patience(10.0))
+            yield _TurnTest(link, self.profile)
+        finally:
+            link.stand_still()
+            link.close()
+
+    def _publishers(self, topic: str) -> Sequence[str]:
+        return [publisher.node for publisher in self.listener.graph.publishers(topic)]
+
+    def _has_type(self, topic: str, kind: str) -> bool:
+        return type_fault(topic, kind, self.listener.graph.publishers(topic)) is None
+
+    def _topic_fault(self, topic: str, kind: str, bad: Health) -> CheckResult | None:
+        graph = self.listener.graph
+        publishers, senders = graph.publishers(topic), self.messages[topic].senders
+        ours = next((node.type_hash for node in graph.subscribers(topic) if node.is_own), "")
+        if (fault := type_fault(topic, kind, publishers)) is not None:
+            return CheckResult(topic, bad, fault.statement, fault.advice)
+        if len(senders) > 1:
+            advice = "end one of them, or set the robot's namespace (--robot NAME@NAMESPACE)"
+            return CheckResult(topic, Health.FAILED, f"{' and '.join(sorted(senders))} both publish it", advice)
+        if other := hash_fault(topic, ours, publishers):
+            advice = "install the distribution of the robot: messages of others may not be readable"
+            return CheckResult(topic, Health.WARNING, other, advice)
+        return None
+
+    def _described(self, topic: str, kind: str) -> str:
+        return f"{kind} ({self.listener.graph.publishers(topic)[0].qos_text})"
+
+    def _unpublished_advice(self, *, required: bool) -> str:  # noqa: ARG002
+        return f"start its driver in {discovery()}, or correct the topic in the profile"
+
+    def _silent_advice(self, topic: str) -> str:
+        node = self._publishers(topic)[0]
+        return f"check that {node} is alive; a slow network loses large images (docs/robot.md)"
+
+    def _read(self, kind: str, data: bytes) -> Any:
+        from vsnbench.ros2.topic_listener import message_of
+
+        return message_of(kind, data)
+
+    def _seconds(self, stamp: Any) -> float:
+        from vsnbench.ros2.messages import seconds
+
+        return seconds(stamp)
+
+    def _remote_nodes(self) -> frozenset[str]:
+        return frozenset(self._others)
+
+
+class _TurnTest(TurnTest):
+    """Turns the robot as a session does."""
+
+    def __init__(self, link: RobotLink, profile: RobotProfile) -> None:
+        self._link = link
+        self._profile = profile
+
+    def turn(self, movement: str, angle_deg: int) -> Turn:
+        """Turn the robot.
+
+        Raises:
+            RobotError: the mover does not answer.
+        """
+        link = self._link
+        before = link.snapshot().latest
+        answered = link.move(movement, angle_deg, 15.0)
+        link.wait_for(lambda now: now.at_rest(0.3, 0.001, math.radians(0.05)), 2.0)
+        now = link.snapshot()
+        reason = now.outcome.reason if now.outcome is not None else ""
+        if before is None or now.latest is None:
+            return Turn(answered, None, reason)
+        return Turn(answered, now.latest.pose.heading_rad - before.pose.heading_rad, reason)
+
+    def newest_depth(self) -> Any:
+        """Return a depth image that arrives from now on; None if none arrives."""
+        began_s = time.monotonic()
+        if not self._link.names.depth:
+            return None
+        now = self._link.wait_for(
+            lambda now: now if now.depths and now.depths[-1].arrival_s > began_s else None, _DEPTH_S
+        )
+        return self._link.image(now.depths[-1].payload) if now else None
+
+    def further_results(self) -> Iterator[CheckResult]:
+        """Measure and store the watchdog of a base that this process steers."""
+        if self._link.steer is not None:
+            measured = measure_watchdog(self._link, self._profile)
+            store_measurement(measured, self._profile, simulated=self._link.snapshot().simulation is not None)
+            yield watchdog_result(measured, self._profile)
+
+
+def graph_result(others: list[str]) -> CheckResult:
+    """Return whether there are other nodes on the graph."""
+    if not others:
+        advice = (
+            "set ROS_DOMAIN_ID to that of the robot, and ROS_AUTOMATIC_DISCOVERY_RANGE to SUBNET for a remote robot"
+        )
+        return CheckResult("graph", Health.FAILED, f"{discovery()}: no other nodes", advice)
+    return CheckResult("graph", Health.OK, f"{discovery()}: {len(others)} other nodes")
+
+
+def _topics(names: Ros2Interface) -> dict[str, str]:
+    """Return the type of every topic that the robot should publish, for types that every ROS 2 has."""
+    expected = {
+        names.odometry_topic: names.odometry_type,
+        names.color: image_type(names.color).replace("/", "/msg/"),
+        names.depth: image_type(names.depth).replace("/", "/msg/"),
+        names.color_info: "sensor_msgs/msg/CameraInfo",
+        names.depth_info: "sensor_msgs/msg/CameraInfo",
+        names.battery: _BATTERY_STATE,
+    }
+    return {topic: kind for topic, kind in expected.items() if topic}

@@ -1,0 +1,1 @@
+"""Robots driven over ROS 1 or ROS 2."""

@@ -1,0 +1,285 @@
+"""Images of a robot over ROS after a motion: colour, median depth, labels."""
+
+import hashlib
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import ImageError, SensorLostError
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.images.camera_images import (
+    MatchedImages,
+    MotionEnd,
+    Stamped,
+    beyond_range,
+    decode_color,
+    decode_depth,
+    decode_labels,
+    match_images,
+    median_depth_m,
+    share_invalid,
+)
+from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
+from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics, Rectifier, rectifier_of
+from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import InstanceImage
+from vsnbench.values.robot_profile import RobotProfile
+
+CAMERA_TIMEOUT_S = 3.0
+_MAX_SKEW_S = 0.1
+_MAX_AHEAD_S = 2.0
+"""Images that are stamped farther ahead of the odometry have a wrong stamp."""
+_MAX_INVALID = 0.5
+"""The unit of a depth image may be wrong if a larger share is invalid."""
+_CALIBRATION_S = 2.0
+"""Time for the first camera_info, which drivers publish with every image."""
+_STALE_S = 2.0
+"""Age at which an image is no longer current."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureReport:
+    """Durations and quality of the images of an observation."""
+
+    waited_s: float
+    """Time until images taken after the motion arrived."""
+    computed_s: float
+    """Time for decoding and filtering."""
+    skew_s: float
+    """Colour stamp minus depth stamp."""
+    depth_frames: int
+    invalid_before: float
+    """Share of pixels without a measurement in the newest depth image, 0 to 1."""
+    invalid_after: float
+    """Share after the median."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Finite values by name, for the record."""
+        return {name: number for name, number in asdict(self).items() if math.isfinite(number)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Images:
+    """The images of one observation."""
+
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3)."""
+    depth_m: npt.NDArray[np.float32] | None
+    """(H, W) metres; None for a robot without depth."""
+    beyond_range: npt.NDArray[np.bool_] | None
+    """(H, W) pixels whose surface is beyond the range; None for a robot without depth."""
+    instances: InstanceImage | None
+    """Labels of a simulator, or None."""
+    stamp_s: float
+    depth_stamp_s: float | None
+    depth_frame_digest: bytes | None
+    """Digest of the newest depth image as received; None without depth."""
+    report: CaptureReport
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rectified:
+    """A rectifier and its calibration."""
+
+    calibration: Intrinsics | CalibrationError | None
+    rectifier: Rectifier
+
+
+class RosCamera:
+    """Waits for images taken after a motion, decodes and rectifies them.
+
+    Raises:
+        CalibrationError: in the constructor, if the camera_info contradicts the profile or cannot be used.
+    """
+
+    def __init__(self, link: RobotLink, profile: RobotProfile) -> None:
+        self._link = link
+        self._profile = profile
+        self._names = link.names
+        self.depth_frames = self._names.depth_frames if self._names.depth else 0
+        """Number of depth images per median."""
+        self._rectifiers: dict[str, _Rectified] = {}
+        self.labelled = link.has_labels
+        """Whether a simulator labels the images; read once, because a ROS master may die during an episode."""
+        self._await_calibration()
+
+    def _await_calibration(self) -> None:
+        """Wait for the calibrations of the profile and check them.
+
+        Without camera_info, the field of view of the profile is used.
+
+        Raises:
+            CalibrationError: a calibration cannot be used, or contradicts the profile.
+        """
+        names = self._names
+        of_images = {names.color: names.color_info, names.depth: names.depth_info}
+        wanted = [topic for topic, info in of_images.items() if topic and info]
+        self._link.wait_for(lambda now: all(topic in now.calibrations for topic in wanted), _CALIBRATION_S)
+        for topic in wanted:
+            self._rectifier(topic)
+
+    def capture(self, end: MotionEnd) -> Images:
+        """Return images taken after `end`.
+
+        Raises:
+            SensorLostError: a camera is silent, or its images do not fit the profile.
+        """
+        began_s = time.monotonic()
+        match, instances = self._await_images(end)
+        got_s = time.monotonic()
+        camera = self._profile.camera
+        try:
+            rgb = decode_color(self._link.image(match.color.payload))
+            frames = [decode_depth(self._link.image(frame.payload)) for frame in match.depths]
+        except ImageError as error:
+            raise SensorLostError(
+                f"{error}", advice="check that the camera driver is that of the profile", code=error.code
+            ) from error
+        for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
+            height, width = image.shape[:2][:: -1 if self._link.image_turns % 2 else 1]
+            if (width, height) != (camera.width, camera.height):
+                raise SensorLostError(
+                    f"the {what} image is {width}x{height}, the profile has {camera.width}x{camera.height}",
+                    advice="set the mode of the camera driver, or the camera of the profile",
+                    code="wrong-image-size",
+                )
+        try:
+            depth_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m) if frames else None
+        except ValueError as error:
+            raise SensorLostError(f"{self._names.depth}: {error}") from error
+        beyond = None if depth_m is None else beyond_range(frames[-1], depth_m, camera.depth_max_m)
+        invalid_after = share_invalid(depth_m) if depth_m is not None else math.nan
+        if invalid_after > _MAX_INVALID and (fault := range_fault(frames[-1], camera)):
+            raise SensorLostError(f"{self._names.depth}: {fault}", advice=WRONG_UNIT, code="wrong-depth-range")
+        try:
+            rgb = self._rectifier(self._names.color).image(rgb)
+            if depth_m is not None:
+                rectifier = self._rectifier(self._names.depth)
+                depth_m = rectifier.depth(depth_m)
+                beyond = None if beyond is None else rectifier.labels(beyond)
+        except CalibrationError as error:
+            raise SensorLostError(error.statement, advice=error.advice, code=error.code) from error
+        report = CaptureReport(
+            waited_s=got_s - began_s,
+            computed_s=time.monotonic() - got_s,
+            skew_s=match.skew_s,
+            depth_frames=len(frames),
+            invalid_before=float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
+            invalid_after=invalid_after,
+        )
+        depth_stamp_s = match.depths[-1].stamp_s if match.depths else None
+        digest = hashlib.blake2b(frames[-1].tobytes(), digest_size=16).digest() if frames else None
+        return Images(rgb, depth_m, beyond, instances, match.color.stamp_s, depth_stamp_s, digest, report)
+
+    @property
+    def model(self) -> Camera:
+        """Camera that fits the rectified images."""
+        return self._profile.camera.without_roll
+
+    def depth_of(self, image: Stamped[Any]) -> npt.NDArray[np.float32]:
+        """Return one depth image of a snapshot (H, W), metres, NaN where invalid, unfiltered.
+
+        Raises:
+            ImageError: it cannot be decoded.
+            CalibrationError: it cannot be rectified.
+            ValueError: its size does not fit.
+        """
+        camera = self._profile.camera
+        frame = decode_depth(self._link.image(image.payload))
+        depth_m = median_depth_m([frame], camera.depth_min_m, camera.depth_max_m)
+        return self._rectifier(self._names.depth).depth(depth_m)
+
+    def preview(self) -> npt.NDArray[np.uint8] | None:
+        """Return the newest colour image, or None if it is older than two seconds; thread-safe."""
+        colors = self._link.snapshot().colors
+        if not colors or time.monotonic() - colors[-1].arrival_s > _STALE_S:
+            return None
+        try:
+            return self._rectifier(self._names.color).image(decode_color(self._link.image(colors[-1].payload)))
+        except (ImageError, CalibrationError, ValueError):
+            return None
+
+    def _await_images(self, end: MotionEnd) -> tuple[MatchedImages[Any], InstanceImage | None]:
+        """Return matching images, and the labels of the colour image if a simulator publishes them."""
+
+        def complete(now: RobotSnapshot) -> tuple[MatchedImages[Any], RobotSnapshot] | None:
+            colors: Sequence[Stamped[Any]] = now.colors
+            if self.labelled:
+                labelled = {image.stamp_s for image in now.labels} if now.categories else set()
+                colors = [image for image in now.colors if image.stamp_s in labelled]
+            colors, depths = _not_ahead(colors, now), _not_ahead(now.depths, now)
+            match = match_images(colors, depths, end, self.depth_frames, _MAX_SKEW_S)
+            return (match, now) if match else None
+
+        timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._names.camera_rate_hz
+        found = self._link.wait_for(complete, timeout_s)
+        if found is None:
+            raise self._missing_images(timeout_s)
+        match, now = found
+        for labels in now.labels if self.labelled else ():
+            if labels.stamp_s == match.color.stamp_s:
+                ids = decode_labels(self._link.image(labels.payload))
+                ids = self._rectifier(self._names.color).labels(ids)
+                return match, InstanceImage(ids=ids, categories=now.categories)
+        return match, None
+
+    def _rectifier(self, topic: str) -> Rectifier:
+        """Return the rectifier of a topic for the newest calibration.
+
+        Raises:
+            CalibrationError: the calibration cannot be used, or contradicts the profile.
+        """
+        calibration = self._link.snapshot().calibrations.get(topic)
+        known = self._rectifiers.get(topic)
+        if known is not None and known.calibration is calibration:
+            return known.rectifier
+        rectifier = rectifier_of(calibration, self._profile.camera, topic, self._link.image_turns)
+        self._rectifiers[topic] = _Rectified(calibration, rectifier)
+        return rectifier
+
+    def _missing_images(self, waited_s: float) -> SensorLostError:
+        names, now, now_s = self._names, self._link.snapshot(), time.monotonic()
+        silent = []
+        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
+            if rivals := now.rivals(topic, now_s):
+                return rivals
+            if topic and (not images or now_s - images[-1].arrival_s > 1.0):
+                silent.append(topic)
+        if silent:
+            topics = " and ".join(silent)
+            return SensorLostError(
+                f"no image on {topics} for {waited_s:.0f} s", advice="check the camera driver", code="no-image"
+            )
+        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
+            if images and not _not_ahead(images[-1:], now):
+                ahead_s = images[-1].stamp_s - _odometry_time_s(now, images[-1].arrival_s)
+                return SensorLostError(
+                    f"images on {topic} are stamped {ahead_s:.1f} s ahead of the odometry",
+                    advice="synchronize the clocks (vsnbench doctor)",
+                    code="images-ahead",
+                )
+        return SensorLostError(
+            f"no images on {names.color} and {names.depth} within {waited_s:.0f} s that are stamped after the motion, "
+            f"colour within {_MAX_SKEW_S:g} s of depth",
+            advice="check that the clocks are synchronized (vsnbench doctor)",
+            code="no-matching-images",
+        )
+
+
+def _odometry_time_s(now: RobotSnapshot, arrival_s: float) -> float:
+    """Return the time on the clock of the odometry at an arrival; infinite before the first odometry."""
+    if now.latest is None:
+        return math.inf
+    return now.latest.stamp_s + arrival_s - now.latest.arrival_s
+
+
+def _not_ahead(images: Sequence[Stamped[Any]], now: RobotSnapshot) -> list[Stamped[Any]]:
+    """Drop images stamped ahead of the odometry, which would count as taken after every motion."""
+    return [image for image in images if image.stamp_s <= _odometry_time_s(now, image.arrival_s) + _MAX_AHEAD_S]

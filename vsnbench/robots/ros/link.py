@@ -1,0 +1,28 @@
+"""Opens the connection to the robot of a profile."""
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.ros.interface_kinds import kind_of
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.values.robot_identity import ROS1
+from vsnbench.values.robot_profile import RobotProfile
+
+
+def connect(profile: RobotProfile, parameters: ProtocolParameters) -> RobotLink:
+    """Join the network of a profile's robot.
+
+    Raises:
+        RobotError: the profile has no ROS interface, its ROS is not installed, or the network refuses the node.
+    """
+    if kind_of(profile).kind == ROS1:
+        from vsnbench.ros1.installation import require_ros1
+
+        require_ros1()
+        from vsnbench.ros1.robot_link import RobotLink as Ros1Link
+
+        return Ros1Link(profile)
+    from vsnbench.ros2.installation import require_ros2
+
+    require_ros2()
+    from vsnbench.ros2.robot_link import RobotLink as Ros2Link
+
+    return Ros2Link(profile, parameters)

@@ -1,0 +1,217 @@
+"""Runs one movement at a time over ROS: waits, watches, stops the base, and measures by the odometry."""
+
+import logging
+import time
+from collections.abc import Callable
+
+from vsnbench.control.settings import MotionSettings
+from vsnbench.errors import NoAnswerError, RobotError, SensorLostError
+from vsnbench.robots.ros.movement_watch import ODOMETRY_TIMEOUT_S, MovementWatch, no_odometry
+from vsnbench.robots.ros.path_looks import PathLooks
+from vsnbench.robots.ros.start import present
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.images.camera_images import MotionEnd
+from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement, distance_along
+from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.odometry.rest_readings import Stillness
+from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.pose import Pose
+
+logger = logging.getLogger(__name__)
+
+_COMMAND_TIMEOUT_S = 0.6
+_HANGING_S = 3.0
+"""A discrete_move that does not steer for this long during a movement hangs."""
+_STANDSTILL_TIMEOUT_S = 1.5
+_UNDRIVEN_S = 0.2
+"""Longest period between the velocities of a driving server."""
+_LONGEST_PAUSE_S = 0.6
+"""After a longer pause between two checks, this process was stopped or starved: it heard nothing meanwhile."""
+_LAST_HOLD_S = 10.0
+"""Longest time for which the base is held against another driving node at the end of the session."""
+
+
+class MovementRunner:
+    """Runs the movements of one robot; every exit leaves it at rest."""
+
+    def __init__(self, link: RobotLink, settings: MotionSettings) -> None:
+        self._link = link
+        self._settings = settings
+        self.origin = Pose(0.0, 0.0)
+        """Odometry at the start of the episode."""
+        self.end = MotionEnd(0.0, 0.0)
+        """End of the last movement."""
+        self.last_outcome: Outcome | None = None
+        """Outcome of the last movement; None for a server that does not report it."""
+        self._moving = False
+        self._requested_s = 0.0
+        self._checked_s = 0.0
+        self._listening_since_s = 0.0
+        self._still = Stillness()
+        self._path_m = 0.0
+        self._last_pose = Pose(0.0, 0.0)
+
+    def begin(self, now: RobotSnapshot) -> None:
+        """Start an episode with the odometry of a snapshot as its origin."""
+        assert now.latest is not None  # noqa: S101  # the caller awaited it
+        self.origin = now.latest.pose
+        self._still = Stillness.of([reading.pose for reading in now.readings])
+        self.end = present(now)
+
+    def run(
+        self,
+        requested: RequestedMovement | RequestedDrive,
+        name: str,
+        call: Callable[[Callable[[], None]], bool],
+        looks: PathLooks | None = None,
+    ) -> MotionResult:
+        """Run one movement to its end and return the measured motion.
+
+        Args:
+            requested: the movement, for the comparison with the odometry.
+            name: of the movement.
+            call: has the movement executed and returns the answer; it calls its argument periodically, which ends the
+                movement by an exception.
+            looks: checks the way ahead while the robot drives.
+        """
+        before = self.relative(self.fresh())
+        began_s, self._requested_s = self._link.now_s, time.monotonic()
+        self._checked_s = self._listening_since_s = self._requested_s
+        failure, blocked, sensor_lost, answered = "", "", False, False
+        self._moving, self._path_m, self._last_pose = True, 0.0, before
+        self._link.release()
+        watch = MovementWatch(self._link.names, requested, self.origin, before, self._requested_s)
+        try:
+            self._check(watch, looks)
+            if looks is not None and isinstance(requested, RequestedDrive) and requested.goes_forward:
+                looks.require_sight(self._link.snapshot())
+            answered = call(lambda: self._check(watch, looks))
+            # The outcome is on another topic than the answer.
+            self._link.wait_for(lambda now: now.outcome is not None, 0.1 if self._link.reports_outcomes else 0.0)
+        except MovementAlarmError as alarm:
+            blocked, failure = (str(alarm), "") if alarm.blocked else ("", str(alarm))
+            sensor_lost = alarm.sensor_lost
+        except NoAnswerError as error:
+            failure = str(error)
+        outcome = self.last_outcome = self._link.snapshot().outcome
+        if failure or blocked or self._link.snapshot().rival_s > self._requested_s:
+            self._force_standstill()
+        self._moving = False
+        if not failure and not blocked and not answered:
+            failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
+            sensor_lost = outcome is not None and outcome.sensor_lost
+        after = before
+        try:
+            after = self._pose_at_rest()
+        except SensorLostError as error:
+            failure, sensor_lost = failure or str(error), sensor_lost or not failure
+        if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry_topic, time.monotonic())):
+            failure = f"{rivals} ({failure})"
+        collision = self._collision()
+        if not failure and not blocked and (contradiction := requested.contradiction(before, after)):
+            failure = f"discrete_move answered True to {name}, but {contradiction}"
+        path_m = None
+        if isinstance(requested, RequestedDrive):
+            path_m = self._path_m + self._last_pose.distance_to(after)
+        return MotionResult(
+            completed=not failure and not blocked and collision is None,
+            displacement_m=distance_along(before, after),
+            turn_rad=after.heading_rad - before.heading_rad,
+            duration_s=self._link.now_s - began_s,
+            collision=collision,
+            failure=failure,
+            corrections=outcome.corrections if outcome else 0,
+            pose=after,
+            path_m=path_m,
+            blocked="" if failure else blocked,
+            sensor_lost=sensor_lost,
+        )
+
+    def halt(self) -> None:
+        """Command zero velocity, and hold it while a movement may be running."""
+        if self._moving:
+            self._force_standstill()
+            self._moving = False
+        else:
+            self._link.stand_still()
+
+    def close(self) -> None:
+        """Halt, and hold the base for a while if another node still drives it."""
+        self.halt()
+        if self._link.holding:
+            self._link.wait_for(self._undriven_at_rest, _LAST_HOLD_S)
+
+    def fresh(self) -> RobotSnapshot:
+        """Return the present snapshot.
+
+        Raises:
+            SensorLostError: the odometry is old.
+        """
+        now = self._link.snapshot()
+        if (silent_s := now.odometry_age_s(time.monotonic())) > ODOMETRY_TIMEOUT_S:
+            if now.odometry_fault:
+                raise SensorLostError(now.odometry_fault.text)
+            raise no_odometry(self._link.names.odometry_topic, silent_s)
+        return now
+
+    def relative(self, now: RobotSnapshot) -> Pose:
+        """Return the newest odometry relative to the start of the episode."""
+        return now.latest.pose.relative_to(self.origin) if now.latest else Pose(0.0, 0.0)
+
+    def _check(self, watch: MovementWatch, looks: PathLooks | None) -> None:
+        """Raise MovementAlarmError if the movement has to end."""
+        link, now, now_s = self._link, self._link.snapshot(), time.monotonic()
+        if now_s - self._checked_s > _LONGEST_PAUSE_S:
+            self._listening_since_s = now_s
+        self._checked_s = now_s
+        watch.check(now, self._listening_since_s)
+        pose = self.relative(now)
+        self._path_m += self._last_pose.distance_to(pose)
+        self._last_pose = pose
+        if looks is not None and isinstance(watch.requested, RequestedDrive):
+            looks.look(now, watch.requested.remaining_m(watch.before, pose))
+        unsteered_s = time.monotonic() - max(now.steered_s, self._requested_s)
+        if unsteered_s > _COMMAND_TIMEOUT_S:
+            # Nothing steers: stop the base, whatever its last command was.
+            link.stand_still()
+        if unsteered_s > _HANGING_S:
+            raise MovementAlarmError(
+                f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server"
+            )
+
+    def _collision(self) -> Collision | None:
+        now = self._link.snapshot()
+        bumped = [where for hazard, where in now.hazard_events if hazard is Hazard.BUMPER]
+        if bumped:
+            return Collision(CollisionSource.BUMPER, now.contact or bumped[0])
+        return Collision(CollisionSource.CONTACT, now.contact) if now.contact else None
+
+    def _force_standstill(self) -> None:
+        """Hold the base until it is at rest and no node drives it.
+
+        A node that still drives is answered with zero velocities until the next movement.
+        """
+        self._link.hold_still()
+        try:
+            self._link.move("Stop", 0, 0.5)
+        except RobotError as error:
+            logger.warning("discrete_move does not stop: %s", error)
+        if not self._link.wait_for(self._undriven_at_rest, _STANDSTILL_TIMEOUT_S):
+            driver = self._link.snapshot().driven_by
+            logger.warning("%s still drives: the base is held at zero velocity; end that node", driver)
+        self._link.stand_still()
+
+    def _undriven_at_rest(self, now: RobotSnapshot) -> bool:
+        return time.monotonic() - now.driven_s > _UNDRIVEN_S and self._at_rest(now)
+
+    def _pose_at_rest(self) -> Pose:
+        """Return the pose once the odometry is at rest; a base with a lag rolls on after the answer."""
+        self._link.wait_for(self._at_rest, _STANDSTILL_TIMEOUT_S)
+        now = self.fresh()
+        self.end = present(now)
+        return self.relative(now)
+
+    def _at_rest(self, now: RobotSnapshot) -> bool:
+        return now.at_rest(self._settings.settle_s, self._still.position_m, self._still.heading_rad)

@@ -1,0 +1,231 @@
+"""A robot over ROS 1 or ROS 2: movements, camera and odometry (paper, Section 3.1.4).
+
+Every wait has a limit, and every exit commands zero velocity. The answer of discrete_move is compared with the
+odometry, because upstream's server always answers True.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.control.law import ideal_duration_s
+from vsnbench.control.legs import longest_duration_s
+from vsnbench.control.settings import MotionSettings
+from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import PathCheck, Robot
+from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
+from vsnbench.robots.ros.conditions import await_account, conditions_of, require_same_conditions
+from vsnbench.robots.ros.link import connect
+from vsnbench.robots.ros.movement_runner import MovementRunner
+from vsnbench.robots.ros.path_looks import PathLooks
+from vsnbench.robots.ros.start import (
+    Patience,
+    await_fresh_odometry,
+    carry_rehearsed_robot,
+    place_simulated_robot,
+    require_no_hazard,
+    wait_until_ready,
+)
+from vsnbench.robots.ros.watchdog import require_watchdog
+from vsnbench.sensing.movement_check import RequestedDrive, RequestedMovement
+from vsnbench.sensing.movements import MOVEMENTS
+from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.battery import Battery
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive, movement_to_json
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
+from vsnbench.values.robot_profile import RobotProfile
+
+logger = logging.getLogger(__name__)
+
+PATIENCE_S = 30.0
+"""Time in which the parts of a robot have to answer before an episode."""
+_MOVEMENT_OF = {action: movement for movement, action in MOVEMENTS.items()}
+
+
+class RosRobot(Robot):
+    """A real robot, or one of `vsnbench robots simulate`; one per process."""
+
+    has_preview = True
+
+    def __init__(
+        self,
+        profile: RobotProfile,
+        parameters: ProtocolParameters | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self.profile = profile
+        self._parameters = parameters if parameters is not None else ProtocolParameters()
+        if (turn_deg := self._parameters.turn_deg) != round(turn_deg):
+            raise RobotError(
+                f"discrete_move cannot turn by {turn_deg:g}°",
+                advice="set turn_deg to whole degrees",
+                code="fractional-turn",
+            )
+        self._settings = MotionSettings.for_robot(profile, self._parameters)
+        self._patience_s = patience_s
+        self.last_capture: CaptureReport | None = None
+        self._start: Pose | None = None
+        self._link = connect(profile, self._parameters)
+        self.movements = MovementRunner(self._link, self._settings)
+        self._simulation: SimulationAccount | None = None
+        try:
+            patience = Patience(patience_s)
+            wait_until_ready(self._link, patience)
+            if self._link.can_be_placed:
+                self._link.join_simulation()
+                self._simulation = await_account(self._link, profile, patience)
+            require_watchdog(self._link, profile)
+            self.is_rehearsal = self._simulation is not None and self._simulation.is_rehearsal
+            self.needs_operator = self._simulation is None or self.is_rehearsal
+            self._camera = RosCamera(self._link, profile)
+            frames = self._camera.depth_frames
+            self.conditions: Mapping[str, Any] = conditions_of(self._link, profile, self._simulation, frames)
+        except BaseException:
+            self._link.close()
+            raise
+        if self._link.can_drive:
+            self.action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
+        self.sensors = frozenset(
+            {Sensor.RGB, Sensor.ODOMETRY}
+            | ({Sensor.DEPTH} if self._link.names.depth else set())
+            | ({Sensor.INSTANCES} if self._camera.labelled else set())
+        )
+
+    @property
+    def identity(self) -> RobotIdentity:
+        """Profile and kind of the robot, and whether a simulator plays it."""
+        site = self._simulation.site_sha256 if self._simulation else ""
+        return RobotIdentity(self.profile, self._link.kind, simulated=self._simulation is not None, site_sha256=site)
+
+    @property
+    def battery(self) -> Battery | None:
+        """Last report of the base's battery."""
+        return self._link.snapshot().battery
+
+    def preview(self) -> npt.NDArray[np.uint8] | None:
+        """Return the newest camera image; None if there is no new one."""
+        return self._camera.preview()
+
+    def wait_until_ready(self) -> None:
+        """Wait until every part of the robot answers; see `Robot`."""
+        wait_until_ready(self._link, Patience(self._patience_s))
+
+    def begin(self, start: StartingPosition, seed: int) -> None:
+        """Start an episode at `start`; the simulator moves a simulated robot there.
+
+        The odometry of the base is not reset; poses are relative to its present value.
+
+        Raises:
+            NotPlacedError: a hazard sensor is active.
+            RobotError: a part does not answer in time or was replaced, or the robot cannot be at `start`.
+        """
+        self._start = None
+        patience = Patience(self._patience_s)
+        wait_until_ready(self._link, patience)
+        patience.retry(lambda: require_same_conditions(self._link, self._simulation, self.conditions))
+        if not self.needs_operator:
+            place_simulated_robot(self._link, start, seed, patience)
+        else:
+            require_no_hazard(self._link)
+        patience.retry(lambda: self._link.begin_episode(min(patience.left_s, 2.0)))
+        await_fresh_odometry(self._link, patience)
+        self._link.clear_events()
+        now = self._link.snapshot()
+        assert now.latest is not None  # noqa: S101  # awaited above
+        self.movements.begin(now)
+        self._start = start.pose
+
+    def simulate_placement(self, start: StartingPosition, seed: int) -> None:
+        """Have the simulator put the robot down near its mark; nearer with each call."""
+        carry_rehearsed_robot(self._link, start, seed, Patience(self._patience_s))
+
+    def set_start_pose(self, pose: Pose) -> None:
+        """Take the measured pose as the start of the estimated trajectory."""
+        self._start = pose
+
+    def observe(self) -> Observation:
+        """Return images taken after the last motion; the depth is the median of several images.
+
+        Raises:
+            SensorLostError: a camera or the odometry is silent, or does not fit the profile.
+        """
+        self._require_begun()
+        images = self._camera.capture(self.movements.end)
+        pose = self.movements.relative(self.movements.fresh())
+        self.last_capture = images.report
+        return Observation(
+            rgb=images.rgb,
+            depth_m=images.depth_m,
+            pose=pose,
+            stamp_s=images.stamp_s,
+            camera=self.profile.camera.without_roll,
+            instances=images.instances,
+            beyond_range=images.beyond_range,
+            depth_stamp_s=images.depth_stamp_s,
+            sensing=images.report.numbers,
+            depth_frame_digest=images.depth_frame_digest,
+        )
+
+    def execute(self, action: Action) -> MotionResult:
+        """Execute one action by discrete_move, and measure it by the odometry."""
+        self._require_begun()
+        angle_deg = round(self._parameters.turn_deg) if action.turns else 0
+        limit_s = ideal_duration_s(action, self._settings) + self._settings.timeout_s + 2.0
+
+        def call(watch: Callable[[], None]) -> bool:
+            return self._link.move(_MOVEMENT_OF[action], angle_deg, limit_s, watch if action.moves else None)
+
+        return self.movements.run(RequestedMovement.of(action, self._settings), _MOVEMENT_OF[action], call)
+
+    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
+        """Execute a movement with parameters by vsnbench's own node, or by this process; measure it by the odometry.
+
+        The depth images that arrive meanwhile are checked, and a blocked way ends the movement.
+        """
+        self._require_begun()
+        limit_s = longest_duration_s(movement, self._settings) + 2.0
+        name = movement_to_json(movement)["kind"]
+        looks = PathLooks(self._camera, check) if self._link.names.depth else None
+
+        def call(watch: Callable[[], None]) -> bool:
+            return self._link.drive(movement, limit_s, watch)
+
+        return self.movements.run(RequestedDrive(movement, self._settings), name, call, looks)
+
+    def locate(self) -> Fix:
+        """Return the pose of the simulator, or the start composed with the odometry."""
+        self._require_begun()
+        now = self._link.snapshot()
+        if not self.needs_operator:
+            if now.truth is None or time.monotonic() - now.truth.arrival_s > CAMERA_TIMEOUT_S:
+                raise SensorLostError(
+                    "the simulator is silent",
+                    advice="check that vsnbench robots simulate is running",
+                    code="silent-simulator",
+                )
+            return Fix(now.truth.payload, PoseSource.SIMULATED)
+        assert self._start is not None  # noqa: S101  # _require_begun
+        return Fix(self._start.compose(self.movements.relative(now)), PoseSource.ESTIMATED)
+
+    def halt(self) -> None:
+        """Command zero velocity, and hold it while a movement may be running."""
+        self.movements.halt()
+
+    def close(self) -> None:
+        """Halt and leave the network."""
+        self.movements.close()
+        self._link.close()
+
+    def _require_begun(self) -> None:
+        if self._start is None:
+            raise RobotError("the robot has no pose yet", advice="begin an episode first", code="not-begun")

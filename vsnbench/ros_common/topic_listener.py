@@ -1,0 +1,38 @@
+"""Collects the messages of a robot's topics for the check-up."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros_common.odometry import OdometryReader
+from vsnbench.sensing.topic_monitor import TopicMessages, TopicMonitor
+
+TakeOdometry = Callable[[tuple[float, float, float], float, str], None]
+"""Takes x and y in metres and heading in radians, the stamp in seconds, and the name of the sending node."""
+
+
+class TopicListener(ABC):
+    """A node that records the serialized messages of several topics."""
+
+    connecting_s: float
+    """Time in which publishers connect; messages that arrive in it are dropped."""
+
+    def __init__(self, topics: Iterable[str]) -> None:
+        self.monitor = TopicMonitor(topics)
+
+    def listen(self, seconds: float) -> dict[str, TopicMessages]:
+        """Wait, and return the messages of each topic."""
+        return self.monitor.listen(self.connecting_s, seconds)
+
+    @abstractmethod
+    def follow_odometry(self, names: RosInterface, take: TakeOdometry) -> OdometryReader[Any]:
+        """Pass the odometry of a base to `take`.
+
+        Raises:
+            RobotError: the source is TF, and the type of its messages is not installed.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the network."""

@@ -1,0 +1,1 @@
+"""One episode: observe, decide, guard, move, record."""

@@ -1,0 +1,223 @@
+"""One episode: observe, act, guard, execute and record until the protocol ends it."""
+
+import logging
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+from vsnbench.errors import ModelLostError, NotPlacedError, RobotError, SensorLostError
+from vsnbench.models.contract import Policy
+from vsnbench.models.task import task_of
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge
+from vsnbench.protocol.limits import Spent
+from vsnbench.robots.contract import Robot
+from vsnbench.runner.episode.depth_guard import get_ready
+from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
+from vsnbench.runner.episode.step import EpisodePlan, Step, Stepper
+from vsnbench.runner.operator.placing import PlacementLook, Placing
+from vsnbench.runner.stopping.requests import Ends, StopAuthor, Stopped, StopRequest, StopRequests
+from vsnbench.sites.site import StartingPosition
+from vsnbench.values.fix import Fix
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeOutcome:
+    """How an episode ended."""
+
+    verdict: Verdict
+    actions: int
+    final: Fix | None
+    wall_s: float
+    error: str = ""
+    """Reason why a void episode is void."""
+    proposed: bool = False
+    """The verdict counts only when a person has confirmed it, because the robot is real."""
+    began: bool = True
+    """False if the episode ended before its first observation."""
+
+
+class StoppedInEpisodeError(Stopped):
+    """A request ended the session during an episode, which has been recorded."""
+
+    def __init__(self, request: StopRequest, outcome: EpisodeOutcome) -> None:
+        super().__init__(request)
+        self.outcome = outcome
+
+
+class EpisodeOperator(Protocol):
+    """What an episode needs of the operator; see `vsnbench.runner.operator.contract.Operator`."""
+
+    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
+        """Have the robot put at a starting position, and return when it may drive."""
+        ...
+
+    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+        """Show an action."""
+        ...
+
+
+class EpisodeRecorder(Protocol):
+    """Records an episode: in the database, as image files, and in a viewer."""
+
+    def kept_photo(self, plan: EpisodePlan) -> bytes | None:
+        """Return the image from when this robot was first accepted at this start, as JPEG; None if there is none."""
+        ...
+
+    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+        """Record the begin at pose `start`, which `placed` holds as well if it was measured."""
+        ...
+
+    def step(self, step: Step) -> None:
+        """Record a step."""
+        ...
+
+    def event(self, kind: str, text: str) -> None:
+        """Record an event other than a step."""
+        ...
+
+    def intervention(self, what: str, author: str = "") -> None:
+        """Record that a person acted on the robot other than by placing it; by default the session's operator."""
+        ...
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        """Record the end and the verdict."""
+        ...
+
+
+def run_episode(
+    robot: Robot,
+    policy: Policy,
+    plan: EpisodePlan,
+    recorder: EpisodeRecorder,
+    operator: EpisodeOperator,
+    stop: StopRequests,
+) -> EpisodeOutcome:
+    """Run one episode to its end, record each step, and judge it.
+
+    The robot is halted on every exit. A RecordError ends the episode at once, because no robot may drive unrecorded.
+    An attempt that cannot begin is void, with its reason. A request to end the episode makes it aborted, and the
+    session continues.
+
+    Raises:
+        Stopped: a request to end the session. The episode is recorded as aborted or interrupted, or not at all if it
+            had not begun.
+        RecordError: the results cannot be written.
+    """
+    began = time.monotonic()
+    calls = PolicyCalls(policy, stop)
+    spent = Spent()
+    recording = False
+    battery = ""
+    stopped: Stopped | None = None
+    error = ""
+    try:
+        get_ready(robot.identity.profile.camera, robot.identity.profile.base, plan.parameters.depth_guard)
+        here, placed = _place_at_start(robot, plan, recorder, operator, stop)
+        recorder.begin(plan, here, placed)
+        recording = True
+        battery = _note_battery(robot, recorder)
+        with stop.interruptible():
+            task = task_of(plan.goal, plan.seed, plan.parameters, robot.identity.profile)
+            calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
+        reason: EndReason | None = None
+        stepper = Stepper(robot, calls, plan, partial(_free_ahead_m, robot, plan, here))
+        while reason is None:
+            with stop.interruptible():
+                step, reason = stepper.take(spent, here)
+            recorder.step(step)
+            spent, here = step.spent, step.after
+            operator.step_taken(plan, step)
+            if step.blocked:
+                recorder.event("blocked", f"action {step.index}: {step.refusal}")
+                if reason is None and step.guard is not None:
+                    stepper.watch.refused(step.guard)
+        if step.result is not None and not reason.is_result:
+            error = step.result.failure
+    except Stopped as acted:
+        stopped = acted
+        reason = EndReason.ABORTED if acted.request.author is StopAuthor.PERSON else EndReason.INTERRUPTED
+        error = acted.request.description
+    except PolicyFailedError as failure:
+        reason, error = EndReason.MODEL_ERROR, str(failure)
+    except ModelLostError as failure:
+        reason, error = EndReason.MODEL_LOST, str(failure)
+    except SensorLostError as failure:
+        reason, error = EndReason.SENSOR_LOST, str(failure)
+    except RobotError as failure:
+        reason, error = EndReason.MOTION_FAILED, str(failure)
+    finally:
+        robot.halt()
+    ends_session = stopped is not None and stopped.request.ends is Ends.SESSION
+    if not recording:
+        if stopped is not None and ends_session:
+            raise stopped
+        error = f"could not begin: {error or 'no reason given'}"
+    outcome = _judged(robot, plan, reason, spent.actions, time.monotonic() - began, error, began=recording)
+    if outcome.error:
+        recorder.event(outcome.verdict.end_reason.value, outcome.error)
+    if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:
+        recorder.intervention(stopped.request.description, stopped.request.who)
+    if recording:
+        _note_battery(robot, recorder, battery)
+    recorder.end(outcome)
+    if stopped is not None and ends_session:
+        raise StoppedInEpisodeError(stopped.request, outcome) from stopped
+    return outcome
+
+
+def _note_battery(robot: Robot, recorder: EpisodeRecorder, before: str = "") -> str:
+    """Record the battery if it has changed since the event `before`. Returns its text."""
+    battery = robot.battery
+    if battery is not None and battery.text != before:
+        recorder.event("battery", battery.text)
+    return battery.text if battery is not None else ""
+
+
+def _place_at_start(
+    robot: Robot, plan: EpisodePlan, recorder: EpisodeRecorder, operator: EpisodeOperator, stop: StopRequests
+) -> tuple[Fix, PlacementLook | None]:
+    """Bring the robot to its start, with the operator's help if it needs that.
+
+    Returns:
+        The robot's pose, and the measurement that it comes from if there was one.
+    """
+    if not robot.needs_operator:
+        with stop.interruptible():
+            robot.begin(plan.start, plan.seed)
+            return robot.locate(), None
+    with stop.interruptible():
+        robot.wait_until_ready()
+    problem = ""
+    placing = Placing(robot, plan.site, plan.start, plan.seed, plan.parameters, stop, lambda: recorder.kept_photo(plan))
+    while True:
+        operator.place(plan.start, problem, placing)
+        try:
+            return placing.begin(), placing.last
+        except NotPlacedError as error:
+            problem = str(error)
+
+
+def _free_ahead_m(robot: Robot, plan: EpisodePlan, here: Fix) -> float:
+    """Return the distance from the robot's axis straight ahead to the site's first wall or object."""
+    return free_space(plan.site, robot.identity.profile.base.radius_m).free_ahead_m(here.pose)
+
+
+def _judged(
+    robot: Robot, plan: EpisodePlan, reason: EndReason, actions: int, wall_s: float, error: str, *, began: bool
+) -> EpisodeOutcome:
+    final: Fix | None = None
+    distance: GoalDistance | None = None
+    try:
+        if began:
+            final = robot.locate()
+            distance = distance_to_goal(plan.site, plan.goal, final, plan.parameters)
+    except RobotError as failure:
+        if reason is EndReason.STOP:
+            reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"
+    verdict = judge(reason, actions, distance, plan.parameters)
+    proposed = robot.needs_operator or not robot.identity.simulated
+    return EpisodeOutcome(verdict, actions, final, wall_s, error, proposed, began)

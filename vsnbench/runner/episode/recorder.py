@@ -1,0 +1,245 @@
+"""Records one episode: image files, then the database row, then the viewer's entry.
+
+A thread writes each step while the next one runs, and takes the next step only when the one before it is committed. A
+killed process therefore loses one step at most, every committed step has its images, and a write error stops the robot
+within one action. Where every core runs a worker, each step is written before the next observation instead.
+"""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.metrics import path_length_m
+from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
+from vsnbench.results.files.episode_entries import (
+    EndEntry,
+    Entry,
+    EpisodeHeader,
+    EpisodeSink,
+    EpisodeViewer,
+    EventEntry,
+    StepEntry,
+)
+from vsnbench.results.files.images import EpisodeImages, StampedPose, hash_images
+from vsnbench.results.files.mark_photos import MarkPhotos
+from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.episodes import Claim
+from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.operator.placing import PlacementLook
+from vsnbench.values.decision_check import SENSING
+from vsnbench.values.encoding.codec import diagnostics_to_details
+from vsnbench.values.fix import Fix
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.step import StepRecord
+
+
+class EpisodeWriter(Protocol):
+    """Writes the rows of an episode: to the database, or to a worker's memory."""
+
+    def place(self, episode_id: int, start: Fix) -> None:
+        """Write the robot's pose at the start."""
+        ...
+
+    def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
+        """Write the begin of the episode."""
+        ...
+
+    def append_step(self, episode_id: int, step: StepRecord) -> None:
+        """Write a step whose images are in place."""
+        ...
+
+    def add_event(
+        self, kind: str, words: str, *, author: str = "", episode_id: int | None = None, step_number: int | None = None
+    ) -> None:
+        """Write an event other than a step."""
+        ...
+
+    def end_episode(self, episode_id: int, end: EpisodeEnd) -> None:
+        """Write the end and the verdict."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingTarget:
+    """Where episodes are recorded, and under which names."""
+
+    journal: EpisodeWriter
+    results: ResultsDirectory
+    model: str
+    """Name of the model and its weights, for people."""
+    robot: RobotProfile
+    viewer: EpisodeViewer | None = None
+    """Shows or copies the episodes."""
+    operator: str = ""
+    """Name of the session's operator."""
+    keep: KeepFiles = KeepFiles.ALL
+    """What to store of an episode."""
+    own_thread: bool = True
+    """A thread writes each step while the next one runs; False where no core is free for it."""
+
+
+class EpisodeRecorderFanOut:
+    """The recorder of one claimed episode."""
+
+    def __init__(self, target: RecordingTarget, claim: Claim) -> None:
+        self._target = target
+        self._claim = claim
+        self._plan: EpisodePlan | None = None
+        self._images: EpisodeImages | None = None
+        self._sink: EpisodeSink | None = None
+        self._photos = MarkPhotos(target.results, target.robot)
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder") if target.own_thread else None
+        self._pending: Future[None] | None = None
+        self._trajectory: list[StampedPose] = []
+        self._detour_m = 0.0
+        self._last_number = 0
+        self._robot_time_s = 0.0
+
+    @property
+    def episode_id(self) -> int:
+        """The episode's number."""
+        return self._claim.id
+
+    def kept_photo(self, plan: EpisodePlan) -> bytes | None:
+        """Return the image from when this robot was first accepted at this start; None if there is none."""
+        return self._photos.find(plan.site, plan.start)
+
+    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+        """Open the episode in the database, its directory and the viewer's sink."""
+        target, claim = self._target, self._claim
+        measured = placed.measured if placed is not None else None
+        if placed is not None and measured is not None and measured.within_tolerance:
+            self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
+        self._plan = plan
+        self._trajectory = [StampedPose(0.0, start.pose)]
+        geodesic_m = self._geodesic_m(start.pose)
+        target.journal.place(claim.id, start)
+        images = target.keep is not KeepFiles.NONE
+        target.journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images, measured=measured))
+        directory = target.results.episode_directory(claim.images_directory)
+        self._images = EpisodeImages(directory) if images else None
+        header = EpisodeHeader(
+            episode_id=claim.id,
+            uuid=claim.uuid,
+            goal=plan.goal,
+            model=target.model,
+            robot=target.robot.title,
+            site=plan.site,
+            start_number=plan.start.number,
+            begin=start,
+            parameters=plan.parameters,
+            robot_radius_m=target.robot.base.radius_m,
+        )
+        if target.viewer is not None:
+            self._sink = target.viewer.open_episode(header, directory)
+
+    def step(self, step: Step) -> None:
+        """Write a step, in the thread if there is one, after the step before it is committed."""
+        self._settle()
+        if step.index == 1:
+            self._trajectory = [StampedPose(step.observation.stamp_s, step.before.pose)]
+        driving_s = step.result.duration_s if step.result else 0.0
+        if step.result is not None and step.result.path_m is not None:  # longer than the line between its two ends
+            self._detour_m += max(step.result.path_m - step.before.pose.distance_to(step.after.pose), 0.0)
+        self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.after.pose))
+        self._last_number = step.index
+        self._robot_time_s += driving_s
+        if self._worker is None:
+            self._write(step)
+        else:
+            self._pending = self._worker.submit(partial(self._write, step))
+
+    def event(self, kind: str, text: str, author: str = "") -> None:
+        """Write an event after the last step."""
+        self._settle()
+        number = self._last_number or None
+        self._target.journal.add_event(kind, text, author=author, episode_id=self.episode_id, step_number=number)
+        self._show(EventEntry(self._last_number, kind, text, author))
+
+    def intervention(self, what: str, author: str = "") -> None:
+        """Write that a person acted on the robot."""
+        self.event(INTERVENTION, what, author or self._target.operator)
+
+    def end(self, outcome: EpisodeOutcome) -> None:
+        """Write the end and the verdict in one transaction."""
+        self._settle()
+        length_m = None
+        if outcome.began:
+            length_m = path_length_m([moment.pose for moment in self._trajectory]) + self._detour_m
+        if self._images:
+            self._images.finish(self._trajectory)
+        self._target.journal.end_episode(
+            self.episode_id,
+            EpisodeEnd(
+                end_reason=outcome.verdict.end_reason,
+                actions=outcome.actions,
+                verdict=outcome.verdict,
+                proposed=outcome.proposed,
+                error=outcome.error,
+                path_length_m=length_m,
+                geodesic_m=self._geodesic_m(outcome.final.pose) if outcome.final else None,
+                duration_s=self._robot_time_s,
+                wall_duration_s=outcome.wall_s,
+                final=outcome.final,
+            ),
+        )
+        self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
+
+    def close(self) -> None:
+        """Close files and threads."""
+        if self._worker is not None:
+            self._worker.shutdown(wait=True)
+        if self._sink is not None:
+            self._sink.close()
+
+    def _settle(self) -> None:
+        """Wait until the last step is committed; raises its error."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
+
+    def _write(self, step: Step) -> None:
+        observation, decision = step.observation, step.decision
+        images = self._images.write(step.index, observation) if self._images else hash_images(observation)
+        record = StepRecord(
+            number=step.index,
+            action=decision.action,
+            raw_action=decision.raw_action,
+            result=step.result,
+            observed=observation.pose,
+            stamp_s=observation.stamp_s,
+            world=step.after,
+            rgb_digest=images.rgb_digest,
+            depth_digest=images.depth_digest,
+            timings=step.timings,
+            probabilities=decision.diagnostics.probabilities,
+            details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
+            movement=decision.movement,
+            part=step.part,
+        )
+        self._target.journal.append_step(self.episode_id, record)
+        self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))
+
+    def _show(self, entry: Entry) -> None:
+        if self._sink is not None:
+            self._sink.add(entry)
+
+    def _geodesic_m(self, pose: Pose) -> float | None:
+        if self._plan is None:
+            return None
+        base, parameters = self._target.robot.base, self._plan.parameters
+        space = free_space(self._plan.site, base.radius_m)
+        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters)
+
+
+def sensing_details(observation: Observation) -> dict[str, Any]:
+    """Return how the observation was sensed, as part of a step's `details`; empty if nothing is known."""
+    sensing = dict(observation.sensing)
+    if observation.depth_stamp_s is not None:
+        sensing["depth_stamp_s"] = observation.depth_stamp_s
+    return {SENSING: sensing} if sensing else {}

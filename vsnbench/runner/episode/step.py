@@ -1,0 +1,147 @@
+"""One step of an episode: observe, decide, guard, execute."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from vsnbench.protocol.judge import EndReason, end_after
+from vsnbench.protocol.limits import Spent, budget_left
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import Robot
+from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.episode.depth_watch import DepthWatch
+from vsnbench.runner.episode.path_guard import PathGuard
+from vsnbench.runner.episode.pixel import waypoint_of
+from vsnbench.runner.episode.policy_calls import PolicyCalls
+from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.fix import Fix
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Pixel
+from vsnbench.values.observation import Budget, Observation
+from vsnbench.values.step import StepTimings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One action of the policy, with the observation before it and the measured result."""
+
+    index: int
+    """1 for the first action."""
+    observation: Observation
+    decision: Decision
+    guard: GuardReading | None
+    """Reading of the depth guard; None for actions that it does not check."""
+    result: MotionResult | None
+    """None if the guard refused the action before it began."""
+    before: Fix
+    after: Fix
+    timings: StepTimings
+    spent: Spent
+    """What the episode has used, including this action."""
+    part: tuple[int, int] | None = None
+    """Number from 1 and count, for a part of a chunk."""
+    refusal: str = ""
+    """Why the action was refused or ended early, or an empty string."""
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the action was refused or ended early by the guard; it still counts."""
+        return bool(self.refusal)
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodePlan:
+    """Goal, start, seed and rules of one episode."""
+
+    site: Site
+    goal: str
+    start: StartingPosition
+    seed: int
+    parameters: ProtocolParameters
+
+
+class Stepper:
+    """Takes the steps of one episode.
+
+    The parts of a chunk are steps of their own, each with a new observation. When one of them is blocked, the rest of
+    the chunk is dropped, and the model decides again.
+    """
+
+    def __init__(self, robot: Robot, calls: PolicyCalls, plan: EpisodePlan, free_ahead_m: Callable[[], float]) -> None:
+        self._robot = robot
+        self._calls = calls
+        self._plan = plan
+        self._base = robot.identity.profile.base
+        self._guard = plan.parameters.depth_guard
+        self.watch = DepthWatch(robot.identity, self._guard, free_ahead_m)
+        self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
+
+    def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
+        """Take a step; return it, and the reason of the episode's end if it is the last.
+
+        Args:
+            spent: what the episode has used so far.
+            before: pose of the robot in the site.
+        """
+        t0 = time.perf_counter()
+        observation = self._robot.observe()
+        self.watch.look(observation)
+        t1 = time.perf_counter()
+        decision, part = self._decide(observation, budget_left(spent, self._plan.parameters))
+        t2 = time.perf_counter()
+        guard, result, refusal = self._execute(decision, observation)
+        after = before
+        if result is not None and decision.action is not Action.NOOP:
+            self.watch.moved(result)
+            after = self._robot.locate()
+        if refusal:
+            self._parts.clear()
+        timings = StepTimings(t1 - t0, t2 - t1, time.perf_counter() - t2)
+        path_m = before.pose.distance_to(after.pose)
+        spent = spent.after(
+            driving_s=result.duration_s if result is not None else 0.0,
+            thinking_s=0.0 if self._robot.identity.simulated else t2 - t1,
+            path_m=path_m if result is None or result.path_m is None else max(path_m, result.path_m),
+        )
+        step = Step(spent.actions, observation, decision, guard, result, before, after, timings, spent, part, refusal)
+        return step, end_after(spent, decision.action, result, self._plan.parameters)
+
+    def _decide(self, observation: Observation, budget: Budget) -> tuple[Decision, tuple[int, int] | None]:
+        """Return the next part of the running chunk, or ask the model."""
+        if self._parts:
+            return self._parts.popleft()
+        decision = self._calls.act(observation, budget)
+        if not decision.parts:
+            return decision, None
+        count = len(decision.parts)
+        for number, part in enumerate(decision.parts, start=1):
+            diagnostics = decision.diagnostics if number == 1 else Diagnostics()
+            single = replace(self._calls.without_tilt(part), diagnostics=diagnostics)
+            self._parts.append((single, (number, count)))
+        return self._parts.popleft()
+
+    def _execute(
+        self, decision: Decision, observation: Observation
+    ) -> tuple[GuardReading | None, MotionResult | None, str]:
+        """Return the guard's reading, the result, and why the action was refused or ended early."""
+        if decision.action is Action.NOOP:
+            return None, MotionResult(completed=True), ""
+        if decision.movement is None:
+            guard = None
+            if decision.action is Action.MOVE_FORWARD:
+                guard = look_ahead(observation, self._base, self._guard)
+                if guard.blocked:
+                    return guard, None, guard.text
+            return guard, self._robot.execute(decision.action), ""
+        movement = decision.movement
+        if isinstance(movement, Pixel):
+            waypoint = waypoint_of(movement, observation, self._base, self._guard)
+            if waypoint is None:
+                return None, None, "the pixel has no depth"
+            movement = waypoint
+        check = PathGuard(self._robot.identity.profile, self._plan.parameters)
+        result = self._robot.drive(movement, check)
+        return check.last if result.blocked else None, result, result.blocked

@@ -1,0 +1,82 @@
+"""Messages between the driver process and a local worker: plain values over a socket."""
+
+from dataclasses import dataclass
+
+from vsnbench.errors import VsnbenchError
+from vsnbench.models.checkpoints.torch_runtime import GpuMemory
+from vsnbench.results.writing.campaigns import Trial
+from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.runner.loop.session_context import RecordingOptions
+from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec
+from vsnbench.runner.stopping.requests import StopRequest
+
+
+@dataclass(frozen=True, slots=True)
+class Prepare:
+    """Make a trial setup."""
+
+    spec: TrialSetupSpec
+    command: tuple[str, ...]
+    """Command line of the driver, for the provenance."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunTrial:
+    """Claim a trial, run it and record it."""
+
+    trial: Trial
+    recording: RecordingOptions
+    has_spare_cores: bool
+    """There are more cores than workers: a step can be written while the next one runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the episode as requested, then the process."""
+
+    request: StopRequest
+
+
+Order = Prepare | RunTrial | Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """The trial setup is ready."""
+
+    description: SetupDescription
+    memory_bytes: int
+    """Memory that the process does not share."""
+    gpu: GpuMemory | None = None
+    """Memory that it takes of a GPU, where it uses one that reports it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acted:
+    """Number of actions recorded since the last report."""
+
+    actions: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """An episode has ended and is recorded."""
+
+    number: int
+    trial: Trial
+    outcome: EpisodeOutcome
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """The trial is over, or another process had claimed it; the worker waits for the next order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """No worker can carry out the order."""
+
+    error: VsnbenchError
+
+
+Report = Prepared | Acted | Ended | Free | Refused

@@ -1,0 +1,144 @@
+"""An ended episode with everything that a decision about it needs."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from vsnbench.errors import UsageError
+from vsnbench.protocol.human_verdict import LONGEST_M
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.reading.rows import EpisodeDetails, RecordedVerdict
+from vsnbench.runner.operator.contract import EndedEpisode
+from vsnbench.sites.site import Site
+from vsnbench.sites.targets import reached_words
+from vsnbench.values.fix import PoseSource
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """An episode that has ended, a moment ago or years ago."""
+
+    number: int
+    goal: str
+    start: int
+    """Number of the starting position."""
+    ended_with: EndReason
+    actions: int
+    parameters: ProtocolParameters
+    longest_m: float
+    """Longest distance that the site allows, metres."""
+    instance: str = ""
+    """Site id of the nearest target."""
+    measured_to: str = ""
+    """What a person measures the distance to; empty for the nearest object of the category."""
+    proposal: Verdict | None = None
+    """What the protocol proposed; a judgement of a person, retracted or not, is never a proposal."""
+    current_verdict: Verdict | None = None
+    """The verdict that counts now; None while the episode awaits one."""
+    recorded_distance: GoalDistance | None = None
+    """The distance in the episode's own row."""
+
+    @classmethod
+    def of_ended(cls, ended: EndedEpisode) -> Self:
+        """Return the case of an episode that has just ended."""
+        verdict, plan = ended.outcome.verdict, ended.plan
+        return cls(
+            number=ended.number,
+            goal=plan.goal,
+            start=plan.start.number,
+            ended_with=verdict.end_reason,
+            actions=ended.outcome.actions,
+            parameters=plan.parameters,
+            longest_m=longest_distance_m(plan.site),
+            measured_to=reached_words(plan.site, plan.goal),
+            instance=verdict.distance.instance if verdict.distance else "",
+            proposal=verdict,
+        )
+
+    @classmethod
+    def of_recorded(cls, details: EpisodeDetails) -> Self:
+        """Return the case of an episode in the results database.
+
+        Raises:
+            UsageError: the episode has not ended.
+        """
+        episode = details.summary
+        if details.ended_with is None:
+            raise UsageError(f"episode {episode.id} has not ended", advice="judge it when it has")
+        recorded = None
+        if episode.distance_to_goal_m is not None and episode.distance_source is not None:
+            source = PoseSource(episode.distance_source)
+            recorded = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "")
+        return cls(
+            number=episode.id,
+            goal=episode.goal,
+            start=episode.start,
+            ended_with=EndReason(details.ended_with),
+            actions=episode.actions,
+            parameters=ProtocolParameters.from_record(details.provenance.protocol),
+            longest_m=_longest_recorded_m(details.provenance.site_content),
+            measured_to=_measured_to(details.provenance.site_content, episode.goal),
+            instance=details.goal_instance or "",
+            proposal=_verdict(details.proposal),
+            current_verdict=_verdict(details.current_verdict),
+            recorded_distance=recorded,
+        )
+
+    @property
+    def distance(self) -> GoalDistance | None:
+        """The distance that counts now: by tape where the current verdict has one."""
+        for verdict in (self.current_verdict, self.proposal):
+            if verdict is not None and verdict.distance is not None:
+                return verdict.distance
+        return self.recorded_distance
+
+    @property
+    def estimate(self) -> GoalDistance | None:
+        """The robot's own estimate, which counts without a measurement."""
+        return self.proposal.distance if self.proposal and self.proposal.distance else self.distance
+
+    @property
+    def expected_success(self) -> bool | None:
+        """Success as proposed, or as judged where there is no proposal; None where neither has a result."""
+        if self.proposal is not None and self.proposal.success is not None:
+            return self.proposal.success
+        return self.current_verdict.success if self.current_verdict is not None else None
+
+
+def longest_distance_m(site: Site) -> float:
+    """Return the longest distance that a person can measure within a site, metres."""
+    corners = [corner for room in site.rooms for corner in room.polygon]
+    if not corners:
+        return LONGEST_M
+    xs, ys = zip(*corners, strict=True)
+    return min(LONGEST_M, math.hypot(max(xs) - min(xs), max(ys) - min(ys)))
+
+
+def _measured_to(content: Mapping[str, Any], goal: str) -> str:
+    from pydantic import ValidationError
+
+    try:
+        return reached_words(Site.model_validate(content), goal)
+    except ValidationError:
+        return f"nearest {goal}"
+
+
+def _longest_recorded_m(content: Mapping[str, Any]) -> float:
+    from pydantic import ValidationError
+
+    try:
+        return longest_distance_m(Site.model_validate(content))
+    except ValidationError:  # an imported episode, whose site was never surveyed
+        return LONGEST_M
+
+
+def _verdict(recorded: RecordedVerdict | None) -> Verdict | None:
+    if recorded is None:
+        return None
+    distance = None
+    if recorded.distance_m is not None and recorded.distance_source is not None:
+        source, instance = PoseSource(recorded.distance_source), recorded.goal_instance or ""
+        distance = GoalDistance(recorded.distance_m, source, instance, recorded.goal_in_sight is not False)
+    return Verdict(EndReason(recorded.end_reason), recorded.success, recorded.reason, distance)

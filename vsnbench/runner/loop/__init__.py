@@ -1,0 +1,1 @@
+"""The trial loop: sources of trials, executors, and what follows an episode."""

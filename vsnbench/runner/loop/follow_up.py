@@ -1,0 +1,97 @@
+"""Decides what follows an episode: the next trial, a repetition, a suspended model or the end of the session. Pure."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from vsnbench.protocol.judge import EndReason
+from vsnbench.runner.episode.episode import EpisodeOutcome
+
+DEFAULT_VOID_LIMIT = 3
+LOST_WORKER_LIMIT = 10
+"""Consecutive workers lost without a finished episode that end the session."""
+ROBOT_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
+"""A real robot stays where it failed, and a person must move it."""
+REPEATABLE = (EndReason.ABORTED, *ROBOT_FAILURES)
+"""Void because of the operator or the robot: another attempt can succeed. A model's failure would recur."""
+MODEL_FAILURES = (EndReason.MODEL_ERROR, EndReason.MODEL_LOST)
+"""Void because of the model; the robot and other models are not affected."""
+
+
+def strands_robot(outcome: EpisodeOutcome) -> bool:
+    """Whether a real robot has stopped at a place from which a person must fetch it."""
+    return outcome.proposed and outcome.began and outcome.verdict.end_reason in ROBOT_FAILURES
+
+
+@dataclass(slots=True)
+class VoidLimit:
+    """Stops a session after too many consecutive void episodes.
+
+    Episodes that the operator ended with the emergency stop do not count.
+    """
+
+    limit: int = DEFAULT_VOID_LIMIT
+    """Consecutive void episodes that end the session."""
+    consecutive: int = 0
+
+    def add(self, outcome: EpisodeOutcome) -> str | None:
+        """Count a finished episode. Returns the reason to stop, or None to continue."""
+        reason = outcome.verdict.end_reason
+        if reason.is_result:
+            self.consecutive = 0
+        elif reason is not EndReason.ABORTED:
+            self.consecutive += 1
+        if self.consecutive < self.limit:
+            return None
+        if self.limit == 1:
+            return f"an episode is void: {outcome.error}"
+        return f"{self.limit} consecutive void episodes, the last: {outcome.error}"
+
+
+@dataclass(frozen=True, slots=True)
+class FollowUp:
+    """What the session does after an episode."""
+
+    stop_reason: str | None = None
+    """Begin no further trial, for this reason."""
+    repeats: bool = False
+    """The trial is run again before any other."""
+    reloads_model: bool = False
+    """The model is loaded again before its next trial."""
+    suspends_model: bool = False
+    """The model gets no further trial in this session."""
+
+
+@dataclass(slots=True)
+class FollowUpRules:
+    """Rules of one session, with the counts that they depend on."""
+
+    voids: VoidLimit = field(default_factory=VoidLimit)
+    repeats_at_once: bool = False
+    """Episodes that are void because of the operator or the robot are run again in this session."""
+    isolates_models: bool = False
+    """A failing model is reloaded and finally suspended; its episodes do not count towards the void limit."""
+    episodes: int = 0
+    void: int = 0
+    _lost_workers: int = 0
+    _model_failures: Counter[str] = field(default_factory=Counter)
+    """Consecutive failures by model."""
+
+    def after_episode(self, outcome: EpisodeOutcome, model: str = "") -> FollowUp:
+        """Count a finished episode and return what follows it."""
+        reason = outcome.verdict.end_reason
+        self.episodes += 1
+        self.void += not reason.is_result
+        self._lost_workers = 0
+        if self.isolates_models and reason in MODEL_FAILURES:
+            self._model_failures[model] += 1
+            suspends = not outcome.began or self._model_failures[model] >= self.voids.limit
+            return FollowUp(reloads_model=True, suspends_model=suspends)
+        self._model_failures[model] = 0
+        return FollowUp(self.voids.add(outcome), repeats=self.repeats_at_once and reason in REPEATABLE)
+
+    def after_lost_worker(self, cause: str) -> str | None:
+        """Count a worker that ended without a result. Returns the reason to stop, or None to continue."""
+        self._lost_workers += 1
+        if self._lost_workers < LOST_WORKER_LIMIT:
+            return None
+        return f"{LOST_WORKER_LIMIT} consecutive workers ended without a result, the last with {cause}"

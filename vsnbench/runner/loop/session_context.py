@@ -1,0 +1,34 @@
+"""What all trials of a session share, whichever executor runs them."""
+
+from dataclasses import dataclass
+
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.episode_entries import EpisodeViewer
+from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.operator.contract import Operator
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.sites.site import Site
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """Where episodes are recorded; plain values, which every worker receives."""
+
+    results: ResultsDirectory
+    viewer: EpisodeViewer | None = None
+    """Copies or shows the episodes."""
+    operator_name: str = ""
+    """Author of operator actions for which no other name is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class SessionContext:
+    """Resources shared by all trials of a session."""
+
+    journal: Journal
+    operator: Operator
+    stop_requests: StopRequests
+    site: Site
+    parameters: ProtocolParameters
+    recording: RecordingOptions

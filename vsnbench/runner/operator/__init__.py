@@ -1,0 +1,1 @@
+"""The operator of a session: questions, answers and progress, on a terminal or a web page."""

@@ -1,0 +1,232 @@
+"""Runs a campaign from a request. Everything is checked before a robot moves or anything is written."""
+
+import logging
+import os
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+from vsnbench.errors import SiteError, UsageError
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import TEMPORARY_RESULTS, KeepFiles
+from vsnbench.results.files.episode_entries import EpisodeViewer
+from vsnbench.results.schema.migrate import get_ready
+from vsnbench.results.studies.queries import study_that_claims
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
+from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.executors.backends import Backend, open_backend
+from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
+from vsnbench.runner.executors.local_pool import SharedWorkers
+from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
+from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, FollowUpRules, VoidLimit
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.progress import TrialCounts
+from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
+from vsnbench.runner.setup.cleanup import sweep_results
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.selection import (
+    check_goal_starts,
+    choose_starts,
+    is_surveyed,
+    max_goals,
+    named_site,
+    plan_trials,
+    present_goals,
+    resolve_goals,
+)
+from vsnbench.runner.setup.trial_setup import SetupDescription, warn_of_assumptions, warn_of_default_weights
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.runtime.child_process import hide_memory
+from vsnbench.site_checks.check import layout_findings
+from vsnbench.site_checks.finding import Severity, SiteFinding
+from vsnbench.site_checks.starts import start_findings
+from vsnbench.sites.site import Site
+
+logger = logging.getLogger(__name__)
+
+
+class NoGoalPresentError(UsageError):
+    """A generated site of a sweep has none of the requested goals."""
+
+    code = "no-goal-present"
+
+
+@dataclass(frozen=True, slots=True)
+class Launched:
+    """A campaign and the result of the session that has just ended."""
+
+    campaign: OpenCampaign
+    result: SessionResult
+
+
+def launch(
+    request: RunRequest,
+    operators: OperatorProvider,
+    viewer: EpisodeViewer | None = None,
+    shared: SharedWorkers | None = None,
+) -> Launched:
+    """Run the remaining trials of a campaign.
+
+    Args:
+        request: the campaign.
+        operators: provides the operator.
+        viewer: shows or copies the episodes, where copies are kept.
+        shared: workers that other campaigns use as well.
+
+    Raises:
+        UsageError: something named does not exist or does not fit together; nothing was written.
+        VsnbenchError: the site, model, robot or results cannot be used.
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+    """
+    note = "" if os.environ.get(TEMPORARY_RESULTS) else request.results.new_record_note
+    site = named_site(request.site)
+    if request.skips_absent_goals:
+        request = _without_absent_goals(request, site)
+    starts = choose_starts(request.starts, site)
+    if request.starts is not None:
+        check_goal_starts(resolve_goals(request.goals, site), starts, site)
+    parameters = request.parameters
+    surveyed = is_surveyed(request.site)
+    if surveyed:
+        _check_findings(request.site, layout_findings(site))
+    spec = request.setup_spec(site)
+    if request.isolation is not None:
+        hide_memory()  # of this process; the model's process hides its own
+    if request.files_to_keep is not KeepFiles.ALL:
+        viewer = None
+    trials = max_goals(request.goals, site) * len(starts) * request.repetitions
+    live = viewer is not None and viewer.is_live
+    workers = worker_request(request.workers, spec, trials, live=live, attended=request.attended)
+    if isinstance(workers, ClusterRequest) or workers.limit > 1:
+        get_ready(request.results.database_url)  # while the workers start
+    with ExitStack() as stack:
+        backend = stack.enter_context(open_backend(spec, workers, shared))
+        description = backend.description
+        warn_of_default_weights(description)
+        warn_of_assumptions(description.card, parameters)
+        _check_keep(request, description)
+        if surveyed:
+            check_survey(request.site, site, description.robot.profile.base.radius_m, parameters)
+        if description.needs_operator:
+            operators.require(description.robot.profile)
+        plan = CampaignPlan(
+            site=site,
+            robot=description.robot,
+            model=description.model,
+            protocol=parameters,
+            seed=request.seed,
+            trials=plan_trials(
+                description.goals, starts, request.repetitions, request.seed if request.shuffle else None, site.excluded
+            ),
+            conditions=description.conditions,
+        )
+        request.results.prepare()
+        provenance = backend.provenance()
+        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
+        campaign = _open_campaign(journal, plan)
+        if viewer is not None:
+            viewer.prepare()
+        sweep_results(request.results, journal)
+        stop_requests = stack.enter_context(StopRequests())
+        stop_requests.last_acts.append(backend.halt)
+        journal.patience.gives_up = lambda: stop_requests.session_ends
+        outcomes = journal.campaign_progress(campaign).outcomes
+        session = OperatorSession(
+            label=f"{description.card.name} in {site.name}",
+            trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
+            parameters=parameters,
+            needs_operator=description.needs_operator,
+            halt=backend.halt,
+            stop_requests=stop_requests,
+            site=site,
+            robot_radius_m=description.robot.profile.base.radius_m,
+            journal=journal,
+            results=request.results,
+            campaign_ids=(campaign.id,),
+            operator_name=provenance.operator,
+            glimpse=backend.glimpse,
+            battery=backend.battery,
+            recording_note="\n".join(
+                filter(None, (f"--keep {request.files_to_keep}: {request.files_to_keep.description}", note))
+            ),
+        )
+        limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
+        recording = RecordingOptions(request.results, viewer, provenance.operator)
+        result = _run_session(session, operators, backend, campaign, recording, limit)
+    return Launched(campaign, result)
+
+
+def _run_session(
+    session: OperatorSession,
+    operators: OperatorProvider,
+    backend: Backend,
+    campaign: OpenCampaign,
+    recording: RecordingOptions,
+    limit: VoidLimit,
+) -> SessionResult:
+    journal = session.journal
+    with operators.attend(session) as operator:
+        rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
+        context = SessionContext(journal, operator, session.stop_requests, session.site, session.parameters, recording)
+        executor = backend.executor(context, campaign)
+        stop_reason = run(CampaignSource(journal, campaign, rules), executor, operator)
+        return SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
+
+
+def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:
+    if refusal := study_that_claims(journal.engine, plan):
+        raise UsageError(
+            refusal,
+            advice="`vsnbench study run` continues it; another --seed makes a separate campaign",
+            code="campaign-of-a-study",
+        )
+    campaign = journal.find_or_create_campaign(plan)
+    if change := journal.model_change(campaign, plan.model):
+        logger.warning("campaign %d is new: %s", campaign.id, change)
+    return campaign
+
+
+def _check_keep(request: RunRequest, description: SetupDescription) -> None:
+    """Refuse to drop the images of a real robot, which cannot be rendered again."""
+    if request.files_to_keep is KeepFiles.NONE and not description.robot.simulated:
+        raise UsageError(
+            f"--keep none: robot {description.robot.profile.name} is real, so its images cannot be rendered again",
+            advice="keep its images: --keep images",
+            code="images-needed",
+        )
+
+
+def _without_absent_goals(request: RunRequest, site: Site) -> RunRequest:
+    """Return the request with the goals that the site has; logs the others.
+
+    Raises:
+        NoGoalPresentError: the site has none of them.
+    """
+    present, absent = present_goals(request.goals, site)
+    if not present:
+        raise NoGoalPresentError(f"{request.site} has no {' and no '.join(absent)}: skipped")
+    if absent:
+        logger.warning("%s has no %s: no trials with that goal there", request.site, " and no ".join(absent))
+    return replace(request, goals=present)
+
+
+def _check_findings(site: str, findings: Iterable[SiteFinding]) -> None:
+    """Refuse a site with errors, and log its warnings."""
+    found = list(findings)
+    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    if errors:
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        raise SiteError(f"site {site}: {errors[0].message}{more}; vsnbench sites check {site} shows all findings")
+    for finding in found:
+        logger.warning("site %s: %s", site, finding.message)
+
+
+def check_survey(name: str, site: Site, radius_m: float, parameters: ProtocolParameters) -> None:
+    """Refuse a surveyed site with starts or goals that a robot of this radius cannot use, and log its warnings.
+
+    Raises:
+        SiteError: the first error found.
+    """
+    _check_findings(name, start_findings(site, free_space(site, radius_m), parameters))

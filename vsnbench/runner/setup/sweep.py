@@ -1,0 +1,212 @@
+"""A sweep: one campaign for every model, site and seed."""
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+
+from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.models.registry import locate
+from vsnbench.results.files.episode_entries import EpisodeViewer
+from vsnbench.results.reading.throughput import Throughput
+from vsnbench.robots.registry import is_simulated
+from vsnbench.runner.executors.capacity import Capacity
+from vsnbench.runner.executors.local_pool import SharedWorkers
+from vsnbench.runner.operator.contract import Operator
+from vsnbench.runner.operator.progress import TrialCounts
+from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
+from vsnbench.runner.setup.launch import Launched, NoGoalPresentError, launch
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.selection import FLAT, choose_starts, max_goals, named_goals, named_site, present_goals
+from vsnbench.sites.categories import CATEGORIES, canonical_category, near_category
+from vsnbench.sites.site import Site
+from vsnbench.values.robot_profile import RobotProfile
+
+logger = logging.getLogger(__name__)
+
+UNKNOWN_PACE_S = 3.0
+"""Estimate for a trial without recorded trials; the embedded models need 1 to 3 s."""
+STARTUP_S = 6.0
+"""Time before the first trial of the first campaign, which starts the workers."""
+NEXT_STARTUP_S = 2.0
+"""Time before the first trial of every other campaign."""
+MOST_CAMPAIGNS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """The campaigns of a sweep in the order of running, with their maximum numbers of trials."""
+
+    requests: tuple[RunRequest, ...]
+    trials: tuple[int, ...]
+    site_names: tuple[str, ...]
+    """Name of each campaign's site in the results."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Trials of a sweep that are left, and the time that they need."""
+
+    campaigns: int
+    trials: int
+    done: int
+    seconds: float
+    workers: int
+    known_from: int
+    """Number of recorded episodes that the estimate is based on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """Result of a campaign of a sweep."""
+
+    request: RunRequest
+    launched: Launched | None
+    error: str = ""
+    """Why the campaign could not run."""
+    is_skipped: bool = False
+    """The generated site has none of the goals, so the campaign has no trials."""
+
+
+def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str]) -> Sweep:
+    """Return the campaigns of every model, site and seed, after checking what can be checked now.
+
+    Seeds vary slowest, so that a sweep stopped half-way has results of every model and site.
+
+    Args:
+        request: options that the campaigns share.
+        models: names of models.
+        seeds: one campaign per seed.
+        sites: names of sites, paths of site files, and generated sites as `flat:7`.
+
+    Raises:
+        UsageError: something named does not exist or does not fit together.
+        SiteError: the file of a site is not valid.
+    """
+    if not is_simulated(request.robot):
+        raise UsageError(
+            f"a sweep needs a simulated robot, and {request.robot} is real",
+            advice="run one campaign at a time",
+            code="real-robot",
+        )
+    if len(models) > 1 and request.model_options:
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in request.model_options)
+        raise UsageError(f"{options} is for one model, and there are {len(models)}", advice="sweep each on its own")
+    for name in models:
+        locate(name)
+    named_goals(request.goals)
+    if (count := len(seeds) * len(sites) * len(models)) > MOST_CAMPAIGNS:
+        raise UsageError(f"that is {count:,} campaigns, more than {MOST_CAMPAIGNS:,}", advice="sweep a part of it")
+    trials: dict[str, int] = {}
+    site_names: dict[str, str] = {}
+    sample: Site | None = None
+    for place in sites:
+        if place.startswith(FLAT) and sample is not None:
+            site = sample  # an estimate: each site is generated when its campaign begins
+            site_names[place] = f"twin-{place.removeprefix(FLAT)}"
+        else:
+            site = named_site(place)
+            sample = site if place.startswith(FLAT) else sample
+            site_names[place] = site.name
+        trials[place] = (
+            _max_goals(request.goals, site, generated=place.startswith(FLAT) and len(sites) > 1)
+            * len(choose_starts(request.starts, site))
+            * request.repetitions
+        )
+    requests = tuple(
+        replace(
+            request, model=model, site=place, seed=seed, skips_absent_goals=place.startswith(FLAT) and len(sites) > 1
+        )
+        for seed in seeds
+        for place in sites
+        for model in models
+    )
+    return Sweep(
+        requests,
+        tuple(trials[request.site] for request in requests),
+        tuple(site_names[request.site] for request in requests),
+    )
+
+
+def _max_goals(requested: Sequence[str], site: Site, *, generated: bool) -> int:
+    """Return the maximum number of goals at a site; one of several generated sites may lack some.
+
+    Raises:
+        UsageError: the site, or every generated site, lacks a goal (`unknown-goal`).
+    """
+    present, absent = present_goals(requested, site)
+    if generated and absent:
+        if lost := [name for name in absent if canonical_category(name) not in CATEGORIES]:
+            known = [name for name in sorted(CATEGORIES) if near_category(lost[0]) == name]
+            advice = f"did you mean {known[0]!r}?" if known else f"their goals are {', '.join(sorted(CATEGORIES))}"
+            raise UsageError(f"no generated flat has goal {lost[0]!r}", advice=advice, code="unknown-goal")
+        return len(absent) + (max_goals(present, site) if present else 0)
+    return max_goals(requested, site)
+
+
+def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
+    """Return the trials of a sweep that are left, and an estimate of their time on this machine."""
+    left = done = 0
+    seconds = 0.0
+    known_of: dict[str, int] = {}
+    for request, trials, site in zip(sweep.requests, sweep.trials, sweep.site_names, strict=True):
+        has = min(trials, throughput.done.get((request.model, site, request.seed), 0))
+        done += has
+        left += trials - has
+        mean_s, episodes = throughput.seconds.get(request.model, (UNKNOWN_PACE_S, 0))
+        known_of[request.model] = episodes
+        seconds += (trials - has) * mean_s
+    workers = sweep.requests[0].workers.count or Capacity.of_this_machine().cores
+    starting_s = STARTUP_S + NEXT_STARTUP_S * (len(sweep.requests) - 1)
+    return Cost(len(sweep.requests), left + done, done, seconds / workers + starting_s, workers, sum(known_of.values()))
+
+
+def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer | None = None) -> Iterator[Swept]:
+    """Run the campaigns one after another, and yield the result of each.
+
+    A campaign that cannot run does not stop the others. Workers of this machine stay from campaign to campaign.
+
+    Raises:
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+    """
+    total, before = sum(sweep.trials), 0
+    with SharedWorkers() as shared:
+        for number, (request, trials) in enumerate(zip(sweep.requests, sweep.trials, strict=True), start=1):
+            label = f"{number}/{len(sweep.requests)} seed {request.seed}"
+            in_sweep = _SweepOperators(operators, label, before, total)
+            try:
+                yield Swept(request, launch(request, in_sweep, viewer, shared))
+            except NoGoalPresentError as absent:
+                logger.warning("%s", absent)
+                yield Swept(request, None, is_skipped=True)
+            except VsnbenchError as error:
+                logger.warning("%s in %s with seed %d: %s", request.model, request.site, request.seed, error)
+                yield Swept(request, None, str(error))
+            before += trials
+
+
+@dataclass(frozen=True, slots=True)
+class _SweepOperators(OperatorProvider):
+    """Shows the progress of a campaign as a part of the sweep."""
+
+    operators: OperatorProvider
+    label: str
+    before: int
+    """Trials of the campaigns before."""
+    total: int
+    """Trials of the sweep."""
+
+    def require(self, profile: RobotProfile) -> None:
+        self.operators.require(profile)
+
+    def attend(self, session: OperatorSession) -> AbstractContextManager[Operator]:
+        others = TrialCounts(max(self.total - session.trials.total, self.before), self.before)
+        label = f"{self.label}: {session.label}"
+        return self.operators.attend(replace(session, label=label, other_trials=others, recording_note=""))
+
+
+def undone(swept: Sequence[Swept]) -> tuple[int, int]:
+    """Return the number of trials of a sweep that are left, and of campaigns that could not run."""
+    results = [campaign.launched.result for campaign in swept if campaign.launched is not None]
+    failed = sum(campaign.launched is None and not campaign.is_skipped for campaign in swept)
+    return sum(result.left + result.elsewhere for result in results), failed

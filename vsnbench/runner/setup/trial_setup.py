@@ -1,0 +1,305 @@
+"""Trial setup: a robot and a model that are ready for trials, and the description of both.
+
+The driver process and every worker build their setup from the same `TrialSetupSpec`. Equal specs give equal
+descriptions and equal results.
+"""
+
+import logging
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from os import _exit as end_process_now
+from typing import Any
+
+from vsnbench.errors import ExitCode, UsageError
+from vsnbench.models.checkpoints.torch_runtime import DEVICES
+from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.identity import code_of, files_handed_over
+from vsnbench.models.loaded import LoadedPolicy
+from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
+from vsnbench.models.registry import create_policy, keywords_of, locate
+from vsnbench.models.remote.isolation import Isolation
+from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.step_sizes import wrong_assumptions
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import KeepFiles
+from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.results.writing.provenance import Provenance, gather_provenance
+from vsnbench.robots.contract import Robot
+from vsnbench.robots.registry import identity_of, is_simulated, open_robot
+from vsnbench.runner.setup.selection import choose_goals
+from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
+from vsnbench.runtime.time_limits import call_interrupted
+from vsnbench.sites.site import Site
+from vsnbench.text.sanitize import error_line
+from vsnbench.values.movement import ActionKind
+from vsnbench.values.observation import Sensor
+from vsnbench.values.robot_identity import RobotIdentity
+
+logger = logging.getLogger(__name__)
+
+CLOSE_TIMEOUT_S = 30.0
+"""Seconds that a model's `close` may take before it is interrupted."""
+CLOSE_GRACE_S = 5.0
+"""Seconds after the interruption until the process is ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetupSpec:
+    """Serializable description of a robot and a model, sent to worker processes."""
+
+    site: Site
+    model: str
+    goals: tuple[str, ...]
+    """As requested: names, or `all`."""
+    robot: str = "simulated"
+    noise: bool = False
+    rehearsal: bool = False
+    """A rehearsal: a simulated robot is treated as a real one, which a person places."""
+    parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
+    model_options: Mapping[str, Any] = field(default_factory=dict)
+    act_timeout_s: float | None = None
+    """Time limit for an action of a model in this process; None for none."""
+    isolation: Isolation | None = None
+    """Runs the model in a separate process."""
+    keep: KeepFiles = KeepFiles.ALL
+    """What is stored of the episodes; results do not depend on it."""
+
+    def for_elsewhere(self, card: ModelCard) -> "TrialSetupSpec":
+        """Return the spec for other machines, with the runtime and device that the model chose by measuring here."""
+        chosen = {
+            name: card.runs_on[name]
+            for name in ("runtime", "device")
+            if name in card.runs_on and self.model_takes(name) and (name == "runtime" or card.runs_on[name] in DEVICES)
+        }
+        return replace(self, model_options={**self.model_options, **chosen}) if chosen else self
+
+    def model_takes(self, option: str) -> bool:
+        """Return whether the model has an option of that name; False for one in a separate process."""
+        return self.isolation is None and option in keywords_of(locate(self.model)[1])
+
+
+@dataclass(frozen=True, slots=True)
+class SetupDescription:
+    """Everything that results depend on, except the trial."""
+
+    robot: RobotIdentity
+    sensors: frozenset[Sensor]
+    conditions: Mapping[str, Any]
+    card: ModelCard
+    model: ModelIdentity
+    goals: tuple[str, ...]
+    """Requested categories that the site has and the model knows."""
+    needs_operator: bool = False
+
+    @property
+    def title(self) -> str:
+        """Name of the model and its weights, for people."""
+        return f"{self.card.name} ({self.card.weights_label})" if self.card.weights_label else self.card.name
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether the model reports that it runs on a GPU."""
+        return self.card.runs_on.get("device", "cpu") != "cpu"
+
+    def difference(self, other: "SetupDescription") -> str:
+        """Return how another setup with the same spec differs; empty if it does not."""
+        pairs = {
+            "robot": (self.robot.sha256, other.robot.sha256),
+            "model": (self.model.sha256, other.model.sha256),
+            "conditions": (dict(self.conditions), dict(other.conditions)),
+        }
+        return ", ".join(f"{name} {ours} and {theirs}" for name, (ours, theirs) in pairs.items() if ours != theirs)
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetup:
+    """A robot and a model, ready for trials."""
+
+    robot: Robot
+    policy: Policy
+    description: SetupDescription
+
+    def provenance(self, command: str | None = None) -> Provenance:
+        """Describe this process and the device that the model uses.
+
+        Args:
+            command: command line of the driver, if this is a worker.
+        """
+        here = gather_provenance()
+        runs_on = {f"model_{name}": str(value) for name, value in self.policy.card.runs_on.items()}
+        threads = {"compute_threads": str(COMPUTE_THREADS)} if self.description.robot.simulated else {}
+        return replace(
+            here, command=here.command if command is None else command, platform={**here.platform, **threads, **runs_on}
+        )
+
+
+@contextmanager
+def open_trial_setup(spec: TrialSetupSpec) -> Iterator[TrialSetup]:
+    """Make the robot and the model of a spec, check that they fit together, and close both at the end.
+
+    Raises:
+        UsageError: something named does not exist or does not fit together.
+        VsnbenchError: the model or the robot cannot be used.
+    """
+    use_one_thread_in_simulation(spec.robot)
+    with process_exit_refused():
+        policy = load_policy(spec)
+        try:
+            choose_goals(spec.goals, spec.site, policy.card)
+            used = policy.card.sensors | (frozenset() if spec.keep is KeepFiles.NONE else {Sensor.RGB})
+            with open_robot(
+                spec.robot,
+                spec.site,
+                spec.parameters,
+                noise=spec.noise,
+                rehearsal=spec.rehearsal,
+                read=used,
+            ) as robot:
+                yield prepare_setup(spec, policy, robot)
+        finally:
+            close_policy(policy)
+
+
+def load_policy(spec: TrialSetupSpec) -> LoadedPolicy:
+    """Make the model of a spec.
+
+    Raises:
+        UsageError: the model or one of its options does not exist.
+        ModelError: the model cannot be made.
+    """
+    policy = create_policy(spec.model, spec.isolation, **spec.model_options)
+    return LoadedPolicy(policy, spec.act_timeout_s, remote=isinstance(policy, RemotePolicy))
+
+
+def use_one_thread_in_simulation(robot: str) -> None:
+    """Limit computation to one thread in simulation, which makes results independent of the machine."""
+    if is_simulated(robot):
+        compute_with_one_thread()
+
+
+def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> TrialSetup:
+    """Combine a policy and a robot, and check that they fit together.
+
+    Raises:
+        UsageError: the model does not know a goal, or the robot lacks a sensor.
+    """
+    description = SetupDescription(
+        robot=identity_of(robot),
+        sensors=robot.sensors,
+        conditions=dict(robot.conditions),
+        card=policy.card,
+        model=_identity(spec, policy),
+        goals=choose_goals(spec.goals, spec.site, policy.card),
+        needs_operator=robot.needs_operator,
+    )
+    _check_sensors(description)
+    _check_action_kinds(description, robot.action_kinds)
+    _check_weights(description)
+    return TrialSetup(robot, policy, description)
+
+
+def close_policy(policy: Policy) -> None:
+    """Close a policy within `CLOSE_TIMEOUT_S`, and log its errors.
+
+    If the policy cannot be interrupted, the process ends. Every finished step is recorded by then.
+    """
+    last_resort = threading.Timer(CLOSE_TIMEOUT_S + CLOSE_GRACE_S, _end_with_stuck_model)
+    last_resort.daemon = True
+    last_resort.start()
+    try:
+        call_interrupted(policy.close, CLOSE_TIMEOUT_S)
+    except BaseException as error:
+        logger.warning("model %s failed in close: %s", policy.card.name, take_refused_exit() or error_line(error))
+    finally:
+        last_resort.cancel()
+
+
+def _end_with_stuck_model() -> None:
+    os.write(
+        2,
+        b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n",
+    )
+    end_process_now(ExitCode.FAILED)
+
+
+def _identity(spec: TrialSetupSpec, policy: LoadedPolicy) -> ModelIdentity:
+    card = policy.card
+    settings = dict(card.settings)
+    if card.action_kinds != frozenset({ActionKind.DISCRETE}):
+        settings["action_kinds"] = sorted(card.action_kinds)
+    if card.action_map:
+        settings["action_map"] = {action.value: replaced.value for action, replaced in sorted(card.action_map.items())}
+    return ModelIdentity(
+        name=card.name,
+        goals=card.goals,
+        sensors=frozenset(sensor.value for sensor in card.sensors),
+        weights_sha256=card.weights_sha256,
+        weights_label=card.weights_label,
+        settings=settings,
+        surveyed=policy.needs_survey,
+        files=files_handed_over(spec.model, policy.policy, spec.model_options),
+        code=code_of(policy.policy),
+    )
+
+
+def _check_sensors(description: SetupDescription) -> None:
+    card, robot = description.card, description.robot.profile.name
+    missing = card.sensors - description.sensors
+    if missing:
+        labels = Sensor.INSTANCES in missing
+        raise UsageError(
+            f"model {card.name} needs {', '.join(sorted(missing))}, which robot {robot} does not have; "
+            f"it has {', '.join(sorted(description.sensors))}",
+            advice="only the simulator labels instances: give the model a real detector's weights" if labels else "",
+            code="missing-sensor",
+        )
+
+
+def _check_action_kinds(description: SetupDescription, executed: frozenset[ActionKind]) -> None:
+    """Check that the robot executes what the model answers with. The runner unrolls chunks and resolves pixels."""
+    card, robot = description.card, description.robot.profile.name
+    needed = card.action_kinds - {ActionKind.CHUNK}
+    if ActionKind.PIXEL in needed:
+        needed = needed - {ActionKind.PIXEL} | {ActionKind.WAYPOINT}
+        if Sensor.DEPTH not in description.sensors:
+            raise UsageError(
+                f"model {card.name} answers with pixels, and robot {robot} has no depth camera to resolve them",
+                advice="use a robot with depth, or a model that answers with waypoints",
+                code="unsupported-action-kind",
+            )
+    if missing := needed - executed:
+        raise UsageError(
+            f"model {card.name} answers with {', '.join(sorted(missing))}, which robot {robot} cannot execute; "
+            f"it executes {', '.join(sorted(executed))}",
+            advice="drive the base with `vsnbench robots serve`, or use --robot simulated"
+            if executed == frozenset({ActionKind.DISCRETE})
+            else "use a robot that executes it",
+            code="unsupported-action-kind",
+        )
+
+
+def _check_weights(description: SetupDescription) -> None:
+    card = description.card
+    if card.stand_in and not description.robot.simulated:
+        raise UsageError(
+            f"model {card.name}: robot {description.robot.profile.name} is real, and no weights were given for it, "
+            f"only the {card.weights_label}",
+            advice="give your weights with --weights FILE, or accept these with --weights embedded",
+            code="no-weights",
+        )
+
+
+def warn_of_assumptions(card: ModelCard, parameters: ProtocolParameters) -> None:
+    """Log a warning for each step size that a model assumes and the protocol does not have."""
+    for difference in wrong_assumptions(card, parameters):
+        logger.warning("%s", difference)
+
+
+def warn_of_default_weights(description: SetupDescription) -> None:
+    """Log a warning where no weights were given."""
+    if description.card.stand_in:
+        card = description.card
+        logger.warning("%s runs on %s; give others with --weights FILE", card.name, card.weights_label)

@@ -1,0 +1,1 @@
+"""Requests to stop a session, from signals, keys and pages."""

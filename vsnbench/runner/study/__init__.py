@@ -1,0 +1,1 @@
+"""Running a locked study: arms, blinding, integrity."""

@@ -1,0 +1,208 @@
+"""The arms of a study as campaigns: each model with the study's robot, site and protocol."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vsnbench.errors import StudyError, UsageError
+from vsnbench.models.process_exit import process_exit_refused
+from vsnbench.results.studies.entries import RecordedStudy
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.robots.contract import Robot
+from vsnbench.robots.registry import open_robot
+from vsnbench.runner.setup.launch import check_survey
+from vsnbench.runner.setup.selection import choose_starts, resolve_goals
+from vsnbench.runner.setup.trial_setup import (
+    TrialSetup,
+    TrialSetupSpec,
+    close_policy,
+    load_policy,
+    prepare_setup,
+    use_one_thread_in_simulation,
+)
+from vsnbench.sites.site import Site, embedded_sites, load_site
+from vsnbench.study.design import design_error
+from vsnbench.study.file import StudyFile
+from vsnbench.study.schedule import Schedule, draw_schedule, schedules_of
+from vsnbench.study.stopping import decide
+from vsnbench.study.units import Block
+from vsnbench.text.sanitize import counted
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class StudyPlace:
+    """A study with its site and its schedule."""
+
+    study: StudyFile
+    site: Site
+    schedule: Schedule
+    directory: Path
+    """Directory of the study's file; its paths are relative to it."""
+
+    @classmethod
+    def of(cls, study: StudyFile, directory: Path, locked_sha256: str | None = None) -> "StudyPlace":
+        """Read the site and draw the schedule.
+
+        Args:
+            study: the plan.
+            directory: directory of its file.
+            locked_sha256: fingerprint of the locked schedule; None before the lock. If no schedule of the study has
+                it, the result has the schedule that would be drawn now.
+
+        Raises:
+            StudyError: the site lacks a goal or a starting position of the study.
+            VsnbenchError: the site cannot be used.
+        """
+        site = load_site(_site_name(study, directory))
+        try:
+            starts = choose_starts(study.starting_positions, site)
+        except UsageError as error:
+            raise StudyError(f"starting_positions: {error}".replace("in --starts ", "in ")) from error
+        for goal in dict.fromkeys(goal for arm in study.arms for goal in study.goals_of(arm)):
+            try:
+                resolve_goals([goal], site)
+            except UsageError as error:
+                raise StudyError(f"goals: {error}", code=error.code) from error
+        if locked_sha256 is None:
+            schedule = draw_schedule(study, starts, site.excluded)
+            _check_can_be_decided(study, schedule)
+        else:
+            possible = schedules_of(study, starts, site.excluded)
+            schedule = next(
+                (candidate for candidate in possible if candidate.fingerprint == locked_sha256), possible[0]
+            )
+        return cls(study, site, schedule, directory)
+
+    @property
+    def design_error(self) -> str:
+        """Why the plan cannot lead to a conclusion; empty if it can."""
+        return design_error(self.study, self.shared_blocks)
+
+    def options(self, arm: str) -> dict[str, Any]:
+        """Return the options of an arm's model, with paths relative to the study's file resolved."""
+        return {
+            name: self.directory / value
+            if isinstance(value, Path) and str(value) != "embedded" and not value.is_absolute()
+            else value
+            for name, value in self.study.arms[arm].options.items()
+        }
+
+    def trials(self, arm: str) -> tuple[PlannedTrial, ...]:
+        """Return an arm's trials in the order of the schedule."""
+        return tuple(
+            PlannedTrial(trial.goal, trial.start, trial.repetition)
+            for trial in self.schedule.trials
+            if trial.arm == arm
+        )
+
+    @property
+    def shared_blocks(self) -> tuple[Block, ...]:
+        """Planned blocks of the shared goals, in the order of the schedule, without results."""
+        return _shared_blocks(self.study, self.schedule)
+
+    @contextmanager
+    def robot(self) -> Iterator[Robot]:
+        """Open the study's robot, and check the survey of the user's own site.
+
+        Raises:
+            VsnbenchError: the robot or the site cannot be used.
+        """
+        study = self.study
+        use_one_thread_in_simulation(study.robot)
+        with (
+            process_exit_refused(),
+            open_robot(study.robot, self.site, study.protocol, noise=study.noise, rehearsal=study.rehearse) as robot,
+        ):
+            if study.site not in embedded_sites():
+                check_survey(study.site, self.site, robot.identity.profile.base.radius_m, study.protocol)
+            yield robot
+
+    def load(self, arm: str, robot: Robot) -> TrialSetup:
+        """Load an arm's model, and check that it fits the goals and the robot.
+
+        Raises:
+            StudyError: the model does not know a goal of the study, or the robot lacks a sensor.
+            VsnbenchError: the model cannot be loaded.
+        """
+        chosen = self.study.arms[arm]
+        spec = TrialSetupSpec(
+            site=self.site,
+            model=chosen.model,
+            goals=self.study.goals_of(arm),
+            robot=self.study.robot,
+            noise=self.study.noise,
+            rehearsal=self.study.rehearse,
+            parameters=self.study.protocol,
+            model_options=self.options(arm),
+            act_timeout_s=None if chosen.elsewhere else chosen.act_timeout,
+        )
+        policy = load_policy(spec)
+        try:
+            return prepare_setup(spec, policy, robot)
+        except BaseException as error:
+            close_policy(policy)
+            if isinstance(error, UsageError):
+                raise StudyError(f"arm {arm}: {error}") from error
+            raise
+
+    def campaign(self, arm: str, setup: TrialSetup) -> CampaignPlan:
+        """Return the campaign of an arm."""
+        description = setup.description
+        return CampaignPlan(
+            site=self.site,
+            robot=description.robot,
+            model=description.model,
+            protocol=self.study.protocol,
+            seed=self.study.seed,
+            trials=self.trials(arm),
+            conditions=description.conditions,
+        )
+
+
+def _shared_blocks(study: StudyFile, schedule: Schedule) -> tuple[Block, ...]:
+    shared = (trial for trial in schedule.trials if trial.goal in study.goals)
+    return tuple({trial.block: Block(trial.goal, trial.start, {}) for trial in shared}.values())
+
+
+def _check_can_be_decided(study: StudyFile, schedule: Schedule) -> None:
+    """Refuse a study that is too small for a decision.
+
+    Raises:
+        StudyError: even an arm that wins every block would not differ significantly.
+    """
+    if study.stopping != "decided":
+        return
+    decision = decide(study, _shared_blocks(study, schedule))
+    if decision.over:
+        more = "starting_positions" if study.by_starting_position else "goals, starting_positions or repetitions"
+        raise StudyError(
+            f"stopping: {counted(decision.planned_units, decision.unit)} are too few: even an arm that wins all of "
+            "them would not differ significantly",
+            advice=f"plan more {more}, or set stopping: plan",
+            code="too-few-units",
+        )
+
+
+def _site_name(study: StudyFile, directory: Path) -> str:
+    if study.site in embedded_sites() or Path(study.site).is_absolute():
+        return study.site
+    return str(directory / study.site)
+
+
+def revealing_words(place: StudyPlace, recorded: RecordedStudy) -> frozenset[str]:
+    """Return the words that reveal a model: names, paths and their parts, labels and hashes."""
+    words: set[str] = set()
+    for name, arm in place.study.arms.items():
+        words |= {name, arm.model}
+        for path in (arm.weights, arm.model_settings):
+            if path and path != "embedded":
+                words |= {path, Path(path).name, Path(path).stem, str(place.directory / path)}
+    for locked in recorded.arms:
+        words |= {locked.model, locked.weights_label, locked.model_sha256}
+        words |= {locked.weights_sha256, locked.weights_sha256[:12]}
+    return frozenset(words)

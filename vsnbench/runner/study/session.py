@@ -1,0 +1,174 @@
+"""Runs a session of a locked study: each scheduled trial with the model of its arm."""
+
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass
+from functools import partial
+
+from vsnbench.errors import RobotError, StudyError
+from vsnbench.models.contract import Policy
+from vsnbench.results.files.episode_entries import EpisodeViewer
+from vsnbench.results.studies.entries import SESSION, SESSION_END, RecordedStudy
+from vsnbench.results.writing.journal import Journal
+from vsnbench.results.writing.provenance import gather_provenance
+from vsnbench.robots.contract import Robot
+from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, ModelProvider
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.progress import TrialCounts
+from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
+from vsnbench.runner.setup.cleanup import sweep_results
+from vsnbench.runner.setup.model_cache import ModelCache
+from vsnbench.runner.setup.trial_setup import close_policy
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.runner.study.arms import StudyPlace, revealing_words
+from vsnbench.runner.study.blinding import BlindOperator, BlindViewer
+from vsnbench.runner.study.output_redaction import OutputRedaction
+from vsnbench.runner.study.source import StudyRequest, StudyResult, StudySource
+
+
+def run_study(request: StudyRequest, operators: OperatorProvider, viewer: EpisodeViewer | None = None) -> StudyResult:
+    """Run the scheduled trials that are left.
+
+    Raises:
+        StudyError: a condition differs from the locked study, or another process uses the robot.
+        VsnbenchError: the robot or the results cannot be used.
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+    """
+    recorded, place = request.recorded, request.place
+    with ExitStack() as stack:
+        redaction = OutputRedaction(revealing_words(place, recorded)) if recorded.is_blind else None
+        if redaction is not None:
+            stack.enter_context(redaction)
+        provenance = gather_provenance()
+        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
+        robot = _open_robot(stack, request, journal, operators)
+        request.results.prepare()
+        journal.note_in_study(recorded.id, SESSION, provenance.operator)
+        stack.callback(journal.note_in_study, recorded.id, SESSION_END)
+        if viewer is not None:
+            viewer = BlindViewer(viewer) if recorded.is_blind else viewer
+            viewer.prepare()
+        sweep_results(request.results, journal)
+        stop_requests = stack.enter_context(StopRequests())
+        stop_requests.last_acts.append(robot.halt)
+        source = StudySource(journal, request)
+        session = _operator_session(request, journal, robot, stop_requests, provenance.operator)
+        operator = stack.enter_context(operators.attend(session))
+        if recorded.is_blind:
+            operator = BlindOperator(operator)
+        journal.patience.gives_up = lambda: stop_requests.session_ends
+        loader = _ArmLoader(place, recorded, robot, journal, redaction)
+        models = stack.enter_context(ModelCache(loader.load, request.memory_bytes))
+        recording = RecordingOptions(request.results, viewer, provenance.operator)
+        context = SessionContext(journal, operator, stop_requests, place.site, place.study.protocol, recording)
+        executor = InProcessExecutor(context, robot, _StudyModels(context, robot, recorded, models))
+        return source.result(run(source, executor, operator))
+
+
+def _open_robot(stack: ExitStack, request: StudyRequest, journal: Journal, operators: OperatorProvider) -> Robot:
+    """Open the robot, which no other process may use for this study where a person places it."""
+    other = journal.other_running_process(request.recorded.id)
+    refusal = StudyError(
+        f"this study is being run by {other}: one robot runs one trial at a time", code="study-is-running"
+    )
+    try:
+        robot = stack.enter_context(request.place.robot())
+    except RobotError as error:
+        if not other:
+            raise
+        # The robot is in use; its own error cannot name the other process.
+        raise refusal from error
+    if robot.needs_operator:
+        operators.require(robot.identity.profile)
+        if other:
+            raise refusal
+    return robot
+
+
+def _operator_session(
+    request: StudyRequest, journal: Journal, robot: Robot, stop_requests: StopRequests, operator_name: str
+) -> OperatorSession:
+    recorded, place = request.recorded, request.place
+    progress = journal.study_progress(recorded.id)
+    results = [bool(trial.success) for trial in progress if trial.done]
+    return OperatorSession(
+        label=recorded.title,
+        trials=TrialCounts(len(progress), len(results), sum(results)),
+        parameters=place.study.protocol,
+        needs_operator=robot.needs_operator,
+        halt=robot.halt,
+        stop_requests=stop_requests,
+        site=place.site,
+        robot_radius_m=robot.identity.profile.base.radius_m,
+        journal=journal,
+        results=request.results,
+        campaign_ids=tuple(arm.campaign_id for arm in recorded.arms),
+        operator_name=operator_name,
+        is_blind=recorded.is_blind,
+        glimpse=robot.preview if robot.has_preview else None,
+        battery=lambda: robot.battery,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _ArmLoader:
+    """Loads the models of a study's arms and checks that they are the locked ones."""
+
+    place: StudyPlace
+    recorded: RecordedStudy
+    robot: Robot
+    journal: Journal
+    redaction: OutputRedaction | None
+    """Hides the models' output; None where the study is not blind."""
+
+    def load(self, arm: str) -> Policy:
+        """Load the model of an arm.
+
+        Raises:
+            StudyError: the model or its conditions are not those that were locked.
+            VsnbenchError: the model cannot be loaded.
+        """
+        with self.redaction.call() if self.redaction else nullcontext():
+            setup = self.place.load(arm, self.robot)
+        policy, locked = setup.policy, self.recorded.by_name[arm]
+        plan = self.place.campaign(arm, setup)
+        if plan.key != locked.campaign_key:
+            what = (
+                "its weights, settings or code are not those that were locked"
+                if plan.model.sha256 != locked.model_sha256
+                else "the site, the robot or its conditions are not those that were locked"
+            )
+            close_policy(policy)
+            raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
+        runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
+        self.journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
+        return self.redaction.policy(policy) if self.redaction else policy
+
+
+class _StudyModels(ModelProvider):
+    """The models of a study's arms."""
+
+    def __init__(self, context: SessionContext, robot: Robot, recorded: RecordedStudy, models: ModelCache) -> None:
+        self._context = context
+        self._robot = robot
+        self._recorded = recorded
+        self._models = models
+
+    def take(self, model: str) -> DrivingModel:
+        """Return the model of an arm, loaded if necessary."""
+        policy = self._models.take(model)
+        recording, shown_name = self._context.recording, self._recorded.shown(model)
+        target = RecordingTarget(
+            self._context.journal,
+            recording.results,
+            shown_name,
+            self._robot.identity.profile,
+            recording.viewer,
+            recording.operator_name,
+        )
+        return DrivingModel(policy, partial(EpisodeRecorderFanOut, target), shown_name)
+
+    def drop(self, model: str) -> None:
+        """Load the model again before its next trial."""
+        self._models.drop(model)

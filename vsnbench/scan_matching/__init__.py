@@ -1,1 +1,0 @@
-"""Where a robot stands on the map it is making: depth images against the walls already in it."""

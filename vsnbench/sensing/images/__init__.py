@@ -1,0 +1,1 @@
+"""Decoding, matching, filtering and calibration of camera images."""

@@ -1,0 +1,1 @@
+"""Odometry of a base: checks, TF, noise at rest."""

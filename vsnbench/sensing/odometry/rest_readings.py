@@ -1,0 +1,116 @@
+"""Noise and mean pose of the odometry of a base at rest."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vsnbench.control.standstill import QUIET, NoiseMeter, StandstillNoise, is_quiet, mean_pose, noise_of, readings_for
+from vsnbench.values.pose import Pose
+
+ROLL_OUT_S = 0.5
+"""Time after which a base with zero velocity is at rest."""
+START_SHARE = 0.45
+"""Share of the tolerance that the error of a start may use."""
+_KEPT = 100
+_NOISE_SPAN = 6.0
+"""Largest difference of two readings at rest, in standard deviations."""
+_ENOUGH = 20
+"""Number of readings from which noise is measured; fewer can only show that there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Start of a movement: the newest odometry of a quiet base, or the mean of several readings of a noisy base."""
+
+    pose: Pose
+    noise: StandstillNoise
+    readings: int
+
+    def error(self, *, turns: bool) -> float:
+        """Return the standard error of the pose along the movement."""
+        return self.noise.along(turns=turns) / math.sqrt(self.readings)
+
+
+@dataclass(frozen=True, slots=True)
+class Stillness:
+    """Largest change of the odometry of a base at rest."""
+
+    position_m: float = 0.001
+    heading_rad: float = math.radians(0.05)
+
+    @classmethod
+    def of(cls, poses: Sequence[Pose]) -> "Stillness":
+        """Return the limits for `poses` at rest; a base with very large noise was not at rest."""
+        noise, quiet = noise_of(poses), cls()
+        return cls(
+            quiet.position_m + min(_NOISE_SPAN * noise.position_m, 10 * quiet.position_m),
+            quiet.heading_rad + min(_NOISE_SPAN * noise.heading_rad, 10 * quiet.heading_rad),
+        )
+
+
+class RestReadings:
+    """Collects the readings of a base at rest; not thread-safe."""
+
+    def __init__(self) -> None:
+        self._readings: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
+        self.from_s = -math.inf
+        """Time from which the base is at rest; infinite while it is commanded to move."""
+        self._meter = NoiseMeter()
+        self._measured = False
+
+    def moves(self) -> None:
+        """Record that the base is commanded to move from now on."""
+        if not self._measured:
+            self._meter.add(self.poses)
+        self._measured = True
+        self.from_s = math.inf
+
+    def forget(self) -> None:
+        """Drop all readings, because the odometry jumped."""
+        self._readings.clear()
+
+    def rests(self, from_s: float) -> None:
+        """Record that the base is at rest from `from_s` on."""
+        self.from_s, self._measured = from_s, False
+        while self._readings and self._readings[0][0] < from_s:
+            self._readings.popleft()
+
+    def add(self, pose: Pose, stamp_s: float) -> None:
+        """Add a reading."""
+        self._readings.append((stamp_s, pose))
+
+    @property
+    def poses(self) -> Sequence[Pose]:
+        """Readings since the base is at rest."""
+        return [pose for at_s, pose in self._readings if at_s >= self.from_s]
+
+    def start(
+        self, latest: Pose, tolerance: float, *, turns: bool, holds_heading: bool, final: bool = False
+    ) -> Start | None:
+        """Return the start of a movement; None while more readings are needed.
+
+        Args:
+            latest: newest odometry.
+            tolerance: tolerance of the movement.
+            turns: whether the movement is a turn.
+            holds_heading: whether the target of a turn does not depend on the start.
+            final: whether to use the available readings.
+        """
+        poses = self.poses
+        if not self._measured and len(poses) >= _ENOUGH:
+            self._meter.add(poses)
+            self._measured = True
+        if not self._meter.freedom:
+            span = [pose.heading_rad if turns else pose.distance_to(poses[0]) for pose in poses[-3:]]
+            if final or (len(span) == 3 and is_quiet(max(span) - min(span), tolerance)):
+                return Start(latest, noise_of(poses) if final else QUIET, 1)
+            return None
+        noise = self._meter.bound
+        along = noise.along(turns=turns)
+        if is_quiet(along, tolerance):
+            return Start(latest, noise, 1)
+        needed = 1 if turns and holds_heading else min(readings_for(along, START_SHARE * tolerance), _KEPT)
+        if len(poses) < needed and not final:
+            return None
+        return Start(mean_pose(poses) if poses else latest, noise, max(len(poses), 1))

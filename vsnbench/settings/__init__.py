@@ -1,0 +1,1 @@
+"""YAML settings files with errors that name the field and the fix."""

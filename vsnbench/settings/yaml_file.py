@@ -1,0 +1,314 @@
+"""Reads YAML files into pydantic models, with errors that name the line and the field, and with size limits."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from vsnbench.errors import VsnbenchError
+from vsnbench.files.bounded_json import LONGEST_INTEGER
+from vsnbench.settings.field_errors import describe_errors
+from vsnbench.settings.number_errors import FieldError, as_written
+
+Settings = TypeVar("Settings", bound=BaseModel)
+
+MAX_CHARACTERS = 2_000_000
+"""Maximum length of a file; a site of a thousand objects has a twentieth of it."""
+MAX_VALUES = 250_000
+"""Maximum number of values after expansion of aliases and merge keys (`<<`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsFault:
+    """One error in a file."""
+
+    where: str
+    """`file:line: field (name)`, as far as known, for instance `flat.yaml:3: objects.0.size_m (sofa-1)`."""
+    statement: str
+    advice: str = ""
+    """The likely fix, or an empty string."""
+    line: int | None = None
+    """Line of the file, from 1."""
+    path: tuple[int | str, ...] = ()
+    """The field: ("walls", 2, "start")."""
+    code: str = "invalid-yaml"
+
+    @property
+    def problem(self) -> str:
+        """The statement and the advice."""
+        return self.statement + (f": {self.advice}" if self.advice else "")
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.problem}"
+
+
+class _InvalidFileError(Exception):
+    def __init__(self, *faults: SettingsFault) -> None:
+        super().__init__(str(faults[0]))
+        self.faults = faults
+
+
+def read_settings(path: Path, model: type[Settings], error: type[VsnbenchError], what: str) -> Settings:
+    """Read a file; see `parse_settings`.
+
+    Raises:
+        VsnbenchError: the file cannot be read or breaks the format; of the class `error`.
+    """
+    return parse_settings(_text_of(path, error, what), str(path), model, error, what, path.parent)
+
+
+def parse_settings(
+    text: str, origin: str, model: type[Settings], error: type[VsnbenchError], what: str, directory: Path | None = None
+) -> Settings:
+    """Read YAML text.
+
+    Args:
+        text: content of the file.
+        origin: name of the file for errors.
+        model: model of the content.
+        error: class of the errors to raise.
+        what: kind of file for errors, for instance "site".
+        directory: directory of the file, which paths in it are relative to; None if there is no file.
+
+    Raises:
+        VsnbenchError: the text breaks the format; of the class `error`, with the code of the first fault
+            (`invalid-yaml`, `unknown-field`, `missing-field`, `invalid-field`).
+    """
+    try:
+        return _parse(text, origin, model, what, {DIRECTORY: directory})
+    except _InvalidFileError as invalid:
+        first, *others = invalid.faults
+        more = f" (and {len(others)} more)" if others else ""
+        raise error(f"{first}{more}", code=first.code) from invalid
+
+
+CHECKING = "checking"
+"""Key of the validation context: true if validators also report what loading accepts."""
+DIRECTORY = "directory"
+"""Key of the validation context: directory of the file; None or absent if there is no file."""
+
+
+def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchError], what: str) -> list[SettingsFault]:
+    """Return all faults of a file.
+
+    Raises:
+        VsnbenchError: the file cannot be read; of the class `error`.
+    """
+    return text_faults(_text_of(path, error, what), str(path), model, what, path.parent)
+
+
+def parse_plain(text: str, origin: str, error: type[VsnbenchError], what: str) -> dict[str, Any]:
+    """Read YAML text of a mapping with any fields, within the limits of settings files.
+
+    Raises:
+        VsnbenchError: the text is not valid; of the class `error`.
+    """
+    try:
+        _, content = _read_yaml(text, origin)
+    except _InvalidFileError as invalid:
+        raise error(str(invalid.faults[0]), code=invalid.faults[0].code) from invalid
+    if not isinstance(content, dict):
+        raise error(f"{origin}: a {what} file must be a mapping", code="invalid-yaml")
+    return content
+
+
+def text_faults(
+    text: str, origin: str, model: type[BaseModel], what: str, directory: Path | None = None
+) -> list[SettingsFault]:
+    """Return all faults of a text; see `parse_settings`."""
+    try:
+        _parse(text, origin, model, what, {CHECKING: True, DIRECTORY: directory})
+    except _InvalidFileError as invalid:
+        return list(invalid.faults)
+    return []
+
+
+def _text_of(path: Path, error: type[VsnbenchError], what: str) -> str:
+    try:
+        with path.open(encoding="utf-8") as file:
+            return file.read(MAX_CHARACTERS + 1)
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise error(f"cannot read {what} file {path}: {reason}", code="unreadable-file") from problem
+    except UnicodeDecodeError as problem:
+        raise error(f"cannot read {what} file {path}: it is not UTF-8 text", code="unreadable-file") from problem
+
+
+def _parse(text: str, origin: str, model: type[Settings], what: str, context: dict[str, Any]) -> Settings:
+    tree, content = _read_yaml(text, origin)
+    if not isinstance(content, dict):
+        required = [name for name, field in model.model_fields.items() if field.is_required()]
+        fields = ", ".join(required or model.model_fields)
+        raise _InvalidFileError(SettingsFault(f"{origin}:1", f"a {what} file must be a mapping with {fields}"))
+    faults: list[SettingsFault] = []
+
+    def add(path: tuple[int | str, ...], error: FieldError) -> None:
+        line = _line_of(tree, path)
+        where = f"{origin}:{line}: {'.'.join(map(str, path)) or what}{_name_around(content, path)}"
+        faults.append(SettingsFault(where, error.statement, error.advice, line, path, error.code))
+
+    settings: Settings | None = None
+    try:
+        settings = model.model_validate(content, context=context)
+    except ValidationError as problem:
+        # A misspelt field is also reported as missing under its right name; the misspelling is the useful error.
+        for detail in sorted(problem.errors(), key=lambda detail: detail["type"] != "extra_forbidden"):
+            for place, described in describe_errors(detail, model):
+                add(_written_path(tree, place), described)
+    known = {fault.path for fault in faults}
+    for path, number in _non_finite_numbers(content, ()):
+        if path not in known:
+            add(path, FieldError(f"expected a finite number, got {as_written(number)}"))
+    if faults or settings is None:
+        raise _InvalidFileError(*faults)
+    return settings
+
+
+def _non_finite_numbers(content: Any, path: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], float]]:
+    """Yield the path and value of each NaN and infinity; no settings file may have them."""
+    if isinstance(content, float) and not math.isfinite(content):
+        yield path, content
+    elif isinstance(content, dict):
+        for name, value in content.items():
+            yield from _non_finite_numbers(value, (*path, name))
+    elif isinstance(content, list):
+        for place, value in enumerate(content):
+            yield from _non_finite_numbers(value, (*path, place))
+
+
+def _name_around(content: Any, path: tuple[int | str, ...]) -> str:
+    """Return the name of the object, room or starting position that contains a field, in parentheses."""
+    name = ""
+    for part in path[:-1]:
+        try:
+            content = content[part]
+        except (LookupError, TypeError):
+            break
+        if isinstance(part, int) and isinstance(content, dict):
+            key = next((key for key in ("id", "name", "number") if isinstance(content.get(key), str | int)), "")
+            name = f"{'number ' * (key == 'number')}{content[key]}"[:40] if key and key != path[-1] else ""
+    return f" ({name})" if name.isprintable() and name else ""
+
+
+def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
+    """Return the node tree, which has the lines, and the plain values."""
+
+    def invalid(problem: str, line: int | None = None) -> _InvalidFileError:
+        return _InvalidFileError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
+
+    if len(text) > MAX_CHARACTERS:
+        raise invalid(f"longer than {MAX_CHARACTERS:,} characters")
+    yaml = YAML(typ="safe", pure=True)
+    try:
+        tree = yaml.compose(text)
+        repeated = [
+            SettingsFault(f"{origin}:{key.start_mark.line + 1}", f"field {key.value} is repeated")
+            for key in _repeated_keys(tree, set())
+        ]
+        if repeated:
+            raise _InvalidFileError(*repeated)
+        if tree is None:
+            return None, None
+        if long := [
+            SettingsFault(f"{origin}:{line}", f"a number has {digits} digits", line=line)
+            for line, digits in _long_integers(tree, set())
+        ]:
+            raise _InvalidFileError(*long)
+        if _count_values(tree, {}) > MAX_VALUES:
+            raise invalid(f"aliases and merge keys expand to more than {MAX_VALUES:,} values")
+        return tree, yaml.constructor.construct_document(tree)
+    except ReaderError as problem:
+        line = text.count("\n", 0, problem.position) + 1
+        raise invalid("not valid YAML: a control character", line) from problem
+    except MarkedYAMLError as problem:
+        mark = problem.problem_mark
+        reason = str(problem.problem or problem.context).splitlines()[0]
+        raise invalid(f"not valid YAML: {reason}", mark.line + 1 if mark else None) from problem
+    except RecursionError as problem:
+        raise invalid("not valid YAML: too many levels") from problem
+    except (YAMLError, ValueError, ArithmeticError, AttributeError, TypeError, KeyError) as problem:
+        # A date with 99 days, a number of 5,000 digits, a key that is a list, a tag for another type.
+        reason = (str(problem).splitlines() or [type(problem).__name__])[0]
+        raise invalid(f"not valid YAML: {reason}") from problem
+
+
+def _count_values(node: Node, known: dict[int, int]) -> int:
+    """Return the number of values after expansion of aliases; an alias inside itself exceeds the limit."""
+    if id(node) not in known:
+        known[id(node)] = MAX_VALUES + 1
+        if isinstance(node, MappingNode):
+            parts = [part for pair in node.value for part in pair]
+        else:
+            parts = list(node.value) if isinstance(node, SequenceNode) else []
+        known[id(node)] = 1 + sum(_count_values(part, known) for part in parts)
+    return known[id(node)]
+
+
+def _long_integers(node: Node | None, seen: set[int]) -> Iterator[tuple[int, int]]:
+    """Yield the line and the number of digits of each integer that is too long for a floating-point number."""
+    if node is None or id(node) in seen:
+        return
+    seen.add(id(node))
+    if isinstance(node, ScalarNode):
+        if str(node.tag).endswith(":int") and len(node.value) > LONGEST_INTEGER:
+            yield node.start_mark.line + 1, len(node.value)
+    elif isinstance(node, SequenceNode):
+        for item in node.value:
+            yield from _long_integers(item, seen)
+    elif isinstance(node, MappingNode):
+        for pair in node.value:
+            for part in pair:
+                yield from _long_integers(part, seen)
+
+
+def _repeated_keys(node: Node | None, seen: set[int]) -> Iterator[Node]:
+    """Yield each key that repeats an earlier key of its mapping; YAML would silently take the last."""
+    if node is None or id(node) in seen:  # an alias leads to a node that was visited or that contains it
+        return
+    seen.add(id(node))
+    if isinstance(node, SequenceNode):
+        for item in node.value:
+            yield from _repeated_keys(item, seen)
+    elif isinstance(node, MappingNode):
+        names: set[str] = set()
+        for key, value in node.value:
+            if isinstance(key, ScalarNode):
+                if key.value in names:
+                    yield key
+                names.add(key.value)
+            yield from _repeated_keys(value, seen)
+
+
+def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """Return a location without the tag of a tagged union, as in interface.ros2.odometry: no file has it."""
+    if isinstance(node, MappingNode) and len(location) >= 3 and isinstance(location[1], str):
+        inner = next((value for key, value in node.value if key.value == location[0]), None)
+        values = {key.value: value.value for key, value in inner.value} if isinstance(inner, MappingNode) else {}
+        if location[1] not in values and location[1] in values.values():
+            return (location[0], *location[2:])
+    return location
+
+
+def _line_of(node: Node | None, location: tuple[int | str, ...]) -> int:
+    """Return the line, from 1, of the deepest node on the path to `location`."""
+    line = 1
+    for part in location:
+        found: Node | None = None
+        if isinstance(node, MappingNode):
+            for key, value in node.value:
+                if key.value == part:
+                    found, line = value, key.start_mark.line + 1
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = node.value[part]
+            line = found.start_mark.line + 1
+        if found is None:
+            break
+        node = found
+    return line

@@ -1,0 +1,1 @@
+"""Physics of the simulated base, its odometry and noise."""

@@ -1,0 +1,35 @@
+"""Dead reckoning from wheel rotation."""
+
+import math
+
+from vsnbench.simulator.dynamics.physics import RollingGeometry, WheelAngles
+from vsnbench.values.pose import Pose
+
+
+class WheelOdometry:
+    """Integrates short arcs; the pose is relative to the last reset, and its heading is not wrapped."""
+
+    def __init__(self, geometry: RollingGeometry) -> None:
+        self._geometry = geometry
+        self.zero(WheelAngles(0.0, 0.0))
+
+    def zero(self, angles: WheelAngles) -> None:
+        """Set the pose to zero."""
+        self._last = angles
+        self.pose = Pose(0.0, 0.0, 0.0)
+
+    def update(self, angles: WheelAngles) -> Pose:
+        """Return the pose at the newest wheel angles."""
+        left_m = (angles.left_rad - self._last.left_rad) * self._geometry.radius_m
+        right_m = (angles.right_rad - self._last.right_rad) * self._geometry.radius_m
+        self._last = angles
+        self.pose = advanced(self.pose, (left_m + right_m) / 2, (right_m - left_m) / self._geometry.track_m)
+        return self.pose
+
+
+def advanced(pose: Pose, way_m: float, turn_rad: float) -> Pose:
+    """Return the pose after a short arc with the given length and turn."""
+    middle_rad = pose.heading_rad + turn_rad / 2
+    return Pose(
+        pose.x_m + way_m * math.cos(middle_rad), pose.y_m + way_m * math.sin(middle_rad), pose.heading_rad + turn_rad
+    )

@@ -1,0 +1,1 @@
+"""Color, depth and label images of a scene."""

@@ -1,0 +1,173 @@
+"""Checks of headings and axes: radians, clockwise headings, mirrored axes, objects that face a wall."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import shapely
+from shapely import affinity
+from shapely.geometry.base import BaseGeometry
+
+from vsnbench.site_checks.finding import Amount, Severity, SiteFinding, point_text, points
+from vsnbench.site_checks.objects import footprint_of
+from vsnbench.site_checks.walls import wall_name
+from vsnbench.sites.geometry.walls import wall_area, wall_shapes
+from vsnbench.sites.site import Site, SiteObject
+
+_FRONTED = frozenset({"sofa", "bed", "toilet", "monitor", "bookshelf", "cabinet", "counter", "refrigerator", "sink"})
+_FRONTED |= {"stove", "wall_cabinet", "wardrobe", "washing_machine", "picture"}
+"""Categories whose front is never against a wall."""
+_AT_WALL_M = 0.35
+"""Maximum distance from a wall to a front that is against it."""
+_BACK_FREE_M = 0.25
+"""Minimum difference of the distances of back and front from their walls."""
+_FARTHEST_M = 30.0
+_SUSPICIOUS = 3
+"""Minimum number of errors that suggest one common cause."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Facing:
+    """Distances of an object's front and back from the nearest walls."""
+
+    front_m: float
+    back_m: float
+    wall: int
+
+    @property
+    def is_wrong(self) -> bool:
+        return self.front_m < _AT_WALL_M and self.back_m > self.front_m + _BACK_FREE_M
+
+
+def heading_findings(site: Site) -> Iterator[SiteFinding]:
+    """Yield findings about headings and axes."""
+    radians = list(_radians(site))
+    yield from radians
+    yield from _mirrored(site)
+    if radians:
+        return
+    walls = wall_shapes(site)
+    tree = shapely.STRtree(walls)
+    wrong = [(index, found) for index, found in _facings(site, walls, tree, 1.0) if found.is_wrong]
+    if len(wrong) >= _SUSPICIOUS:
+        clockwise = sum(found.is_wrong for _, found in _facings(site, walls, tree, -1.0))
+        if clockwise <= len(wrong) / 4:
+            things = [site.objects[index] for index, _ in wrong]
+            yield SiteFinding(
+                Severity.WARNING,
+                "headings-clockwise",
+                f"site {site.name}",
+                f"has {len(wrong)} objects that face a wall, and {clockwise or 'none'} with negated headings",
+                "headings run counter-clockwise from x: 90 is up, -90 is down; negate them",
+                points(*(thing.position for thing in things)),
+                entries=tuple(("objects", index) for index, _ in wrong),
+            )
+            return
+    for index, found in wrong:
+        thing = site.objects[index]
+        name = "television " if thing.model == "television" and "television" not in thing.id else ""
+        yield SiteFinding(
+            Severity.WARNING,
+            "faces-wall",
+            f"{name}{thing.id}",
+            f"at {point_text(thing.position)} faces {wall_name(site, found.wall)} at {found.front_m:.2f} m",
+            f"heading_deg is the direction of its front: {math.remainder(thing.heading_deg + 180, 360):g} is opposite",
+            footprint_of(thing),
+            Amount(found.front_m),
+            (("objects", index),),
+        )
+
+
+def _facings(
+    site: Site, walls: list[BaseGeometry], tree: shapely.STRtree, sign: float
+) -> Iterator[tuple[int, _Facing]]:
+    """Yield the facing of each object that is near a wall, with its heading multiplied by `sign`."""
+    for index, thing in enumerate(site.objects):
+        if thing.category in _FRONTED and thing.footprint is None:
+            heading_rad = math.radians(sign * thing.heading_deg)
+            front_m, wall = _before(thing, heading_rad, walls, tree)
+            if front_m < _AT_WALL_M:
+                back_m, _ = _before(thing, heading_rad + math.pi, walls, tree)
+                yield index, _Facing(front_m, back_m, wall)
+
+
+def _before(
+    thing: SiteObject, heading_rad: float, walls: list[BaseGeometry], tree: shapely.STRtree
+) -> tuple[float, int]:
+    """Return distance and index of the wall in front of one side of an object; infinity and -1 without one."""
+    x_m, y_m = thing.position
+    ray = shapely.LineString(
+        [(x_m, y_m), (x_m + _FARTHEST_M * math.cos(heading_rad), y_m + _FARTHEST_M * math.sin(heading_rad))]
+    )
+    here = shapely.Point(x_m, y_m)
+    hits = [
+        (float(here.distance(walls[index].intersection(ray))), int(index)) for index in tree.query(ray, "intersects")
+    ]
+    if not hits:
+        return math.inf, -1
+    away_m, wall = min(hits)
+    return max(away_m - thing.size_m[0] / 2, 0.0), wall
+
+
+def _radians(site: Site) -> Iterator[SiteFinding]:
+    """Yield a warning if the headings of starts, objects or both look like radians."""
+    starts, objects = ([entry.heading_deg for entry in entries] for entries in (site.starts, site.objects))
+    for what, given in (("objects and starts", starts + objects), ("starts", starts), ("objects", objects)):
+        small = [abs(heading) for heading in given if abs(heading) <= math.tau]
+        slanted = [heading for heading in small if heading % 1 > 1e-6]
+        turned = sum(abs(heading) > math.tau for heading in given)
+        if len(slanted) > max(len(given) / 3, 2) and turned <= len(slanted) / 4:
+            few = f"only {turned} of {len(given)} {what}" if turned else f"none of its {what}"
+            example = max(slanted)
+            yield SiteFinding(
+                Severity.WARNING,
+                "headings-in-radians",
+                f"site {site.name}",
+                f"turns {few} by more than {max(small):.2f}°",
+                f"headings are degrees, these look like radians: {example:g} rad is {math.degrees(example):.0f}°",
+            )
+            return
+
+
+def _mirrored(site: Site) -> Iterator[SiteFinding]:
+    """Yield an error if objects or starts fit the rooms only with mirrored or exchanged axes."""
+    yield from _mirrored_list(site, "objects", [thing.shape for thing in site.objects])
+    yield from _mirrored_list(site, "starts", [shapely.Point(start.position).buffer(0.1) for start in site.starts])
+
+
+def _mirrored_list(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
+    rooms = shapely.union_all([room.shape for room in site.rooms])
+    walls = wall_area(site).buffer(-0.02)
+    x_min, y_min, x_max, y_max = rooms.bounds
+    allowed = rooms.difference(walls).buffer(0.03)
+    shapely.prepare(allowed)
+
+    def misplaced(moved: Sequence[BaseGeometry]) -> list[bool]:
+        return [not allowed.covers(shape) for shape in moved]
+
+    out = misplaced(shapes)
+    if sum(out) < max(_SUSPICIOUS, len(shapes) / 3):
+        return
+    up, right = y_max + y_min, x_max + x_min
+    readings = [
+        ("with y counted downwards", "negate their y", (1, 0, 0, -1, 0, 0)),
+        (f"with y counted down from {up:g}", f"replace their y by {up:g} - y", (1, 0, 0, -1, 0, up)),
+        ("with x counted to the left", "negate their x", (-1, 0, 0, 1, 0, 0)),
+        (f"with x counted left from {right:g}", f"replace their x by {right:g} - x", (-1, 0, 0, 1, right, 0)),
+        ("with x and y exchanged", "exchange their x and y", (0, 1, 1, 0, 0, 0)),
+    ]
+    left, number = min(
+        (sum(misplaced([affinity.affine_transform(shape, matrix) for shape in shapes])), number)
+        for number, (_, _, matrix) in enumerate(readings)
+    )
+    reading, advice, _ = readings[number]
+    if left <= sum(out) / 4:
+        where = [shape.centroid for shape, wrong in zip(shapes, out, strict=True) if wrong]
+        yield SiteFinding(
+            Severity.ERROR,
+            "axes-mirrored",
+            f"site {site.name}",
+            f"has {sum(out)} of {len(shapes)} {what} outside the rooms or in walls, and {left or 'none'} {reading}",
+            f"x runs to the right and y up: {advice}, and change their headings in the same way",
+            points(*((float(point.x), float(point.y)) for point in where)),
+        )

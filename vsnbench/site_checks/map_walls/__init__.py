@@ -1,0 +1,1 @@
+"""Walls found in an occupancy grid map."""

@@ -1,0 +1,1 @@
+"""The site file: rooms, walls, objects, goals and starting positions."""

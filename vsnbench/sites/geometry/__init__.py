@@ -1,0 +1,1 @@
+"""Walls and lines of sight of a site."""

@@ -1,0 +1,1 @@
+"""Text for terminals: sanitized output and spelling suggestions."""

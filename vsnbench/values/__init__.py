@@ -1,0 +1,1 @@
+"""Values of a trial: action, observation, decision, pose, camera, step."""

@@ -1,0 +1,135 @@
+"""Pinhole camera of a robot and its mount."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+
+
+class Camera(BaseModel):
+    """A pinhole camera, its mount on the base, and the range of its depth sensor.
+
+    The optical axis lies in the robot's vertical plane x-z; pixels are square and the principal point is central.
+    Images of an observation fit this model without roll: robots rectify what their camera sends.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: int = Field(gt=0, le=4096, description="image width, pixels")
+    height: int = Field(gt=0, le=4096, description="image height, pixels")
+    horizontal_fov_deg: float = Field(gt=10, lt=170, description="horizontal field of view, degrees")
+    mount_height_m: float = Field(gt=0, lt=3, description="optical centre above the floor, metres")
+    mount_forward_m: float = Field(
+        default=0.0, gt=-1.5, lt=1.5, description="optical centre ahead of the base's axis, metres"
+    )
+    tilt_deg: float = Field(default=0.0, gt=-60, lt=60, description="degrees; positive looks up")
+    roll_deg: float = Field(
+        default=0.0, gt=-30, lt=30, description="degrees; positive is clockwise, seen from behind the camera"
+    )
+    depth_min_m: float = Field(default=0.0, ge=0, description="nearer depth is invalid, metres")
+    depth_max_m: float = Field(default=10.0, gt=0, description="farther depth is invalid, metres")
+
+    @model_serializer(mode="wrap")
+    def _without_default_roll(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit a roll of 0, so that hashes of profiles do not change."""
+        content: dict[str, Any] = handler(self)
+        if not self.roll_deg:
+            content.pop("roll_deg", None)
+        return content
+
+    @property
+    def without_roll(self) -> Self:
+        """The camera of a robot's images, whose roll is rectified."""
+        return self.model_copy(update={"roll_deg": 0.0}) if self.roll_deg else self
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels, the same on both axes."""
+        return self.width / 2 / math.tan(math.radians(self.horizontal_fov_deg) / 2)
+
+    @property
+    def center_px(self) -> tuple[float, float]:
+        """Principal point (cx, cy) in pixels; pixel (0, 0) has its centre at (0, 0)."""
+        return ((self.width - 1) / 2, (self.height - 1) / 2)
+
+    def resized(self, width: int, height: int) -> Self:
+        """Return the same view at another resolution."""
+        return self.model_copy(update={"width": width, "height": height})
+
+    def cut_to(self, width: int, height: int) -> Self:
+        """Return the largest central part of this view with the given shape, at this resolution."""
+        focal_px = self.focal_px * max(width / self.width, height / self.height)
+        fov_deg = math.degrees(2 * math.atan(width / 2 / focal_px))
+        return self.model_copy(update={"width": width, "height": height, "horizontal_fov_deg": fov_deg})
+
+    def rays(self, width: int, height: int) -> "Rays":
+        """Return the rays of all pixels of this view at a resolution."""
+        focal_px = self.focal_px * width / self.width
+        tilt_rad = math.radians(self.tilt_deg)
+        down = (np.arange(height, dtype=np.float64) - (height - 1) / 2) / focal_px
+        return Rays(
+            ahead=math.cos(tilt_rad) + math.sin(tilt_rad) * down,
+            left=((width - 1) / 2 - np.arange(width, dtype=np.float64)) / focal_px,
+            up=math.sin(tilt_rad) - math.cos(tilt_rad) * down,
+            forward_m=self.mount_forward_m,
+            height_m=self.mount_height_m,
+        )
+
+    def points_in_base(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Back-project a depth image (H, W), metres along the optical axis, into the base frame.
+
+        Returns:
+            (H, W, 3) float32 points x forward, y left, z up from the floor below the base's axis; NaN where the depth
+            is invalid.
+        """
+        rays = self.rays(depth_m.shape[1], depth_m.shape[0])
+        points = np.empty((*depth_m.shape, 3), np.float32)
+        points[..., 0] = depth_m * rays.ahead.astype(np.float32)[:, None] + np.float32(rays.forward_m)
+        points[..., 1] = depth_m * rays.left.astype(np.float32)[None, :]
+        points[..., 2] = depth_m * rays.up.astype(np.float32)[:, None] + np.float32(rays.height_m)
+        return points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """Back-projection of a pinhole camera: metres in the base frame per metre of depth along the optical axis.
+
+    A pixel's point is its depth times (ahead[row], left[column], up[row]) plus the position of the lens: `forward_m`
+    ahead of the base's axis and `height_m` above the floor.
+    """
+
+    ahead: npt.NDArray[np.float64]
+    """(H,)."""
+    left: npt.NDArray[np.float64]
+    """(W,)."""
+    up: npt.NDArray[np.float64]
+    """(H,)."""
+    forward_m: float
+    height_m: float
+
+    def points(
+        self, depth_m: npt.NDArray[np.floating[Any]], rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return the points of chosen pixels in the base frame: (N,) x forward, y left, z up, metres.
+
+        Args:
+            depth_m: (N,) depth.
+            rows: (N,) rows in the image.
+            columns: (N,) columns in the image.
+        """
+        depth = depth_m.astype(np.float64)
+        return (
+            depth * self.ahead[rows] + self.forward_m,
+            depth * self.left[columns],
+            depth * self.up[rows] + self.height_m,
+        )
+
+    def pixels_nearer(
+        self, depth_m: npt.NDArray[np.float32], ahead_m: float
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Return rows and columns of the valid pixels of a depth image (H, W) less than `ahead_m` ahead of the axis."""
+        rows, columns = np.nonzero(depth_m * self.ahead.astype(np.float32)[:, None] < ahead_m - self.forward_m)
+        return rows, columns

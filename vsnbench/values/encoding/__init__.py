@@ -1,0 +1,1 @@
+"""Encoding of values and images for files and sockets."""

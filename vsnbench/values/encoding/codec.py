@@ -1,0 +1,246 @@
+"""Codec of decisions and diagnostics, and encoder of observations, for JSON and msgpack.
+
+The recorder writes with it, viewer and exports read with it, and remote models exchange messages in it
+(`models/remote/vsnbench_policy.py` decodes observations on their side). Input is
+validated like a policy's decision (`decision_check`), since it may come from any record or peer: it becomes plain
+values of bounded size, or raises DecisionError.
+"""
+
+import base64
+import binascii
+import math
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import DecisionError
+from vsnbench.text.sanitize import sanitize
+from vsnbench.values.action import DISCRETE_ACTIONS, Action
+from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
+from vsnbench.values.decision_check import (
+    MOST_MAP_CELLS,
+    MOST_NAME_CHARACTERS,
+    SENSING,
+    SHOWN,
+    checked_decision,
+    checked_diagnostics,
+)
+from vsnbench.values.encoding.images import (
+    decode_picture,
+    depth_millimetres,
+    encode_jpeg,
+    encode_png,
+    picture_size,
+)
+from vsnbench.values.movement import MAX_PARTS, Chunk, Movement, movement_from_json, movement_to_json
+from vsnbench.values.observation import Observation, Sensor
+
+_MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
+
+RgbEncoding = Literal["raw", "jpeg"]
+DepthEncoding = Literal["f32", "mm16"]
+
+
+def decision_to_message(decision: Decision) -> dict[str, Any]:
+    """Return a decision as values for JSON."""
+    diagnostics = decision.diagnostics
+    details = {"details": dict(diagnostics.details)} if diagnostics.details else {}
+    return {
+        "action": decision.action.value,
+        "raw_action": decision.raw_action,
+        "probabilities": dict(diagnostics.probabilities),
+        "diagnostics": _shown(diagnostics) | details,
+        **({} if decision.movement is None else {"movement": movement_to_json(decision.movement)}),
+        **({"parts": [_part_to_json(part) for part in decision.parts]} if decision.parts else {}),
+    }
+
+
+def _part_to_json(part: Action | Movement) -> Any:
+    return part.value if isinstance(part, Action) else movement_to_json(part)
+
+
+def _answer_of(message: Mapping[str, Any]) -> Action | Movement | Chunk:
+    """Return the action, the movement or the chunk of a message.
+
+    Raises:
+        DecisionError: it has none of them, or one that cannot be read.
+    """
+    try:
+        if parts := message.get("parts"):
+            if not isinstance(parts, list) or len(parts) > MAX_PARTS:
+                raise DecisionError(f"parts must be a list of at most {MAX_PARTS} actions and movements")
+            return Chunk(tuple(Action(p) if isinstance(p, str) else movement_from_json(p) for p in parts))
+        if message.get("movement") is not None:
+            return movement_from_json(message["movement"])
+    except ValueError as error:
+        raise DecisionError(f"the movement cannot be read: {error}") from error
+    try:
+        return Action(message["action"])
+    except (KeyError, ValueError) as error:
+        raise DecisionError(f"action must be one of {', '.join(DISCRETE_ACTIONS)}") from error
+
+
+def decision_from_message(message: object) -> Decision:
+    """Return the decision of a message; `raw_action`, `probabilities` and `diagnostics` are optional.
+
+    Raises:
+        DecisionError: the message is not a decision, or a part of it cannot be shown and recorded.
+    """
+    if not isinstance(message, Mapping):
+        raise DecisionError(f"expected a decision, got a {type(message).__name__}")
+    answer = _answer_of(message)
+    parts = message.get("diagnostics") or {}
+    if not isinstance(parts, Mapping):
+        raise DecisionError(f"diagnostics must be a mapping, got a {type(parts).__name__}")
+    diagnostics = _diagnostics(message.get("probabilities") or {}, parts, parts.get("details") or {})
+    return checked_decision(Decision(answer, message.get("raw_action") or "", diagnostics))
+
+
+def diagnostics_to_details(diagnostics: Diagnostics) -> dict[str, Any]:
+    """Return the `details` of a recorded step: the policy's own, plus what the viewer shows.
+
+    Probabilities have their own column.
+    """
+    shown = _shown(diagnostics)
+    return {**diagnostics.details, SHOWN: shown} if shown else dict(diagnostics.details)
+
+
+def decision_from_record(action: Action, raw_action: str, probabilities: object, details: object) -> Decision:
+    """Return the decision of a recorded step from its four columns.
+
+    Diagnostics that cannot be read are replaced by a note with the reason, so that the step can still be viewed.
+    """
+    try:
+        diagnostics = _recorded_diagnostics(probabilities, details)
+    except DecisionError as error:
+        diagnostics = Diagnostics(note=f"The diagnostics of this step cannot be read: {error}")
+    return Decision(action, sanitize(raw_action[:MOST_NAME_CHARACTERS]), diagnostics)
+
+
+def _recorded_diagnostics(probabilities: object, details: object) -> Diagnostics:
+    if not isinstance(details or {}, Mapping):
+        raise DecisionError(f"details must be a mapping, got a {type(details).__name__}")
+    own = dict(details or {})  # type: ignore[call-overload]
+    shown = own.pop(SHOWN, None) or {}
+    own.pop(SENSING, None)
+    if not isinstance(shown, Mapping):
+        raise DecisionError(f"details.{SHOWN} must be a mapping, got a {type(shown).__name__}")
+    if isinstance(probabilities, Mapping):
+        probabilities = {name: value for name, value in probabilities.items() if value is not None}
+    return checked_diagnostics(_diagnostics(probabilities or {}, shown, own))
+
+
+def observation_to_message(
+    observation: Observation, *, rgb: RgbEncoding = "raw", depth: DepthEncoding = "f32"
+) -> dict[str, Any]:
+    """Return an observation as values for msgpack: those of JSON, and bytes or views for pixels.
+
+    Args:
+        observation: the observation; undeclared sensors are None in the message.
+        rgb: `raw`, or `jpeg`, which has a tenth of the bytes and changes the pixels.
+        depth: `f32` metres, or `mm16` millimetres with half the bytes.
+    """
+    there = observation.sensors
+    message: dict[str, Any] = {
+        "stamp_s": observation.stamp_s,
+        "camera": observation.camera.model_dump(mode="json"),
+        "rgb": None,
+        "depth": None,
+        "pose": None,
+    }
+    if (budget := observation.budget) is not None:
+        message["budget"] = {name: getattr(budget, name) for name in ("actions_left", "time_left_s", "path_left_m")}
+    if Sensor.RGB in there:
+        pixels = observation.rgb
+        message["rgb"] = _image(rgb, pixels, _bytes_of(pixels, "u1") if rgb == "raw" else encode_jpeg(pixels))
+    if Sensor.DEPTH in there and observation.depth_m is not None:
+        metres = observation.depth_m
+        data = _bytes_of(metres, "<f4") if depth == "f32" else _bytes_of(depth_millimetres(metres), "<u2")
+        message["depth"] = _image(depth, metres, data)
+        if observation.beyond_range is not None and observation.beyond_range.any():
+            message["depth"]["beyond_range"] = np.packbits(observation.beyond_range).tobytes()
+    if Sensor.ODOMETRY in there:
+        pose = observation.pose
+        message["pose"] = [pose.x_m, pose.y_m, pose.heading_rad]
+    return message
+
+
+def _shown(diagnostics: Diagnostics) -> dict[str, Any]:
+    """Return the diagnostics for a viewer; empty parts are omitted."""
+    grid = diagnostics.map
+    shown: dict[str, Any] = {
+        "boxes": [[b.left, b.top, b.right, b.bottom, b.label, b.score] for b in diagnostics.boxes],
+        "map": None if grid is None else _map_to_json(grid),
+        "sub_goal": None if diagnostics.sub_goal is None else list(diagnostics.sub_goal),
+        "path": [list(point) for point in diagnostics.path],
+        "nodes": [list(point) for point in diagnostics.nodes],
+        "scalars": {name: value if math.isfinite(value) else None for name, value in diagnostics.scalars.items()},
+        "note": diagnostics.note,
+    }
+    return {name: value for name, value in shown.items() if value}
+
+
+def _diagnostics(probabilities: Any, shown: Mapping[str, Any], details: Any) -> Diagnostics:
+    """Return diagnostics from their parts; only errors of construction are checked."""
+    boxes = shown.get("boxes") or ()
+    if not isinstance(boxes, list | tuple) or not all(isinstance(box, list | tuple) and len(box) == 6 for box in boxes):
+        raise DecisionError("boxes must be a list of [left, top, right, bottom, label, score]")
+    scalars = shown.get("scalars") or {}
+    if isinstance(scalars, Mapping):
+        scalars = {name: math.nan if value is None else value for name, value in scalars.items()}
+    return Diagnostics(
+        probabilities=probabilities,
+        boxes=tuple(Box(*box) for box in boxes),
+        map=_map_from_json(shown["map"]) if shown.get("map") else None,
+        sub_goal=shown.get("sub_goal"),
+        path=shown.get("path") or (),
+        nodes=shown.get("nodes") or (),
+        scalars=scalars,
+        note=shown.get("note") or "",
+        details=details,
+    )
+
+
+def _map_to_json(grid: GridMap) -> dict[str, Any]:
+    return {
+        "png": base64.b64encode(encode_png(grid.cells)).decode(),
+        "origin_m": [grid.origin_x_m, grid.origin_y_m],
+        "resolution_m": grid.resolution_m,
+    }
+
+
+def _map_from_json(stored: object) -> GridMap:
+    import cv2
+
+    if not isinstance(stored, Mapping) or not isinstance(stored.get("png"), str):
+        raise DecisionError("map must be a mapping with a PNG")
+    origin = stored.get("origin_m")
+    if not isinstance(origin, list | tuple) or len(origin) != 2:
+        raise DecisionError("map.origin_m must be a point (x, y)")
+    if len(stored["png"]) > _MOST_PNG_BYTES:
+        raise DecisionError(f"map.png is too long: {len(stored['png'])} characters")
+    try:
+        png = base64.b64decode(stored["png"], validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise DecisionError("map.png must be base64") from error
+    size = picture_size(png)
+    if size is None or max(size) > MOST_MAP_CELLS:
+        raise DecisionError(
+            "map.png must be a PNG" if size is None else f"map is too large: {size[0]} x {size[1]} cells"
+        )
+    cells = decode_picture(png, cv2.IMREAD_UNCHANGED)
+    if cells is None:
+        raise DecisionError("map.png is damaged")
+    return GridMap(cells, origin[0], origin[1], stored.get("resolution_m"))  # type: ignore[arg-type]
+
+
+def _image(encoding: str, pixels: npt.NDArray[Any], data: bytes | memoryview) -> dict[str, Any]:
+    height, width = pixels.shape[:2]
+    return {"encoding": encoding, "height": height, "width": width, "data": data}
+
+
+def _bytes_of(array: npt.NDArray[Any], kind: str) -> memoryview:
+    """Return an array's bytes as numbers of a type, without a copy if possible."""
+    return np.ascontiguousarray(array, kind).data.cast("B")

@@ -1,0 +1,45 @@
+"""Result of one action."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vsnbench.values.pose import Pose
+
+
+class CollisionSource(StrEnum):
+    """Source of a collision report."""
+
+    CONTACT = "contact"
+    """Contact in simulation."""
+    BUMPER = "bumper"
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """A collision: its source, and the touched object if known."""
+
+    source: CollisionSource
+    touched: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionResult:
+    """Measured result of an action; displacement and turn are the odometry's, signed."""
+
+    completed: bool
+    """Whether the robot completed the action within its tolerances."""
+    displacement_m: float = 0.0
+    turn_rad: float = 0.0
+    duration_s: float = 0.0
+    collision: Collision | None = None
+    failure: str = ""
+    """Reason why it did not complete, or an empty string."""
+    corrections: int = 0
+    pose: Pose | None = None
+    """Odometry after the motion, relative to the start of the episode."""
+    path_m: float | None = None
+    """Length of the driven path by odometry, where it is not a straight line; None: `displacement_m` is its length."""
+    blocked: str = ""
+    """Why the guard ended the movement before its end, or an empty string; such a movement is not completed."""
+    sensor_lost: bool = False
+    """Whether the motion failed because of a sensor with missing or invalid data, not because of the base."""

@@ -1,0 +1,277 @@
+"""Movements with parameters: what a model can answer instead of a discrete action.
+
+Poses are in the robot's frame at the observation (REP-103: x forward, y left, headings counter-clockwise); metres,
+radians, seconds. Limits keep one movement within what a depth image of a room can show.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
+from itertools import pairwise
+from typing import Any, Final
+
+from vsnbench.errors import DecisionError
+from vsnbench.values.action import Action
+
+MAX_DISTANCE_M: Final = 5.0
+"""Maximum distance of a move or a waypoint, and between points of a trajectory."""
+MAX_PATH_M: Final = 10.0
+"""Maximum length of a trajectory."""
+MAX_POINTS: Final = 100
+"""Maximum number of points of a trajectory."""
+MAX_DURATION_S: Final = 2.0
+"""Maximum duration of a velocity."""
+MAX_PARTS: Final = 50
+"""Maximum number of parts of a chunk."""
+_MAX_SPEED: Final = 10.0
+"""Above what any base can do, m/s or rad/s; the robot's own limits are checked when the robot is known."""
+_MIN_DURATION_S: Final = 0.05
+_MAX_PIXEL: Final = 4096.0
+
+
+class ActionKind(StrEnum):
+    """Kind of a model's answer."""
+
+    DISCRETE = "discrete"
+    MOVE = "move"
+    CHUNK = "chunk"
+    WAYPOINT = "waypoint"
+    TRAJECTORY = "trajectory"
+    VELOCITY = "velocity"
+    PIXEL = "pixel"
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """Turn on the spot, then drive straight."""
+
+    distance_m: float = 0.0
+    """Forward; negative drives backwards."""
+    turn_rad: float = 0.0
+    """Counter-clockwise; from -2 pi to 2 pi."""
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """Drive to a point."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    """Heading at the end, relative to the heading at the observation; None for any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Drive along a polyline from the robot through `points` to the last of them."""
+
+    points: tuple[tuple[float, float], ...]
+    """(x, y) each; the robot's own position is not listed."""
+
+    @property
+    def length_m(self) -> float:
+        """Length of the polyline from the robot."""
+        return sum(math.dist(a, b) for a, b in pairwise(((0.0, 0.0), *self.points)))
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Drive with a constant velocity, then stop."""
+
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+    duration_s: float = 1.0
+    """At most `MAX_DURATION_S`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pixel:
+    """Drive to the point of the floor plan that a pixel of the camera image shows."""
+
+    u: float
+    """Column from the left, pixels; 0 is the centre of the first."""
+    v: float
+    """Row from the top, pixels."""
+
+
+Drive = Move | Waypoint | Trajectory | Velocity
+"""A movement that a robot executes."""
+Movement = Drive | Pixel
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Several actions in order; each is guarded, recorded and counted on its own."""
+
+    parts: tuple[Action | Movement, ...]
+
+
+KIND_OF: Final[Mapping[type, ActionKind]] = {
+    Move: ActionKind.MOVE,
+    Waypoint: ActionKind.WAYPOINT,
+    Trajectory: ActionKind.TRAJECTORY,
+    Velocity: ActionKind.VELOCITY,
+    Pixel: ActionKind.PIXEL,
+    Chunk: ActionKind.CHUNK,
+}
+_CLASS_OF: Final[Mapping[str, type[Movement]]] = {
+    "move": Move,
+    "waypoint": Waypoint,
+    "velocity": Velocity,
+    "trajectory": Trajectory,
+    "pixel": Pixel,
+}
+DRIVE_KINDS: Final = frozenset({ActionKind.MOVE, ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY})
+"""Kinds that a robot executes as one movement."""
+
+
+def action_of(movement: Movement) -> Action:
+    """Return the action that counts and records a movement."""
+    return Action(KIND_OF[type(movement)].name)
+
+
+def movement_text(movement: Movement) -> str:
+    """Return a short description, such as `to (1.20, -0.30) m`."""
+    match movement:
+        case Move(distance_m, turn_rad):
+            return f"turn {math.degrees(turn_rad):.0f}°, drive {distance_m:.2f} m"
+        case Waypoint(x_m, y_m, None):
+            return f"to ({x_m:.2f}, {y_m:.2f}) m"
+        case Waypoint(x_m, y_m, float() | int() as heading_rad):
+            return f"to ({x_m:.2f}, {y_m:.2f}) m, {math.degrees(heading_rad):.0f}°"
+        case Trajectory(points):
+            return f"along {len(points)} points, {movement.length_m:.2f} m"
+        case Velocity(linear_m_s, angular_rad_s, duration_s):
+            return f"{linear_m_s:.2f} m/s, {math.degrees(angular_rad_s):.0f}°/s for {duration_s:.1f} s"
+        case Pixel(u, v):
+            return f"to pixel ({u:.0f}, {v:.0f})"
+        case _:
+            raise TypeError(f"not a movement: {movement!r}")
+
+
+def movement_to_json(movement: Movement) -> dict[str, Any]:
+    """Return a movement as JSON values with its `kind`, for the record and the wire."""
+    content = asdict(movement)
+    if isinstance(movement, Trajectory):
+        content["points"] = [list(point) for point in movement.points]
+    if content.get("heading_rad", 0.0) is None:
+        del content["heading_rad"]
+    return {"kind": KIND_OF[type(movement)].value, **content}
+
+
+def movement_from_json(content: Mapping[str, Any]) -> Movement:
+    """Return the movement of `movement_to_json`; unknown keys are ignored.
+
+    Raises:
+        ValueError: the content is not a movement, or a number of it is not finite.
+    """
+    try:
+        made = _CLASS_OF[content["kind"]]
+        if made is Trajectory:
+            return Trajectory(tuple((_finite(x), _finite(y)) for x, y in content["points"]))
+        names = [item.name for item in fields(made) if content.get(item.name) is not None]
+        numbers = {name: _finite(content[name]) for name in names}
+        return made(**numbers)  # type: ignore[arg-type]  # the names are the class's
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"not a movement: {error}") from error
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not a finite number")
+    return number
+
+
+def checked_parts(parts: object) -> tuple[Action | Movement, ...]:
+    """Return the validated parts of a chunk.
+
+    Raises:
+        DecisionError: there are too many, or one of them is neither an action nor a movement.
+    """
+    if not isinstance(parts, tuple | list):
+        raise DecisionError(f"the parts of a chunk must be a list, got {type(parts).__name__}")
+    if len(parts) > MAX_PARTS:
+        raise DecisionError(f"a chunk must have at most {MAX_PARTS} parts, got {len(parts)}")
+    return tuple(_checked_part(part) for part in parts)
+
+
+def _checked_part(part: object) -> Action | Movement:
+    if isinstance(part, Action):
+        if part.has_parameters:
+            raise DecisionError(f"{part} needs its parameters: put the movement itself into the chunk")
+        return part
+    return checked_movement(part)
+
+
+def checked_movement(given: object) -> Movement:
+    """Return a validated copy of a movement.
+
+    Raises:
+        DecisionError: it is not a movement, or a number is not finite or beyond its limit.
+    """
+    match given:
+        case Move():
+            distance_m = _bounded(given.distance_m, "move.distance_m", MAX_DISTANCE_M)
+            return Move(distance_m, _bounded(given.turn_rad, "move.turn_rad", math.tau))
+        case Waypoint():
+            x_m, y_m = _point((given.x_m, given.y_m), "waypoint")
+            if math.hypot(x_m, y_m) > MAX_DISTANCE_M:
+                raise DecisionError(
+                    f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {math.hypot(x_m, y_m):.4g} m"
+                )
+            heading_rad = given.heading_rad
+            return Waypoint(
+                x_m, y_m, None if heading_rad is None else _bounded(heading_rad, "waypoint.heading_rad", math.tau)
+            )
+        case Trajectory():
+            return _trajectory(given)
+        case Velocity():
+            duration_s = _finite_in(given.duration_s, "velocity.duration_s")
+            if not _MIN_DURATION_S <= duration_s <= MAX_DURATION_S:
+                raise DecisionError(
+                    f"velocity.duration_s must be {_MIN_DURATION_S:g} to {MAX_DURATION_S:g} s, got {duration_s:.6g}"
+                )
+            linear_m_s = _bounded(given.linear_m_s, "velocity.linear_m_s", _MAX_SPEED)
+            return Velocity(linear_m_s, _bounded(given.angular_rad_s, "velocity.angular_rad_s", _MAX_SPEED), duration_s)
+        case Pixel():
+            return Pixel(_bounded(given.u, "pixel.u", _MAX_PIXEL), _bounded(given.v, "pixel.v", _MAX_PIXEL))
+    raise DecisionError(
+        f"expected a movement, got {type(given).__name__}", advice="use Waypoint(1.0, 0.0), for example"
+    )
+
+
+def _trajectory(given: Trajectory) -> Trajectory:
+    if not isinstance(given.points, tuple | list):
+        raise DecisionError(f"trajectory.points must be a list of (x, y), got {type(given.points).__name__}")
+    if not 2 <= len(given.points) <= MAX_POINTS:
+        raise DecisionError(f"a trajectory must have 2 to {MAX_POINTS} points, got {len(given.points)}")
+    checked = Trajectory(tuple(_point(point, f"trajectory.points[{k}]") for k, point in enumerate(given.points)))
+    if checked.length_m > MAX_PATH_M:
+        raise DecisionError(f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m")
+    return checked
+
+
+def _point(value: Any, what: str) -> tuple[float, float]:
+    try:
+        x_m, y_m = value
+    except (TypeError, ValueError):
+        raise DecisionError(f"{what} must be a point (x, y)") from None
+    return _finite_in(x_m, f"{what}.x_m"), _finite_in(y_m, f"{what}.y_m")
+
+
+def _bounded(value: Any, what: str, most: float) -> float:
+    number = _finite_in(value, what)
+    if abs(number) > most:
+        raise DecisionError(f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}")
+    return number
+
+
+def _finite_in(value: Any, what: str) -> float:
+    try:
+        if not isinstance(value, str | bytes | bytearray) and math.isfinite(number := float(value)):
+            return number
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise DecisionError(f"{what} must be a finite number, got {str(value)[:40]}")

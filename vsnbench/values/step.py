@@ -1,0 +1,63 @@
+"""One recorded step: the same value for writing, viewing and reading."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from vsnbench.values.action import Action
+from vsnbench.values.fix import Fix
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Movement
+from vsnbench.values.pose import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class StepTimings:
+    """Duration of a step, wall time in seconds; None if unknown."""
+
+    sense_s: float | None = None
+    infer_s: float | None = None
+    move_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StepRecord:
+    """One action of the policy, from the observation to the measured result."""
+
+    number: int
+    """Number of the step from 1; STOP and blocked actions count."""
+    action: Action
+    raw_action: str = ""
+    """The model's own name of the action; default: the action's name."""
+    result: MotionResult | None = None
+    """None if the depth guard blocked the action before it began; unknown numbers are NaN."""
+    movement: Movement | None = None
+    """Parameters of an action that has some."""
+    part: tuple[int, int] | None = None
+    """Number from 1 and count, for a part of a chunk."""
+    observed: Pose | None = None
+    """Odometry at the observation, relative to the start of the episode."""
+    stamp_s: float | None = None
+    """Time of the image on the robot's clock."""
+    world: Fix | None = None
+    """Pose of the robot in the site after the motion, if known."""
+    rgb_digest: str | None = None
+    """Digest of `vsnbench.values.encoding.image_digest`; None if the image was not rendered."""
+    depth_digest: str | None = None
+    """None without a depth image."""
+    timings: StepTimings = field(default_factory=StepTimings)
+    probabilities: Mapping[str, float] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
+    recorded_at: datetime | None = None
+    """Time of writing; None before."""
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the depth guard blocked it, before or during the movement."""
+        return self.result is None or bool(self.result.blocked)
+
+    @property
+    def after(self) -> Pose | None:
+        """Odometry after the motion, relative to the start; unchanged for a blocked action."""
+        return self.result.pose if self.result else self.observed

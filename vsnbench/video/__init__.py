@@ -1,0 +1,1 @@
+"""Videos of recorded episodes: camera, floor plan, actions and verdict."""

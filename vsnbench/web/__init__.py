@@ -1,0 +1,1 @@
+"""Web pages for the operator and for drawing a site."""

@@ -1,0 +1,179 @@
+"""The browser of a results directory as an application."""
+
+import contextlib
+import json
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import Engine
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.results.annotations import MAX_NOTE_CHARACTERS, Annotation, read_annotation
+from vsnbench.results.files.confined_paths import read_confined
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.images import rgb_path
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.writing.journal import Journal
+from vsnbench.results.writing.provenance import gather_provenance
+from vsnbench.video.episodes import write_video
+from vsnbench.viewer.replay import read_episode
+from vsnbench.web.results_browser.data import episode_json, episodes_json, recorded_site, version_of
+from vsnbench.web.results_browser.failures import FailureKinds
+from vsnbench.web.site_editor.drawing import plan_svg
+from vsnbench.web_server.pages import ERROR_HANDLERS, csrf_token_for, json_body, page_routes, text_field
+
+ASSETS: Final = Path(__file__).parent / "assets"
+_MAX_ANNOTATED = 1000
+_JPEG = "image/jpeg"
+
+
+class BrowserApp:
+    """The routes of the page. Everything but notes, tags and videos is read from the record for each request."""
+
+    def __init__(self, results: ResultsDirectory, engine: Engine) -> None:
+        """Serve a record.
+
+        Args:
+            results: the results directory; images are read from below it only.
+            engine: its database.
+        """
+        self._results = results
+        self._engine = engine
+        self._operator = gather_provenance().operator
+        self._videos = tempfile.TemporaryDirectory(prefix="vsnbench-videos-")
+        self._listed: tuple[str, bytes] = ("", b"")
+        self._listing = threading.Lock()
+        self._failures = FailureKinds(engine)
+
+    def routes(self) -> Starlette:
+        """Return the application to serve."""
+        return Starlette(
+            routes=[
+                *page_routes(ASSETS, "browse.html"),
+                Route("/data/session.json", self._session),
+                Route("/data/version.json", self._version),
+                Route("/data/episodes.json", self._episodes),
+                Route("/data/failures.json", self._failure_kinds),
+                Route("/data/episode-{number:int}.json", self._episode),
+                Route("/plan/{sha256}.svg", self._plan),
+                Route("/images/{number:int}/{step:int}.jpg", self._image),
+                Route("/video/{numbers}.mp4", self._video),
+                Route("/annotate", self._annotate, methods=["POST"]),
+            ],
+            exception_handlers=ERROR_HANDLERS,
+        )
+
+    def prepare(self) -> None:
+        """Read the list in a thread, while the user opens the address; the page shows an error when it asks again."""
+
+        def read() -> None:
+            with contextlib.suppress(VsnbenchError):
+                self._list()
+
+        threading.Thread(target=read, name="browse-list", daemon=True).start()
+
+    def close(self) -> None:
+        """End the classification of failures, and delete the videos that were made for download."""
+        self._failures.close()
+        self._videos.cleanup()
+
+    async def _session(self, request: Request) -> Response:
+        fields = {"csrf_token": csrf_token_for(request), "author": self._operator, "is_static": False}
+        return JSONResponse(fields | {"title": str(self._results.path)})
+
+    async def _version(self, _request: Request) -> Response:
+        return JSONResponse({"version": await run_in_threadpool(version_of, self._engine)})
+
+    async def _episodes(self, _request: Request) -> Response:
+        return Response(await run_in_threadpool(self._list), media_type="application/json")
+
+    def _list(self) -> bytes:
+        """Return the list of episodes as JSON; it is read again only if the record has changed."""
+        with self._listing:
+            if self._listed[0] != version_of(self._engine):
+                listed = episodes_json(self._engine)
+                self._listed = (listed["version"], json.dumps(listed, separators=(",", ":")).encode())
+                self._failures.update()
+            return self._listed[1]
+
+    async def _failure_kinds(self, _request: Request) -> Response:
+        return JSONResponse({"is_complete": self._failures.is_complete, "kinds": self._failures.known()})
+
+    async def _episode(self, request: Request) -> Response:
+        return JSONResponse(await self._read(partial(episode_json, self._engine, request.path_params["number"])))
+
+    async def _plan(self, request: Request) -> Response:
+        site = await run_in_threadpool(recorded_site, self._engine, request.path_params["sha256"])
+        if site is None:
+            raise HTTPException(404, "this site is unknown")
+        return Response(await run_in_threadpool(plan_svg, site), media_type="image/svg+xml")
+
+    async def _image(self, request: Request) -> Response:
+        number, step = request.path_params["number"], request.path_params["step"]
+        content = await self._read(partial(self._read_image, number, step))
+        if content is None:
+            raise HTTPException(404, "this step has no image")
+        return Response(content, media_type=_JPEG, headers={"cache-control": "private, max-age=3600"})
+
+    def _read_image(self, number: int, step: int) -> bytes | None:
+        images = episode_details(self._engine, number).summary.images_directory
+        if not images:
+            return None
+        return read_confined(self._results.episode_directory(images), rgb_path(Path(), step))
+
+    async def _video(self, request: Request) -> Response:
+        parts = request.path_params["numbers"].split("-")
+        if not 1 <= len(parts) <= 2 or not all(part.isdecimal() and len(part) < 10 for part in parts):
+            raise HTTPException(404, "a video is of one episode or of two")
+        numbers = [int(part) for part in parts]
+        name = f"episode{'s' if len(numbers) > 1 else ''}-{'-'.join(map(str, numbers))}.mp4"
+        file = Path(self._videos.name, name)
+        await self._read(partial(self._write_video, numbers, file))
+        return FileResponse(file, media_type="video/mp4", filename=name)
+
+    def _write_video(self, numbers: list[int], file: Path) -> None:
+        write_video([read_episode(self._results, number) for number in numbers], file)
+
+    async def _annotate(self, request: Request) -> Response:
+        body = await json_body(request)
+        numbers = body.get("episodes")
+        if (
+            not isinstance(numbers, list)
+            or not 1 <= len(numbers) <= _MAX_ANNOTATED
+            or not all(isinstance(number, int) and not isinstance(number, bool) for number in numbers)
+        ):
+            raise HTTPException(400, f"episodes must be 1 to {_MAX_ANNOTATED} numbers")
+        annotation = read_annotation(
+            text_field(body, "note", MAX_NOTE_CHARACTERS), _words(body, "tags"), _words(body, "removed_tags")
+        )
+        await self._read(partial(self._write_annotation, numbers, annotation))
+        return JSONResponse({"saved": True})
+
+    def _write_annotation(self, numbers: list[int], annotation: Annotation) -> None:
+        with closing(Journal.open(self._results.database_url)) as journal:
+            journal.annotate(numbers, annotation, author=self._operator)
+
+    async def _read(self, call: Callable[[], Any]) -> Any:
+        """Call a function in a thread; an episode that does not exist is 404."""
+        try:
+            return await run_in_threadpool(call)
+        except UsageError as error:
+            raise HTTPException(404 if error.code == "unknown-episode" else 409, str(error)) from error
+
+
+def _words(body: dict[str, Any], name: str) -> list[str]:
+    words = body.get(name, [])
+    if not isinstance(words, list) or len(words) > 20 or not all(isinstance(word, str) for word in words):
+        raise HTTPException(400, f"{name} must be a list of at most 20 texts")
+    return words

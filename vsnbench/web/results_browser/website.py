@@ -1,0 +1,209 @@
+"""Writes the page of results as files that any static host serves: report, list, episodes, images, videos."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from vsnbench import __version__
+from vsnbench.errors import RecordError, UsageError, VsnbenchError
+from vsnbench.files.atomic import write_atomic
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.failures import failure_kinds
+from vsnbench.report.build import Report
+from vsnbench.report.figures.choose import build_and_draw
+from vsnbench.report.formats.html import html_page
+from vsnbench.report.formats.json import to_json
+from vsnbench.report.tables.headline import headlines
+from vsnbench.results.files.confined_paths import read_confined
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.images import rgb_path
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.values.encoding.images import decode_picture
+from vsnbench.video.episodes import SIZES, VideoFormat, write_video
+from vsnbench.viewer.replay import read_episode
+from vsnbench.web.results_browser.app import ASSETS
+from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episode_json, episodes_json, site_of
+from vsnbench.web.site_editor.drawing import plan_svg
+from vsnbench.web_server.pages import SHARED_ASSETS
+
+HEADLINE: Final = "headline.json"
+EPISODES_PAGE: Final = "episodes.html"
+_OWN_DIRECTORIES = ("assets", "data", "images", "plan", "shared", "video")
+_IMAGE_WIDTH_PX = 480
+_JPEG_QUALITY = 80
+_POLICY = (
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'\">"
+)
+Progress = Callable[[str, int, int], object]
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenWebsite:
+    """What was written."""
+
+    episodes: int
+    images: int
+    videos: int
+    problems: tuple[str, ...]
+    """Episodes without a video, and why."""
+
+
+def write_website(
+    results: ResultsDirectory,
+    selection: Selection,
+    directory: Path,
+    *,
+    with_videos: bool,
+    progress: Progress = lambda _what, _done, _of: None,
+) -> WrittenWebsite:
+    """Write a website; an earlier one in the directory is replaced.
+
+    Args:
+        results: the results directory.
+        selection: part of the record to show.
+        directory: new, empty, or an earlier website.
+        with_videos: also write a video of each episode.
+        progress: called with a kind of work, what is done of it, and all of it.
+
+    Raises:
+        UsageError: the directory has other content, or nothing matches the selection.
+        RecordError: the record cannot be read, or a file cannot be written.
+    """
+    report, drawings = build_and_draw(results.database_url, selection, results.path)
+    _clear(directory)
+    page = html_page(report, report.tables(long=True), drawings, episodes_page=EPISODES_PAGE)
+    write_atomic(directory / "index.html", page.encode())
+    write_atomic(
+        directory / "report.json", to_json(report.results, report.questions, report.activity, report.record).encode()
+    )
+    write_atomic(directory / HEADLINE, _json(_headline(report)))
+    front = (ASSETS / "browse.html").read_text(encoding="utf-8").replace("<title>", f"{_POLICY}\n<title>")
+    write_atomic(directory / EPISODES_PAGE, front.encode())
+    for name, source in (("assets", ASSETS), ("shared", SHARED_ASSETS)):
+        for file in sorted(source.iterdir()):
+            if file.suffix in (".js", ".css", ".svg"):
+                write_atomic(directory / name / file.name, file.read_bytes())
+    numbers = {int(number) for number in report.record.episodes["episode"]}
+    return _write_episodes(results, report, numbers, directory, with_videos=with_videos, progress=progress)
+
+
+def _write_episodes(
+    results: ResultsDirectory,
+    report: Report,
+    chosen: set[int],
+    directory: Path,
+    *,
+    with_videos: bool,
+    progress: Progress,
+) -> WrittenWebsite:
+    images = videos = 0
+    problems: list[str] = []
+    with open_record(results.database_url) as engine:
+        listed = episodes_json(engine)
+        listed["rows"] = [row for row in listed["rows"] if row[COLUMNS.index("id")] in chosen]
+        kinds = {number: kind.value for number, kind in failure_kinds(engine, report.record)}
+        write_atomic(directory / "data" / "failures.json", _json({"is_complete": True, "kinds": kinds}))
+        session = {"is_static": True, "csrf_token": "", "author": "", "title": "results", "report": "index.html"}
+        write_atomic(directory / "data" / "session.json", _json(session))
+        drawn: set[str] = set()
+        for done, row in enumerate(listed["rows"]):
+            number = int(row[COLUMNS.index("id")])
+            progress("episodes", done, len(listed["rows"]))
+            episode = episode_json(engine, number)
+            write_atomic(directory / "data" / f"episode-{number}.json", _json(episode))
+            if episode["site_sha256"] and episode["site_sha256"] not in drawn:
+                drawn.add(episode["site_sha256"])
+                site = site_of(episode_details(engine, number))
+                if site is not None:
+                    write_atomic(directory / "plan" / f"{episode['site_sha256']}.svg", plan_svg(site).encode())
+            written = _write_images(
+                results, episode_details(engine, number).summary.images_directory, episode, directory
+            )
+            row[COLUMNS.index("has_images")] = bool(written)
+            images += written
+            if not (with_videos and written):
+                continue
+            try:
+                file = directory / "video" / f"{number}.mp4"
+                write_video([read_episode(results, number)], file, VideoFormat(SIZES["web"]))
+                videos += 1
+            except VsnbenchError as error:
+                problems.append(error.statement)
+        write_atomic(directory / "data" / "episodes.json", _json(listed))
+    return WrittenWebsite(len(listed["rows"]), images, videos, tuple(problems))
+
+
+def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any], directory: Path) -> int:
+    """Write the colour images of an episode, smaller than recorded, and return their number."""
+    import cv2
+
+    if not images:
+        return 0
+    folder, written = results.episode_directory(images), 0
+    for step in episode["steps"]:
+        content = read_confined(folder, rgb_path(Path(), step["number"]))
+        picture = decode_picture(content, cv2.IMREAD_COLOR) if content else None
+        if picture is None:
+            continue
+        if picture.shape[1] > _IMAGE_WIDTH_PX:
+            size = _IMAGE_WIDTH_PX, round(picture.shape[0] * _IMAGE_WIDTH_PX / picture.shape[1])
+            picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        made, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        if made:
+            number = episode["row"]["id"]
+            write_atomic(directory / "images" / str(number) / f"{step['number']}.jpg", jpeg.tobytes())
+            written += 1
+    return written
+
+
+def _headline(report: Report) -> dict[str, Any]:
+    """Return the rate of each condition and the answers, for other programs; documented in docs/json.md."""
+    found = headlines(report.results.conditions)
+    return {
+        "schema": SCHEMA,
+        "vsnbench": __version__,
+        "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "conditions": [
+            {
+                "name": summary.condition.name,
+                "environment": summary.condition.environment,
+                "site": summary.condition.site,
+                "goals": list(headline.goals),
+                "episodes": headline.summary.episodes,
+                "successes": headline.summary.successes,
+                "success_rate": headline.summary.success_rate if headline.summary.episodes else None,
+                "interval": [headline.summary.interval.low, headline.summary.interval.high],
+            }
+            for summary, headline in zip(report.results.conditions, found.by_condition, strict=True)
+        ],
+        "answers": [answer for question in report.questions for answer in question.answers],
+    }
+
+
+def _clear(directory: Path) -> None:
+    """Remove an earlier website.
+
+    Raises:
+        UsageError: the directory has other content.
+        RecordError: it cannot be written.
+    """
+    if directory.exists() and (
+        not directory.is_dir() or (any(directory.iterdir()) and not (directory / HEADLINE).is_file())
+    ):
+        raise UsageError(f"{directory} is not empty and has no {HEADLINE}", advice="choose a new directory")
+    try:
+        for name in _OWN_DIRECTORIES:
+            if (directory / name).is_dir() and not (directory / name).is_symlink():
+                shutil.rmtree(directory / name)
+    except OSError as error:
+        raise RecordError(f"cannot replace {directory}: {error.strerror or error}") from error
+
+
+def _json(content: object) -> bytes:
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":"), default=str).encode()

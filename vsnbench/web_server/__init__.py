@@ -1,0 +1,1 @@
+"""One Starlette server with authentication and limits; the pages are in `vsnbench.web`."""
