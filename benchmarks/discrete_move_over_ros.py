@@ -1,13 +1,19 @@
 """How precisely movements are carried out over a real ROS network, by odometry rate and dead time of the base.
 
-For each setting: `vsnbench ros1 simulate` or `ros2 simulate` in an empty hall, and random movements, carried out by
-`vsnbench ros1 discrete-move`, by `ros2 discrete-move` beside the base, or by the workstation's own loop; for ROS 2 also
+For each setting: `vsnbench robots simulate` in an empty hall, and random movements, carried out by
+`vsnbench robots serve`, for ROS 2 next to the base, or by the workstation's own loop; for ROS 2 also
 with a relay between that holds every message back 30 ms each way. What the odometry and the simulator's truth say
 afterwards becomes a line of a table. Lines gather in a file; the page is made of all of them.
 
     python benchmarks/discrete_move_over_ros.py --actions 300 --jobs 4 --rows rows.jsonl
     .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --ways ros2 ros2-beside ros2-wifi --rows rows.jsonl
-    python benchmarks/discrete_move_over_ros.py --report --rows rows.jsonl > docs/discrete-move-accuracy.md
+    python benchmarks/discrete_move_over_ros.py --report --rows rows.jsonl > motion-accuracy.md
+
+With `--standing` the odometry has white noise of 0.05 degrees and 2 mm, at rest as well, and errors are the truth's:
+
+    python benchmarks/discrete_move_over_ros.py --standing --actions 200 --rows standing.jsonl
+    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --standing --ways ros2 ros2-beside --actions 200 \
+        --rows standing.jsonl
 """
 
 import argparse
@@ -32,13 +38,17 @@ from typing import Any
 
 SETTINGS = [(rate_hz, lag_s, "") for rate_hz in (10.0, 20.0, 50.0) for lag_s in (0.0, 0.1)] + [(50.0, 0.1, "noise")]
 """Odometry's rate, dead time of the base, and whether odometry has noise."""
+STANDING = [(rate_hz, 0.0, noise) for rate_hz in (20.0, 50.0) for noise in ("", "standing")]
+STANDING_DEG, STANDING_MM = 0.05, 2.0
+"""Standard deviations of the noise of `--standing`."""
 WAYS = {
-    "ros1": "ROS 1, by `vsnbench ros1 discrete-move` (Turtlebot 2)",
+    "ros1": "ROS 1, by `vsnbench robots serve` (Turtlebot 2)",
     "ros2": "ROS 2, by the workstation's own loop (TurtleBot 4)",
-    "ros2-beside": "ROS 2, by `vsnbench ros2 discrete-move` beside the base (TurtleBot 4)",
+    "ros2-beside": "ROS 2, by `vsnbench robots serve` beside the base (TurtleBot 4)",
     "ros2-wifi": "ROS 2, by the workstation's own loop, 30 ms each way from the base (TurtleBot 4)",
-    "ros2-beside-wifi": "ROS 2, by `vsnbench ros2 discrete-move` beside the base, the workstation 30 ms away",
+    "ros2-beside-wifi": "ROS 2, by `vsnbench robots serve` beside the base, the workstation 30 ms away",
 }
+NOISES = {"": "", "noise": ", noise", "standing": f", {STANDING_DEG:g}° and {STANDING_MM:g} mm at rest"}
 DELAY_S, JITTER_S = 0.03, 0.01
 HALL = """
 name: hall
@@ -47,6 +57,7 @@ walls: [{start: [-25, -25], end: [25, -25]}]
 starts: [{number: 1, position: [0, 0], heading_deg: 17}]
 """
 RELAY = Path(__file__).with_name("nodes") / "delaying_relay.py"
+NOISY_SIMULATOR = Path(__file__).with_name("nodes") / "noisy_simulator.py"
 Setting = tuple[float, float, str]
 
 
@@ -57,6 +68,7 @@ def main() -> None:
     options.add_argument("--ways", nargs="+", choices=WAYS, default=["ros1"])
     options.add_argument("--settings", type=int, default=len(SETTINGS), help="only the last so many settings")
     options.add_argument("--rows", type=Path, help="file to which every line is added; what it holds is not run again")
+    options.add_argument("--standing", action="store_true", help="a quiet base, and one with standing noise")
     options.add_argument("--report", action="store_true", help="run nothing: make the page of what --rows holds")
     options.add_argument("--worker", help=argparse.SUPPRESS)
     chosen = options.parse_args()
@@ -85,7 +97,7 @@ def main() -> None:
         wanted = [
             (way, setting)
             for way in chosen.ways
-            for setting in SETTINGS[-chosen.settings :]
+            for setting in (STANDING if chosen.standing else SETTINGS[-chosen.settings :])
             if (way, *setting) not in done
         ]
         with ThreadPoolExecutor(chosen.jobs) as pool:
@@ -144,11 +156,13 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
             Master.from_environment().wait(20)
         else:
             near += "@near"
-        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", ros]
-        how = [f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}", *(["--noise"] if noise else [])]
-        start(*vsnbench, "simulate", "--site", directory / "hall.yaml", "--robot", near, *how)
+        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "robots"]
+        how = [f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}", *(["--noise"] if noise == "noise" else [])]
+        noisy = [sys.executable, NOISY_SIMULATOR, STANDING_DEG, STANDING_MM, ros]
+        simulator = noisy if noise == "standing" else vsnbench
+        start(*simulator, "simulate", near, "--site", directory / "hall.yaml", *how)
         if way == "ros1" or "beside" in way:
-            start(*vsnbench, "discrete-move", "--robot", near)
+            start(*vsnbench, "serve", near)
         reached, server = near, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"
         if "wifi" in way:
             start(sys.executable, RELAY, profile, DELAY_S, JITTER_S, server)
@@ -165,12 +179,12 @@ def with_small_camera(profile: str) -> str:
 
 def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str, Any]:
     """Ask for random movements and compare what was asked with odometry and truth."""
-    from vsnbench.motion.law import ideal_duration_s
-    from vsnbench.motion.settings import MotionSettings
+    from vsnbench.control.law import ideal_duration_s
+    from vsnbench.control.settings import MotionSettings
     from vsnbench.protocol.parameters import ProtocolParameters
-    from vsnbench.robots.ros_link import connect
-    from vsnbench.robots.ros_start import Patience, wait_until_ready
-    from vsnbench.sensing.discrete_mover import MOVEMENTS
+    from vsnbench.robots.ros.link import connect
+    from vsnbench.robots.ros.start import Patience, wait_until_ready
+    from vsnbench.sensing.movements import MOVEMENTS
 
     link = connect(profile, ProtocolParameters())
     # What carries out movements is chosen once a session, by what the graph knows: it has to be there by then.
@@ -185,7 +199,7 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
         asked_s = time.monotonic() + (DELAY_S + 5 * JITTER_S if link.kind == "ros2" else 0)
         link.wait_for(lambda now: now.latest is not None and now.latest.arrival_s > asked_s, 5.0)
         link.wait_for(lambda _: truth.arrival_s > asked_s, 5.0)
-        return link.snapshot().latest.pose, truth.pose
+        return truth.pose if setting[2] == "standing" else link.snapshot().latest.pose, truth.pose
 
     errors_m, errors_deg, relative_deg, true_m, ratios, refused, dishonest = [], [], [], [], [], 0, 0
     if not link.wait_for(lambda now: steady(now.readings, setting[0]), 120.0):
@@ -212,8 +226,9 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
         elif action.turns:
             asked_rad = math.radians(30) * (1 if word == "Left" else -1)
             held_rad += asked_rad
-            relative_deg.append(abs(math.degrees(after.heading_rad - before.heading_rad - asked_rad)))
-            errors_deg.append(abs(math.degrees(after.heading_rad - held_rad)))
+            turned_rad = after.heading_rad - before.heading_rad
+            relative_deg.append(abs(math.degrees(math.remainder(turned_rad - asked_rad, math.tau))))
+            errors_deg.append(abs(math.degrees(math.remainder(after.heading_rad - held_rad, math.tau))))
             dishonest += errors_deg[-1] >= 0.1
         else:
             errors_m.append(abs(before.distance_to(after) - 0.25))
@@ -231,7 +246,8 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
         "worst_true_mm": max(true_m, default=math.nan) * 1000,
         "worst_deg": max(errors_deg, default=math.nan),
         "worst_relative_deg": max(relative_deg, default=math.nan),
-        "drift_deg": math.degrees(before.heading_rad - held_rad),
+        "drift_deg": math.degrees(math.remainder(before.heading_rad - held_rad, math.tau)),
+        "longest_ratio": max(ratios),
         "median_ratio": statistics.median(ratios),
         "p90_ratio": statistics.quantiles(ratios, n=10)[-1] if len(ratios) > 1 else math.nan,
     }
@@ -272,8 +288,8 @@ class Truth:
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message
 
-        from vsnbench.protocol.pose import Pose
-        from vsnbench.ros2.messages import planar
+        from vsnbench.ros_common.messages import planar
+        from vsnbench.values.pose import Pose
 
         return Pose(*planar(deserialize_message(self._newest[1], Odometry)))
 
@@ -286,7 +302,7 @@ def steady(readings: tuple, rate_hz: float) -> bool:
 
 COLUMNS = [
     *("odometry", "lag", "True", "False", "dishonest", "worst move", "true", "worst turn", "call to call", "drift"),
-    *("time, median", "p90"),
+    *("time, median", "p90", "longest"),
 ]
 
 
@@ -297,7 +313,7 @@ def report(rows: list[dict[str, Any]]) -> str:
         "# Precision of movements over ROS",
         "",
         f"{' or '.join(map(str, actions))} random movements a setting (25 cm forward or backward, 30° left or right),",
-        "against `vsnbench ros1 simulate` or `ros2 simulate` in an empty hall, everything in real time. Errors are the",
+        "against `vsnbench robots simulate` in an empty hall, everything in real time. Errors are the",
         "odometry's, turns against the absolute heading held since the start, which is what is promised; call to call",
         "is the difference of two headings, the end of the move between them included; true is the simulator's own",
         "pose, which wheel slip and noise part from the odometry. The tolerances are 5 mm and 0.1°; an answer of True",
@@ -308,7 +324,9 @@ def report(rows: list[dict[str, Any]]) -> str:
         of_way = {(row["rate_hz"], row["lag_s"], row["noise"]): row for row in rows if row["way"] == way}
         if of_way:
             lines += ["", f"## {title}", "", f"| {' | '.join(COLUMNS)} |", f"|{' --- |' * len(COLUMNS)}"]
-            lines += [table_line(of_way[setting]) for setting in SETTINGS if setting in of_way]
+            lines += [
+                table_line(of_way[setting]) for setting in dict.fromkeys([*SETTINGS, *STANDING]) if setting in of_way
+            ]
             reasons = Counter(reason for row in of_way.values() for reason in row["reasons"])
             lines += ["", *(f"False {count} times: {reason}" for reason, count in reasons.most_common())]
     return "\n".join(lines).rstrip() + "\n"
@@ -317,11 +335,11 @@ def report(rows: list[dict[str, Any]]) -> str:
 def table_line(r: dict[str, Any]) -> str:
     """Return a row as a line of the table."""
     return (
-        f"| {r['rate_hz']:g} Hz{', noise' if r['noise'] else ''} | {r['lag_s']:g} s "
+        f"| {r['rate_hz']:g} Hz{NOISES[r['noise']]} | {r['lag_s']:g} s "
         f"| {r['moves'] + r['turns']} | {r['refused']} | {r['dishonest']} "
         f"| {r['worst_mm']:.2f} mm | {r['worst_true_mm']:.2f} mm | {r['worst_deg']:.3f}° "
         f"| {r['worst_relative_deg']:.3f}° | {r['drift_deg']:+.3f}° "
-        f"| {r['median_ratio']:.2f}x | {r['p90_ratio']:.2f}x |"
+        f"| {r['median_ratio']:.2f}x | {r['p90_ratio']:.2f}x | {r.get('longest_ratio', math.nan):.2f}x |"
     )
 
 

@@ -17,33 +17,39 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from vsnbench.database.campaign_plan import CampaignPlan, PlannedTrial, Trial
-from vsnbench.database.journal import Journal
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import load_site
-from vsnbench.record.results import ResultsDirectory
-from vsnbench.runner.attendant import EndedEpisode
-from vsnbench.runner.bench import BenchDescription, BenchPlan, open_bench
-from vsnbench.runner.pool.handing_out import hand_out
-from vsnbench.runner.pool.merging import MergingPool, TaskLost
-from vsnbench.runner.pool.messages import Keeping
-from vsnbench.runner.pool.sealed import SealedEpisode, run_sealed
-from vsnbench.runner.stopping import Stopping
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner
+from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
+from vsnbench.runner.executors.pool import PoolExecutor
+from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.contract import AbsentOperator
+from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec, open_trial_setup
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.sites.site import load_site
 
 
-class Sleepers:
+class Sleepers(TaskRunner):
     """Workers that sleep instead of driving; what they answer has to be unpacked, as what comes over a network."""
 
-    def __init__(self, description: BenchDescription, sealed: SealedEpisode, workers: int, episode_s: float) -> None:
+    def __init__(self, description: SetupDescription, sealed: EpisodeBundle, workers: int, episode_s: float) -> None:
         self.description = description
-        self.room = workers + max(1, workers // 8)
-        self.words = f"{workers} sleeping workers"
+        self._capacity = workers + max(1, workers // 8)
+        self.summary = f"{workers} sleeping workers"
         self._packed = pickle.dumps(sealed, protocol=pickle.HIGHEST_PROTOCOL)
         self._workers, self._episode_s = workers, episode_s
         self._free_at = [0.0] * workers
         self._asleep: list[tuple[float, int, Trial]] = []
         self.waited_s = 0.0
         self.megabytes = len(self._packed) / 1e6
+
+    @property
+    def capacity(self) -> int:
+        return self._capacity
 
     def submit(self, trial: Trial, seed: int) -> None:
         del seed
@@ -53,7 +59,7 @@ class Sleepers:
         heapq.heappush(self._free_at, wakes_s)
         heapq.heappush(self._asleep, (wakes_s, trial.id, trial))
 
-    def results(self, timeout_s: float) -> Sequence[SealedEpisode | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
         wait_s = min(timeout_s, self._asleep[0][0] - time.monotonic()) if self._asleep else timeout_s
         if wait_s > 0:
             self.waited_s += wait_s
@@ -61,19 +67,11 @@ class Sleepers:
         if not self._asleep or self._asleep[0][0] > time.monotonic():
             return []
         trial = heapq.heappop(self._asleep)[2]
-        sealed: SealedEpisode = pickle.loads(self._packed)
+        sealed: EpisodeBundle = pickle.loads(self._packed)
         return [replace(sealed, trial=trial)]
 
     def cancel(self) -> None:
         self._asleep.clear()
-
-
-class Silence:
-    """Shows nothing."""
-
-    def say(self, words: str) -> None: ...
-    def pace(self, words: str) -> None: ...
-    def episode_ended(self, ended: EndedEpisode) -> None: ...
 
 
 def main() -> None:
@@ -86,10 +84,10 @@ def main() -> None:
     parser.add_argument("--without-images", action="store_true", help="the rows alone")
     asked = parser.parse_args()
     site, parameters = load_site("apartment"), ProtocolParameters(max_actions=asked.actions)
-    plan = BenchPlan(site, "random", ("chair",), parameters=parameters)
-    with open_bench(plan) as bench, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as there:
+    plan = TrialSetupSpec(site, "random", ("chair",), parameters=parameters)
+    with open_trial_setup(plan) as bench, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as there:
         for seed in range(100):  # the random walk may stop early
-            sealed = run_sealed(bench, bench.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
+            sealed = run_bundled(bench, bench.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
             if sealed.outcome.actions == asked.actions:
                 break
         if asked.without_images:
@@ -100,10 +98,13 @@ def main() -> None:
         trials = [PlannedTrial("chair", 1, number) for number in range(1, asked.episodes + 1)]
         campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
         sleepers = Sleepers(described, sealed, asked.workers, asked.episode_s)
-        with Journal.open(results.database_url) as journal, Stopping() as stop, MergingPool(sleepers) as pool:
-            keeping = Keeping(journal.find_or_create_campaign(campaign), results, None, "")
+        with Journal.open(results.database_url) as journal, StopRequests() as stop, MergingPool(sleepers) as pool:
+            opened, operator = journal.find_or_create_campaign(campaign), AbsentOperator()
+            context = SessionContext(journal, operator, stop, site, parameters, RecordingOptions(results))
             began_s, busy_s = time.perf_counter(), time.process_time()
-            result = hand_out(journal, keeping, site, parameters, pool, Silence(), stop)
+            source = CampaignSource(journal, opened)
+            run(source, PoolExecutor(context, opened, pool), operator)
+            result = SessionResult.of(source.rules, journal.campaign_progress(opened), "")
             taken_s, busy_s = time.perf_counter() - began_s, time.process_time() - busy_s
     rate = result.episodes / taken_s
     offered = asked.workers / asked.episode_s

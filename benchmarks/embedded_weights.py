@@ -18,9 +18,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from vsnbench import open_results
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.report.frames import episodes
-from vsnbench.simulator.twins.generate import SEEDS, Split
+from vsnbench.simulator.generated_sites.generate import SEEDS, Split
 from vsnbench.statistics.rates import Proportion, wilson
 
 GREEDY = "greedy"
@@ -82,7 +82,9 @@ class Judge:
     """Runs policies under the protocol and keeps what they recorded."""
 
     def __init__(self, output: Path, weights: str) -> None:
-        self._output, self._weights = output, weights
+        output = output.resolve()
+        self._output, self._weights = output, str(Path(weights).resolve()) if Path(weights).is_file() else weights
+        (output / "vsnbench.toml").write_text('[models]\ndevice = "cpu"\n')
         self._greedy = output / "greedy.yaml"
         self._greedy.write_text("decision: greedy\nthreads: 1\n")
         self._sampled = output / "sampled.yaml"
@@ -102,13 +104,13 @@ class Judge:
         words += ["--seed", str(policy.seed), "--results", str(results)]
         if policy.model == "pirlnav":
             settings = self._greedy if policy.decision == GREEDY else self._sampled
-            words += ["--weights", self._weights, "--model-config", str(settings), "--device", "cpu"]
+            words += ["--weights", self._weights, "--model-config", str(settings)]
         self._vsnbench(*words)
         return results
 
     def _vsnbench(self, *words: str) -> None:
         command = [sys.executable, "-m", "vsnbench.cli.main", *words]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=self._output)
         if done.returncode:
             sys.exit(f"vsnbench {' '.join(words)}\n{done.stderr}")
 
@@ -118,7 +120,7 @@ def markdown(rows: dict[str, Sequence[Path]]) -> str:
     headings = ["policy", "success", "SR [95 %]", *GOALS, "STOP too far", "collisions", "step limits", "actions"]
     lines = [headings, ["---"] * len(headings)]
     for name, records in rows.items():
-        counted = pd.concat([episodes(record) for record in records]).query("state == 'counted'")
+        counted = pd.concat([open_results(record).episodes() for record in records]).query("state == 'counted'")
         rate = Proportion(int(counted.success.sum()), len(counted))
         span, reasons = wilson(rate), counted.end_reason.value_counts()
         by_goal = [counted[counted.goal == goal].success for goal in GOALS]

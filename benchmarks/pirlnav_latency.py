@@ -28,9 +28,9 @@ from vsnbench.models.pirlnav.engine import StepInput, StepOutput, synthetic_step
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.models.pirlnav.preprocessing import preprocess
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 MEMORY_STEPS = 10_000
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)

@@ -4,9 +4,11 @@ Each trial puts the robot up to 40 cm and 25° off a mark, in a room whose objec
 x and along y) off the survey, two of them 0.3 to 1 m away from it, with a depth camera that has noise and holes and is
 off by 1 % in scale. With --walls the building's corners are off as well, which --surveyed says that the survey admits.
 Where one look does not determine the pose, a turn on the spot is measured too. Time is of one thread's own computing. A
-trial follows from the seed and its number alone, so what a rows file holds is not done again.
+trial follows from the seed and its number alone, so what a rows file holds is not done again. With --camera the real
+camera differs from the profile's, which --calibrate corrects first as `vsnbench robots calibrate` does.
 
     python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near | --well] [--walls CM] [--surveyed CM]
+                                            [--camera FIELD=OFF]... [--calibrate]
                                             [--no-turn] [--rows FILE] [--json FILE] [--map FILE]
 """
 
@@ -22,19 +24,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsnbench.compute_threads import compute_with_one_thread
-from vsnbench.placement.matching import PlacementMatcher
-from vsnbench.placement.trials import NoisyEye, Trial, draw_trial, first_starts
-from vsnbench.placement.twin import twin_of
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.placement import MeasuredPlacement
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.site import Site, StartingPosition, load_site
+from benchmarks.support.placement_trials import DEPTH_SCALE, NoisyEye, Trial, draw_trial, first_starts
+from vsnbench.localization.looks import DepthLook
+from vsnbench.localization.matching import PlacementMatcher
+from vsnbench.localization.twin import twin_of
 from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
 from vsnbench.robots.profiles import load_profile
-from vsnbench.simulator.depth_view import Pinhole
-from vsnbench.simulator.renderer import eye_of
-from vsnbench.simulator.twins.generate import generate_site
+from vsnbench.runtime.threads import compute_with_one_thread
+from vsnbench.sensing.images.floor_plane import fit_floor
+from vsnbench.sensing.images.intrinsics import Rectifier
+from vsnbench.simulator.generated_sites.generate import generate_site
+from vsnbench.simulator.rendering.depth_view import Pinhole
+from vsnbench.simulator.rendering.renderer import eye_of
+from vsnbench.sites.site import Site, StartingPosition, load_site
+from vsnbench.values.camera import Camera
+from vsnbench.values.placement import MeasuredPlacement
+from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,9 +123,18 @@ def main() -> None:
     parser.add_argument(
         "--map", type=Path, help="a plan of the apartment: how often a look determines each mark, as PNG"
     )
+    parser.add_argument(
+        "--camera", action="append", default=[], metavar="FIELD=OFF", help="the real camera's field is so much larger"
+    )
+    parser.add_argument("--calibrate", action="store_true", help="correct the profile's camera before placing")
     asked = parser.parse_args()
     compute_with_one_thread()
     camera = load_profile("turtlebot2").camera
+    off = {name: float(value) for name, _, value in (each.partition("=") for each in asked.camera)}
+    real = camera.model_copy(update={name: getattr(camera, name) + value for name, value in off.items()})
+    if asked.calibrate:
+        camera = calibrated(camera, real)
+    eyes = CameraPair(camera, real)
     cells = first_starts([load_site("apartment"), *(generate_site(seed) for seed in range(5))])
     order = np.random.default_rng(asked.seed).permutation(np.arange(asked.cases) % len(cells))
     rows = _read(asked.rows)
@@ -128,7 +142,7 @@ def main() -> None:
     for number in range(asked.cases):
         if number not in done:
             site, start = cells[order[number]]
-            new = measured(number, site, start, camera, asked)
+            new = measured(number, site, start, eyes, asked)
             rows += new
             if asked.rows:
                 with asked.rows.open("a") as file:
@@ -138,23 +152,56 @@ def main() -> None:
         draw_map(load_site("apartment"), rows, asked.map)
 
 
-def measured(number: int, site: Site, start: StartingPosition, camera: Camera, asked: argparse.Namespace) -> list[Row]:
+@dataclass(frozen=True, slots=True)
+class CameraPair:
+    """A robot's camera as its profile has it, and as it is."""
+
+    profile: Camera
+    real: Camera
+
+    def rectified(self, looks: Sequence[DepthLook]) -> list[DepthLook]:
+        """Return looks of the real camera with the profile's roll removed."""
+        if not self.profile.roll_deg:
+            return list(looks)
+        rectifier = Rectifier(self.profile, None)
+        return [DepthLook(rectifier.depth(np.asarray(look.depth_m, np.float32)), look.odometry) for look in looks]
+
+
+def calibrated(camera: Camera, real: Camera) -> Camera:
+    """Return the profile's camera corrected by the floor that the real one sees and by its published field of view."""
+    camera = camera.model_copy(update={"horizontal_fov_deg": real.horizontal_fov_deg})
+    site = load_site("apartment")
+    look = NoisyEye(site, real, 1 + DEPTH_SCALE, np.random.default_rng(0)).look(site.starts[4].pose)
+    floor = fit_floor(look.depth_m, camera)
+    return camera.model_copy(
+        update={
+            "mount_height_m": floor.height_m.value,
+            "tilt_deg": floor.tilt_deg.value,
+            "roll_deg": floor.roll_deg.value,
+        }
+    )
+
+
+def measured(
+    number: int, site: Site, start: StartingPosition, eyes: CameraPair, asked: argparse.Namespace
+) -> list[Row]:
     """Measure one trial by a look and, where that does not suffice, by a turn."""
     rng = np.random.default_rng([asked.seed, number])
     site = site.model_copy(update={"survey_error_m": asked.surveyed / 100})
     most_m, most_deg = (0.05, 1.5) if asked.well else (0.15, 5.0) if asked.near else (0.40, 25.0)
     trial = draw_trial(site, start, rng, most_m, most_deg, walls_m=asked.walls / 100)
-    eye = NoisyEye(trial.room, camera, trial.depth_scale, rng)
+    camera = eyes.profile.without_roll
+    eye = NoisyEye(trial.room, eyes.real, trial.depth_scale, rng)
     matcher = PlacementMatcher(site, camera)
     look = eye.look(trial.pose)
     began_s = time.thread_time()
-    got = matcher.measure(start, [look])
+    got = matcher.measure(start, eyes.rectified([look]))
     took_s = time.thread_time() - began_s
     rows = [Row.of(number, trial, trial.pose, in_view(site, camera, [trial.pose]), got, took_s)]
     if not got.determined and not asked.no_turn:
         around, end = eye.turn(trial.pose, 12, float(rng.normal(0, TURN_ERROR)))
         began_s = time.thread_time()
-        got = matcher.measure(start, around)
+        got = matcher.measure(start, eyes.rectified(around))
         took_s = time.thread_time() - began_s
         stood = [trial.pose.compose(look.odometry) for look in around]
         rows.append(Row.of(number, trial, end, in_view(site, camera, stood), got, took_s))

@@ -10,10 +10,10 @@ import argparse
 import statistics
 import time
 
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.site import load_site
-from vsnbench.simulator.renderer import Renderer
+from vsnbench.simulator.rendering.renderer import Renderer
 from vsnbench.simulator.scene import build_scene
+from vsnbench.sites.site import load_site
+from vsnbench.values.camera import Camera
 
 SIZES = ((640, 480), (256, 256))
 

@@ -22,17 +22,17 @@ from pathlib import Path
 
 from sqlalchemy import inspect
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, PlannedTrial
-from vsnbench.database.engine import open_engine
-from vsnbench.database.journal import Journal
-from vsnbench.database.migrate import upgrade
-from vsnbench.database.tables import Base
-from vsnbench.database_url import sqlite_url
-from vsnbench.protocol.categories import GOAL_CATEGORIES
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.robot_identity import RobotIdentity
-from vsnbench.protocol.site import load_site
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.schema.engine import open_engine
+from vsnbench.results.schema.migrate import upgrade
+from vsnbench.results.schema.tables import Base
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
+from vsnbench.sites.categories import GOAL_CATEGORIES
+from vsnbench.sites.site import load_site
+from vsnbench.values.robot_identity import RobotIdentity
 
 MODELS = ("oracle", "random", "vlv", "pirlnav")
 STEPS_AN_EPISODE = 50
@@ -42,7 +42,7 @@ INDEXES = ("ix_step_actions", "ix_verdict_episode_id_proposed_id", "ix_episode_t
 
 def make_record(directory: Path, episodes: int) -> None:
     """Write a record of so many episodes of 25 to 75 steps each."""
-    directory.mkdir(parents=True)
+    directory.mkdir(parents=True, exist_ok=True)
     site, profile = load_site("apartment"), load_profile("turtlebot2")
     cells = len(MODELS) * 2 * len(GOAL_CATEGORIES) * len(site.starts)
     repetitions = max(1, round(episodes * (1 - VOID_SHARE)) // cells)
@@ -179,7 +179,7 @@ def main() -> None:
     parser.add_argument("--without-indexes", action="store_true", help="drop them from the made-up record for good")
     parser.add_argument("--postgresql", metavar="URL", help="copy the record there if it is empty, and measure there")
     options = parser.parse_args()
-    if not options.directory.exists():
+    if not (options.directory / "vsnbench.db").exists():
         began = time.perf_counter()
         make_record(options.directory, options.episodes)
         print(f"made in {time.perf_counter() - began:.0f} s", file=sys.stderr)

@@ -1,6 +1,6 @@
 """What one step over ROS costs besides the motion, the model and the depth frames themselves.
 
-Starts a master, `vsnbench ros1 simulate` and `vsnbench ros1 discrete-move`, takes steps as the client does, splits each
+Starts a master, `vsnbench robots simulate` and `vsnbench robots serve`, takes steps as the client does, splits each
 into its parts. Upstream's loop sleeps 1 to 1.5 s a step; ours waits for what it needs and no longer.
 
     python benchmarks/ros_step_cost.py --steps 40
@@ -45,19 +45,19 @@ def main() -> None:
         from vsnbench.ros1.master import Master
 
         Master.from_environment().wait(20)
-        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "ros"]
-        start(*vsnbench, "simulate", "--robot", chosen.robot)
-        start(*vsnbench, "discrete-move", "--robot", chosen.robot)
+        vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "robots"]
+        start(*vsnbench, "simulate", chosen.robot)
+        start(*vsnbench, "serve", chosen.robot)
         sys.stdout.write(measure(chosen.robot, chosen.steps))
 
 
 def measure(name: str, steps: int) -> str:
     """Turn on the spot `steps` times, looking before each turn; return the table."""
-    from vsnbench.protocol.actions import Action
-    from vsnbench.protocol.site import load_site
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.robots.ros_robot import RosRobot
+    from vsnbench.robots.ros.robot import RosRobot
     from vsnbench.ros1.interface import ros1_interface
+    from vsnbench.sites.site import load_site
+    from vsnbench.values.action import Action
 
     parts: dict[str, list[float]] = {part: [] for part in PARTS}
     with RosRobot(load_profile(name), patience_s=60) as robot:
@@ -71,7 +71,7 @@ def measure(name: str, steps: int) -> str:
             moved_s = time.perf_counter()
             robot.observe()
             ended_s = time.perf_counter()
-            outcome, capture = robot.last_outcome, robot.last_capture
+            outcome, capture = robot.movements.last_outcome, robot.last_capture
             if not result.completed or outcome is None or capture is None:
                 sys.stderr.write(f"step {step}: {result.failure}\n")
                 continue

@@ -23,9 +23,9 @@ from sqlalchemy import Engine, text
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.database.postgresql_server import new_database, running_server  # noqa: E402 - found from any directory now
-from vsnbench.database.engine import open_engine  # noqa: E402
-from vsnbench.database.lifecycle import LEASE  # noqa: E402
+from tests.results.postgresql_server import new_database, running_server  # noqa: E402 - found from any directory now
+from vsnbench.results.schema.engine import open_engine  # noqa: E402
+from vsnbench.results.writing.lifecycle import LEASE  # noqa: E402
 
 STEPS = 6
 TRIALS = 105

@@ -21,12 +21,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 DRIVER = """
 import hashlib, json, sys, time
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.observation import Sensor
+from vsnbench.values.action import Action
+from vsnbench.values.observation import Sensor
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import load_site
+from vsnbench.sites.site import load_site
 from vsnbench.robots.registry import open_robot
-from vsnbench.runner.depth_guard import look_ahead
+from vsnbench.runner.episode.depth_guard import look_ahead
 import random
 name, actions, lean = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "lean"
 site, parameters = load_site("apartment"), ProtocolParameters()

@@ -11,20 +11,23 @@ from pathlib import Path
 
 import psutil
 
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity
-from vsnbench.database.journal import Journal
-from vsnbench.models.random_walk import RandomWalk
+from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import load_site
-from vsnbench.record.results import ResultsDirectory
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
-from vsnbench.runner.episode import EpisodePlan, Step
-from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.selection import plan_trials
-from vsnbench.runner.session import DrivingModel, Judged, Stage, run_session
-from vsnbench.runner.stopping import Stopping
+from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
+from vsnbench.runner.setup.selection import plan_trials
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.sites.site import load_site
 from vsnbench.viewer.live import RerunEpisodes
 
 SETTLED = 20
@@ -32,10 +35,11 @@ SETTLED = 20
 PARAMETERS = ProtocolParameters(max_actions=5)
 
 
-class Watching(Nobody):
+class Watching(AbsentOperator):
     """Notes what the process holds after each episode."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._process = psutil.Process()
         self.threads: list[int] = []
         self.files: list[int] = []
@@ -70,15 +74,12 @@ def drive(episodes: int, directory: Path) -> Watching:
     plan = CampaignPlan(
         site, robot.identity, ModelIdentity("random"), PARAMETERS, 0, plan_trials(["chair"], [1], episodes)
     )
-    with Journal.open(results.database_url) as journal, Stopping() as stop:
+    with Journal.open(results.database_url) as journal, StopRequests() as stop:
         target = RecordingTarget(journal, results, "random", robot.profile, RerunEpisodes(live=False))
-        run_session(
-            Stage(journal, robot, Judged(journal, watching), stop),
-            DrivingModel(RandomWalk(), partial(EpisodeRecorderFanOut, target)),
-            journal.find_or_create_campaign(plan),
-            site,
-            PARAMETERS,
-        )
+        context = SessionContext(journal, watching, stop, site, PARAMETERS, RecordingOptions(results))
+        model = SingleModel(DrivingModel(RandomWalk(), partial(EpisodeRecorderFanOut, target)))
+        source = CampaignSource(journal, journal.find_or_create_campaign(plan))
+        run(source, InProcessExecutor(context, robot, model), watching)
     return watching
 
 

@@ -1,33 +1,48 @@
-"""Simulates false positives and coverage of every interval and test, and prints the tables of docs/statistics.md.
+"""Simulates false positives and coverage of every interval and test, and prints them as tables.
 
     python benchmarks/statistics_coverage.py                     15 starting positions, 2,000 samples a line: minutes
     python benchmarks/statistics_coverage.py --samples 200       rougher, for a look
-    python benchmarks/statistics_coverage.py --write             puts the tables into docs/statistics.md
-    python benchmarks/statistics_coverage.py --only several      one of coverage, several, powered
+    python benchmarks/statistics_coverage.py --write             writes the tables into benchmarks/results/
+    python benchmarks/statistics_coverage.py --only several      one of coverage, several, effects, powered
+    python benchmarks/statistics_coverage.py --workers 16        lines on several processes
     python benchmarks/statistics_coverage.py --twin DIR          prediction-powered, on a record: one model with and
                                                                  without noise, the noisy campaigns playing "real"
 
 Success chances of starting positions are 0 or 1, Beta(1/2, 1/2), Beta(2, 2) (both moved to the rate) or all the same;
-two models have chances of their own. What took every episode for a place of its own is beside.
+two models have chances of their own. What took every episode for a place of its own is beside. The table of effects
+has logit-normal chances: of the variance 40 % is common to a starting position and both models, 30 % to a position and
+a model, 30 % is of each cell and model; the seeds of a cell are correlated through the normal variables behind the
+outcomes.
 """
 
 import argparse
 import itertools
-from collections.abc import Callable
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import expit, ndtri
+from scipy.stats import binom
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.statistics.test_paired import mcnemar_exact
+from vsnbench.statistics.balanced import flip_p_values, paired_intervals, rate_intervals
 from vsnbench.statistics.clustered import Cell, Outcomes, independent_difference, rate_interval
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.permutation import exchange_clusters
 from vsnbench.statistics.prediction_powered import OnlyPredicted, PredictedCell, powered
-from vsnbench.statistics.rates import mcnemar_exact, newcombe, wilson
+from vsnbench.statistics.rates import Proportion, newcombe, wilson
 
 STARTS = 15
 SEEDS = (1, 2, 5)
 RATES = (0.1, 0.3, 0.5, 0.8)
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "statistics.md"
+RESULT = Path(__file__).resolve().parent / "results" / "2026-11-23-statistics-coverage.md"
 Floats = np.ndarray
 
 CHANCES: dict[str, Callable[[np.random.Generator, float], Floats]] = {
@@ -79,19 +94,24 @@ HEADINGS = (
 )
 
 
-def table(samples: int) -> list[str]:
-    """Return the table as lines of Markdown."""
-    lines = [
+Job = Callable[[], str]
+"""Makes a line of a table."""
+
+
+def coverage_line(seeds: int, kind: str, rate: float, samples: int) -> str:
+    """Return a line of the table of one cell a position."""
+    shares = " | ".join(f"{share:.1f}" for share in line(kind, rate, seeds, samples))
+    return f"| {seeds} | {kind} | {rate} | {shares} |"
+
+
+def coverage_table(samples: int) -> tuple[list[str], list[Job]]:
+    """Return the table's head and the jobs for its lines."""
+    head = [
         "| seeds | chances | rate | " + " | ".join(HEADINGS) + " |",
         "| ---: | --- | ---: |" + " ---: |" * len(HEADINGS),
     ]
-    for seeds in SEEDS:
-        for kind in CHANCES:
-            for rate in RATES:
-                shares = " | ".join(f"{share:.1f}" for share in line(kind, rate, seeds, samples))
-                lines.append(f"| {seeds} | {kind} | {rate} | {shares} |")
-                print(lines[-1], flush=True)
-    return lines
+    settings = itertools.product(SEEDS, CHANCES, RATES)
+    return head, [partial(coverage_line, seeds, kind, rate, samples) for seeds, kind, rate in settings]
 
 
 def several_line(starts: int, goals: int, alike: float, samples: int) -> str:
@@ -119,17 +139,91 @@ def several_line(starts: int, goals: int, alike: float, samples: int) -> str:
     return f"| {starts} | {goals} | {alike} | {columns} |"
 
 
-def several_table(samples: int) -> list[str]:
-    """Return the table of several goals from few positions as lines of Markdown."""
-    lines = [
+def several_table(samples: int) -> tuple[list[str], list[Job]]:
+    """Return the table's head and the jobs for its lines."""
+    head = [
         "| positions | goals | resemblance | **rate** | **paired** | **signs flipped** |",
         "| ---: | ---: | ---: | --- | --- | --- |",
     ]
-    for starts, goals in ((5, 2), (5, 5), (8, 5), (15, 5)):
-        for alike in (0.02, 0.1, 0.2, 0.5):
-            lines.append(several_line(starts, goals, alike, samples))
-            print(lines[-1], flush=True)
-    return lines
+    settings = itertools.product(((5, 2), (5, 5), (8, 5), (15, 5)), (0.02, 0.1, 0.2, 0.5))
+    return head, [partial(several_line, starts, goals, alike, samples) for (starts, goals), alike in settings]
+
+
+def logit_for(rate: float, spread: float) -> float:
+    """Return the mean logit that gives this mean success rate."""
+    points, weights = np.polynomial.hermite_e.hermegauss(101)
+    weights = weights / weights.sum()
+    return float(brentq(lambda mean: float(weights @ expit(mean + spread * points)) - rate, -90, 90))
+
+
+def with_effects(
+    random: np.random.Generator, shape: tuple[int, int, int, int], spread: float, alike: float, rates: Iterable[float]
+) -> Iterator[Floats]:
+    """Yield, for each rate, (samples, starts, goals) success rates of the cells of a model.
+
+    Args:
+        random: where the chances come from.
+        shape: samples, starting positions, goals, seeds.
+        spread: standard deviation of the logits.
+        alike: correlation of the normal variables behind the outcomes of the seeds of a cell.
+        rates: mean success rate of each model.
+    """
+    samples, starts, goals, _ = shape
+    shared = math.sqrt(0.4) * random.standard_normal((samples, starts, 1))
+    for rate in rates:
+        own = math.sqrt(0.3) * random.standard_normal((samples, starts, 1))
+        cell = math.sqrt(0.3) * random.standard_normal((samples, starts, goals))
+        limit = ndtri(expit(logit_for(rate, spread) + spread * (shared + own + cell)))
+        behind = math.sqrt(alike) * random.standard_normal((samples, starts, goals, 1))
+        behind = behind + math.sqrt(1 - alike) * random.standard_normal(shape)
+        yield (behind < limit[..., None]).mean(-1)
+
+
+def wilson_coverage(trials: int, rate: float) -> float:
+    """Return the exact coverage of Wilson's interval of so many independent trials."""
+    chances = binom.pmf(np.arange(trials + 1), trials, rate)
+    return float(sum(p for k, p in enumerate(chances) if rate in wilson(Proportion(k, trials))))
+
+
+def effects_line(design: tuple[int, int, int], spread: float, alike: float, samples: int) -> str:
+    """Return a line of the table of position effects: the shares at each rate."""
+    starts, goals, seeds = design
+    columns = []
+    for rate in RATES:
+        random = np.random.default_rng([*design, round(10 * spread), round(10 * alike), round(100 * rate)])
+        other = rate + 0.25 if rate <= 0.5 else rate - 0.25
+        a, b, c = with_effects(random, (samples, *design), spread, alike, (rate, rate, other))
+        single, apart = rate_intervals(a, seeds, 0.95), paired_intervals(a, c, seeds, 0.95)
+        true = rate - other
+        columns.append(
+            (
+                100 * np.mean((single.low <= rate) & (rate <= single.high)),
+                100 * np.mean((apart.low <= true) & (true <= apart.high)),
+                100 * np.mean(single.high - single.low),
+                100 * np.mean(flip_p_values((a - b).sum(2)) <= 0.05) if starts <= STARTS else math.nan,
+            )
+        )
+    shown = " | ".join(
+        " ".join("–" if math.isnan(each[which]) else f"{each[which]:.{places}f}" for each in columns)
+        for which, places in ((0, 1), (1, 1), (2, 0), (3, 1))
+    )
+    exact = " ".join(f"{100 * wilson_coverage(starts, rate):.1f}" for rate in RATES)
+    return f"| {starts} | {goals} | {seeds} | {spread:g} | {alike:g} | {exact} | {shown} |"
+
+
+def effects_table(samples: int) -> tuple[list[str], list[Job]]:
+    """Return the table's head and the jobs for its lines."""
+    head = [
+        "| positions | goals | seeds | logit SD | seeds alike | Wilson | **rate** | **paired** | width | **flipped** |",
+        "| ---: | ---: | ---: | ---: | ---: | --- | --- | --- | --- | --- |",
+    ]
+    designs = ((15, 6, 5), (15, 5, 5), (15, 5, 2), (15, 8, 2), (15, 5, 1), (8, 6, 5), (20, 6, 5), (30, 6, 5))
+    settings = itertools.product(designs, (1.0, 2.5, 4.0), (0.0, 0.5, 1.0))
+    return head, [
+        partial(effects_line, design, spread, alike, samples)
+        for design, spread, alike in settings
+        if design[2] > 1 or not alike
+    ]
 
 
 def powered_line(positions: int, rate: float, alike: float, trust: float, samples: int) -> str:
@@ -168,23 +262,21 @@ def powered_line(positions: int, rate: float, alike: float, trust: float, sample
     )
 
 
-def powered_table(samples: int) -> list[str]:
-    """Return the table of prediction-powered estimates as lines of Markdown."""
-    lines = [
+def powered_table(samples: int) -> tuple[list[str], list[Job]]:
+    """Return the table's head and the jobs for its lines."""
+    head = [
         "| driven | rate | resemblance | twin right | plain | **powered** | width | **width** | cells saved |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for positions, rate, alike, trust in itertools.product((0, 5), RATES, (4.0, 50.0), (0.0, 0.6, 0.95)):
-        lines.append(powered_line(positions, rate, alike, trust, samples))
-        print(lines[-1], flush=True)
-    return lines
+    settings = itertools.product((0, 5), RATES, (4.0, 50.0), (0.0, 0.6, 0.95))
+    return head, [partial(powered_line, *each, samples) for each in settings]
 
 
 def twin(directory: Path, model: str, samples: int) -> None:
     """Draw few positions of the noisy campaigns as real trials, and all of the noiseless one as the twin's."""
-    from vsnbench.record.results import ResultsDirectory
+    from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import read
-    from vsnbench.report.record import Selection
+    from vsnbench.results.files.directory import ResultsDirectory
 
     record = read(ResultsDirectory.locate(directory, None).database_url, Selection(models=(model,)))
     noisy, clean = (next(one for one in record.conditions if one.noisy is noise) for noise in (True, False))
@@ -231,30 +323,40 @@ def twin(directory: Path, model: str, samples: int) -> None:
 def write(name: str, lines: list[str]) -> None:
     """Put a table between its marks in the page."""
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
-    page = PAGE.read_text(encoding="utf-8")
+    page = RESULT.read_text(encoding="utf-8")
     before, after = page.split(begin)[0], page.split(end)[1]
-    PAGE.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
+    RESULT.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
 
 
 def main() -> None:
     """Simulate and print; write where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=2000)
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/statistics.md")
-    parser.add_argument("--only", choices=("coverage", "several", "powered"))
+    parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
+    parser.add_argument("--only", choices=("coverage", "several", "effects", "powered"))
+    parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--model", default="pirlnav", help="of --twin")
     parser.add_argument("--twin", type=Path, metavar="DIR", help="a results directory")
     options = parser.parse_args()
     if options.twin:
         twin(options.twin, options.model, options.samples)
         return
-    tables = {"coverage": table, "several": several_table, "powered": powered_table}
-    for name, make in tables.items():
-        if options.only not in (None, name):
-            continue
-        lines = make(options.samples)
-        if options.write:
-            write(name, lines)
+    tables = {"coverage": coverage_table, "several": several_table, "effects": effects_table, "powered": powered_table}
+    with ProcessPoolExecutor(options.workers) as pool:
+        for name, make in tables.items():
+            if options.only not in (None, name):
+                continue
+            lines, jobs = make(options.samples)
+            print(f"\n{name}", *lines, sep="\n")
+            for made in pool.map(_call, jobs):
+                lines.append(made)
+                print(made, flush=True)
+            if options.write:
+                write(name, lines)
+
+
+def _call(job: Job) -> str:
+    return job()
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
     python benchmarks/stop_from_page.py --stops 100 --delay 200        # the page's network holds each byte 200 ms
     .venv-ros2/bin/python benchmarks/stop_from_page.py --ros ros2
 
-`vsnbench ros1 simulate` plays a robot in an empty hall, `vsnbench run --console` drives it, and a Chromium at phone
+`vsnbench robots simulate` plays a robot in an empty hall, `vsnbench run --console` drives it, and a Chromium at phone
 size presses Go and STOP at a random moment of a movement, one trial after another. The time runs from the browser's own
 stamp of the press to the zero command that a node of its own hears, after which none moves, and to the odometry at
 rest. A press between two movements does not count. The delay is a relay between browser and run that holds every byte
@@ -27,10 +27,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.console.phone import Phone, chromium_of_phones, phone_in
-from tests.console.rehearsal import quiet_port, wait_until
-from tests.console.tcp_relay import TcpRelay
 from tests.ros2.graph import Domain
+from tests.web.blind_study import quiet_port, wait_until
+from tests.web.phone import Phone, chromium_of_phones, phone_in
+from tests.web.tcp_relay import TcpRelay
 
 HALL = """
 name: hall
@@ -137,14 +137,14 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
         start(rosmaster, "--core", "-p", master, stdout=sink)
         Master.from_environment().wait(60)
     vsnbench = ("-m", "vsnbench.cli.main")
-    start(*vsnbench, ros, "simulate", "--site", hall, "--robot", profile, stdout=sink)
-    start(*vsnbench, ros, "discrete-move", "--robot", profile, stdout=sink)
+    start(*vsnbench, "robots", "simulate", profile, "--site", hall, stdout=sink)
+    start(*vsnbench, "robots", "serve", profile, stdout=sink)
     listener = Listener(start(LISTENER, ros, profile, stdout=subprocess.PIPE))
     threading.Thread(target=listener.read, daemon=True).start()
     wait_until(lambda: listener.odometry, "the base speaks")
-    words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--record", "numbers")
+    words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--keep", "none")
     run = start(
-        *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, "--console-port", port),
+        *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, f"--console=:{port}"),
         stdout=sink,
         stdin=subprocess.DEVNULL,
     )

@@ -1,95 +1,231 @@
-"""Error rates of studies that are looked at after every block, by simulation: false decisions, power, mean blocks.
+"""Error rates and power of studies by simulation: false decisions of every design, and what a real difference gives.
 
-Two nulls, and both are true ones. *These cells*: a plan whose paired differences have mean 0 comes in random order, and
-the sequence without replacement speaks of it. *Cells like these*: every block's differences are drawn anew from two
-equal rates, and the sequence with replacement speaks of them. The fixed McNemar test looks once, at the end. Takes
-under two minutes on two cores: `python benchmarks/study_errors.py [studies]`.
+    python benchmarks/study_errors.py                   5,000 studies a design: minutes on two cores
+    python benchmarks/study_errors.py --studies 1000    rougher
+    python benchmarks/study_errors.py --workers 16      lines on several processes
+    python benchmarks/study_errors.py --write           writes the tables into benchmarks/results/
+
+Two arms, 15 starting positions, 5 goals, 1, 2 or 5 repetitions, alpha 5 %. Chances of success are logit-normal: a part
+of the variance is common to a starting position (70 %), the rest is of each cell; both parts are of each arm alone, so
+that the arms differ from position to position and are equal on average over the population of positions. "B the same
+everywhere" gives only arm A such effects, which skews the differences. The decisions are those of the program:
+`vsnbench.statistics.conclusion` for a whole plan, `vsnbench.study.power.decided_studies` for one that is looked at
+while it runs (a test checks it against `vsnbench.study.stopping`).
 """
 
-import sys
-import time
+import argparse
+import math
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import binom
+from scipy.optimize import brentq
+from scipy.special import expit
 
-from vsnbench.statistics.betting import as_share, capital
+from vsnbench.statistics.balanced import flip_p_values, paired_intervals
+from vsnbench.statistics.conclusion import winner_signs
+from vsnbench.study.power import decided_studies, unit_differences
 
 Floats = npt.NDArray[np.float64]
 ALPHA = 0.05
-RATE = 0.6
+STARTS, GOALS = 15, 5
+REPETITIONS = (1, 2, 5)
+RATES = (0.1, 0.3, 0.6, 0.9, 0.95)
+STRENGTHS = (0.0, 1.0, 2.5, 4.0, 8.0)
+"""Standard deviations of the logits; 0 makes all cells of an arm alike."""
+DIFFERENCES = (0.15, 0.3, 0.4, 0.6)
+OF_START = 0.7
+RESULT = Path(__file__).resolve().parent / "results" / "2026-11-23-study-errors.md"
 
 
-def drawn(random: np.random.Generator, studies: int, cells: int, first: float, second: float) -> Floats:
-    """Return (studies, cells) paired differences of independent outcomes."""
-    shape = studies, cells
-    return (random.random(shape) < first).astype(float) - (random.random(shape) < second)
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """What the two arms of a simulated design are like."""
+
+    first: float
+    """Mean success rate of the first."""
+    second: float
+    strength: float
+    skewed: bool = False
+    """The second arm has the same chance everywhere."""
 
 
-def even_plans(random: np.random.Generator, studies: int, cells: int) -> Floats:
-    """Return plans of mean 0, each in a random order: as many blocks for the one as for the other."""
-    apart = random.binomial(cells, 2 * RATE * (1 - RATE), studies) // 2
-    place = np.arange(cells)
-    values = np.where(place < apart[:, None], 1.0, np.where(place < 2 * apart[:, None], -1.0, 0.0))
-    return random.permuted(values, axis=1)
+def logit_for(rate: float, strength: float) -> float:
+    """Return the mean logit that gives this mean success rate."""
+    points, weights = np.polynomial.hermite_e.hermegauss(101)
+    weights = weights / weights.sum()
+    return float(brentq(lambda mean: float(weights @ expit(mean + strength * points)) - rate, -90, 90))
 
 
-def decided(differences: Floats, size: int | None) -> tuple[Floats, Floats]:
-    """Return, for each study, whether it is decided by a bet (not by counting out), and after how many blocks."""
-    shares = as_share(differences)
-    cells = shares.shape[1]
-    best = np.maximum(capital(shares, 0.5, size), capital(1 - shares, 0.5, size))
-    over = best >= 2 / ALPHA
-    first = np.where(over.any(1), over.argmax(1), cells - 1)
-    bet = over.any(1) & np.isfinite(best[np.arange(len(best)), first])
-    return bet.astype(float), first + 1.0
+def chances(random: np.random.Generator, studies: int, rate: float, strength: float, starts: int) -> Floats:
+    """Return (studies, starts, goals) chances of success of one arm."""
+    start = math.sqrt(OF_START) * random.standard_normal((studies, starts, 1))
+    cell = math.sqrt(1 - OF_START) * random.standard_normal((studies, starts, GOALS))
+    return np.asarray(expit(logit_for(rate, strength) + strength * (start + cell)), np.float64)
 
 
-def mcnemar(differences: Floats) -> Floats:
-    """Return whether McNemar's exact test of the whole plan finds a difference."""
-    wins, losses = (differences > 0).sum(1), (differences < 0).sum(1)
-    p = np.minimum(1, 2 * binom.cdf(np.minimum(wins, losses), wins + losses, 0.5))
-    return np.asarray((p <= ALPHA).astype(float))
+def simulated(random: np.random.Generator, studies: int, arms: Arms, repetitions: int, starts: int = STARTS) -> Floats:
+    """Return (2, studies, starts, goals, repetitions): 1 for each success."""
+    strengths = (arms.strength, 0.0 if arms.skewed else arms.strength)
+    sides = [
+        random.random((studies, starts, GOALS, repetitions)) < chances(random, studies, rate, each, starts)[..., None]
+        for rate, each in zip((arms.first, arms.second), strengths, strict=True)
+    ]
+    return np.asarray(sides, np.float64)
 
 
-def three_arms(random: np.random.Generator, studies: int, cells: int) -> str:
-    """Return the family-wise error of three equal arms: these cells without, cells like these with replacement."""
-    fixed = np.broadcast_to(np.arange(cells) < round(RATE * cells), (studies, cells))
-    plans = [random.permuted(fixed, axis=1).astype(float) for _ in range(3)]
-    fresh = [(random.random((studies, cells)) < RATE).astype(float) for _ in range(3)]
-    told = []
-    for arms, size in ((plans, cells), (fresh, None)):
-        wrong = np.zeros(studies, bool)
-        for first, second in ((0, 1), (0, 2), (1, 2)):
-            shares = as_share(arms[first] - arms[second])
-            best = np.maximum(capital(shares, 0.5, size)[:, -1], capital(1 - shares, 0.5, size)[:, -1])
-            wrong |= best >= 2 * 3 / ALPHA  # Holm's first step; without it there is no second
-        told.append(f"{wrong.mean():.3f}")
-    return f"{told[0]} of these cells, {told[1]} of cells like these"
+def balanced_plan(random: np.random.Generator, differences: Floats) -> Floats:
+    """Return plans (studies, blocks) whose mean is 0: as few blocks as needed are changed, at random.
+
+    That is the null hypothesis about these cells: any plan of that mean, whatever it came from.
+    """
+    total = differences.sum(1)
+    toward = -np.sign(total)[:, None]
+    movable = differences * toward < 1  # a block that does not show the largest difference that way already
+    order = np.argsort(np.where(movable, random.random(differences.shape), 2.0), axis=1)
+    rank = np.argsort(order, axis=1)
+    return np.asarray(differences + toward * (rank < np.abs(total)[:, None]), np.float64)
 
 
-def main(studies: int) -> None:
-    random = np.random.default_rng(0)
-    began = time.perf_counter()
-    print(f"{studies} studies a line, rate {RATE:.0%}, alpha {ALPHA}, looked at after every block\n")
-    print("| cells | truth | without repl.: decided | blocks | with repl.: decided | blocks | McNemar, at the end |")
-    print("| ---: | --- | ---: | ---: | ---: | ---: | ---: |")
-    for cells in (75, 150):
-        lines = {
-            "no difference in these cells": even_plans(random, studies, cells),
-            "no difference in cells like these": drawn(random, studies, cells, RATE, RATE),
-            "+15 points": drawn(random, studies, cells, RATE + 0.15, RATE),
-            "+30 points": drawn(random, studies, cells, RATE + 0.30, RATE),
-        }
-        for truth, differences in lines.items():
-            (a, a_blocks), (b, b_blocks) = decided(differences, cells), decided(differences, None)
-            print(
-                f"| {cells} | {truth} | {a.mean():.3f} | {a_blocks.mean():.1f} | {b.mean():.3f} | "
-                f"{b_blocks.mean():.1f} | {mcnemar(differences).mean():.3f} |"
-            )
-        print(f"three arms, {cells} cells, any of the pairs falsely told apart: {three_arms(random, studies, cells)}")
-    print(f"\n{time.perf_counter() - began:.0f} s")
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Shares of studies that name a winner: the first arm or the second."""
+
+    test_alone: tuple[float, float]
+    plan: tuple[float, float]
+    like_these: tuple[float, float]
+    these: tuple[float, float]
+    """Of plans with mean 0 where the arms are equal, else of the plans as they come."""
+    starts_run: float
+    """Mean number of starting positions that a study about cells like these runs."""
+    blocks_run: float
+    """Mean share of the blocks that a study about these cells runs."""
+    opposed: float
+    """Share in which a whole plan and a study about cells like these name different winners."""
+
+
+def shares(studies: int, arms: Arms, repetitions: int, starts: int = STARTS) -> Shares:
+    """Simulate one design."""
+    seed = [repetitions, starts, round(100 * arms.first), round(100 * arms.second), round(10 * arms.strength)]
+    random = np.random.default_rng([*seed, int(arms.skewed)])
+    outcomes = simulated(random, studies, arms, repetitions, starts)
+    means = outcomes.mean(-1)
+    p = flip_p_values((means[0] - means[1]).sum(2))
+    found = paired_intervals(means[0], means[1], repetitions, 1 - ALPHA)
+    plan = winner_signs(found.estimate, found.low, found.high, p, ALPHA, 0.0)
+    alone = np.where(p <= ALPHA, np.sign(found.estimate), 0)
+    like = decided_studies(unit_differences(outcomes, by_start=True), ALPHA, 0.0, by_start=True)
+    blocks = unit_differences(outcomes, by_start=False)
+    if arms.first == arms.second:
+        blocks = balanced_plan(random, blocks)
+    these = decided_studies(random.permuted(blocks, axis=1), ALPHA, 0.0, by_start=False)
+
+    def of(signs: npt.NDArray[np.int8]) -> tuple[float, float]:
+        return float((signs > 0).mean()), float((signs < 0).mean())
+
+    return Shares(
+        of(np.asarray(alone, np.int8)),
+        of(plan),
+        of(like.signs),
+        of(these.signs),
+        float(like.units.mean()),
+        float(these.units.mean()) / blocks.shape[1],
+        float((plan * like.signs < 0).mean()),
+    )
+
+
+def percent(values: list[tuple[float, float]]) -> str:
+    """Return the shares of any winner at each number of repetitions."""
+    return " ".join(f"{100 * sum(each):.1f}" for each in values)
+
+
+Job = Callable[[], str]
+"""Makes a line of a table."""
+
+
+def null_line(studies: int, name: str, rate: float, strength: float) -> str:
+    """Return a line of the table of false decisions."""
+    skewed = name == SKEWED
+    found = [shares(studies, Arms(rate, rate, strength, skewed), each) for each in REPETITIONS]
+    return (
+        f"| {name} | {rate} | {strength:g} | {percent([one.test_alone for one in found])} "
+        f"| {percent([one.plan for one in found])} | {percent([one.like_these for one in found])} "
+        f"| {percent([one.these for one in found])} | {100 * max(one.opposed for one in found):.1f} |"
+    )
+
+
+SKEWED = "B the same everywhere"
+
+
+def null_table(studies: int) -> tuple[list[str], list[Job]]:
+    """Return the head of the table of false decisions, and the jobs for its lines."""
+    head = [
+        "| arms | rate | logit SD | test alone | **plan** | **decided, like these** | **decided, these** | opposed |",
+        "| --- | ---: | ---: | --- | --- | --- | --- | ---: |",
+    ]
+    cases = [("both by position" if strength else "independent cells", strength) for strength in STRENGTHS]
+    cases += [(SKEWED, strength) for strength in STRENGTHS if strength]
+    return head, [partial(null_line, studies, name, rate, strength) for name, strength in cases for rate in RATES]
+
+
+def power_line(studies: int, starts: int, repetitions: int, strength: float, difference: float) -> str:
+    """Return a line of the table of real differences."""
+    arms = Arms(0.5 + difference / 2, 0.5 - difference / 2, strength)
+    one = shares(studies, arms, repetitions, starts)
+    return (
+        f"| {repetitions} | {strength:g} | {100 * difference:.0f} | {100 * one.plan[0]:.0f} "
+        f"| {100 * one.like_these[0]:.0f} | {one.starts_run:.1f} | {100 * one.these[0]:.0f} "
+        f"| {100 * one.blocks_run:.0f} |"
+    )
+
+
+def power_table(studies: int) -> tuple[list[str], list[Job]]:
+    """Return the head of the table of real differences, and the jobs for its lines; only the better arm counts."""
+    head = [
+        "| repetitions | logit SD | difference | plan | like these | starts run | these | blocks run % |",
+        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    designs = ((1, 0.0), (1, 1.0), (1, 2.5), (2, 1.0), (2, 2.5), (5, 1.0), (5, 2.5))
+    return head, [
+        partial(power_line, studies, STARTS, repetitions, strength, difference)
+        for repetitions, strength in designs
+        for difference in DIFFERENCES
+    ]
+
+
+def write(name: str, lines: list[str]) -> None:
+    """Put a table between its marks in the page."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    page = RESULT.read_text(encoding="utf-8")
+    before, after = page.split(begin)[0], page.split(end)[1]
+    RESULT.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
+
+
+def main() -> None:
+    """Simulate and print; write where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--studies", type=int, default=5000, help="simulated studies a design")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
+    options = parser.parse_args()
+    with ProcessPoolExecutor(options.workers) as pool:
+        for name, make in {"false decisions": null_table, "power": power_table}.items():
+            lines, jobs = make(options.studies)
+            print(f"\n{name}", *lines, sep="\n")
+            for made in pool.map(_call, jobs):
+                lines.append(made)
+                print(made, flush=True)
+            if options.write:
+                write(name, lines)
+
+
+def _call(job: Job) -> str:
+    return job()
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000)
+    main()

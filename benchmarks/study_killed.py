@@ -76,7 +76,7 @@ def plain_runs(goals: str, starts: str) -> None:
     """Run the same trials one model after another, without any study."""
     for arm in ARMS:
         words = ("--goal", goals, "--starts", starts, "--seed", SEED, "--results", "plain", "--workers", "2")
-        answer = call("run", "--model", arm, *words, "--record", "numbers")
+        answer = call("run", "--model", arm, *words, "--keep", "none")
         assert answer.returncode == 0, answer.stderr
 
 

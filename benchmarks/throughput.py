@@ -3,12 +3,12 @@
 Drives the same random actions twice in one process: bare (observe at 640x480 RGB-D, guard, execute) and as a whole
 recorded run (database, image files, Rerun). Prints actions per second, their ratio, and where the time goes.
 
-    python benchmarks/throughput.py [--episodes 6] [--record lean]
+    python benchmarks/throughput.py [--episodes 6] [--keep images]
 
 With a camera's size, the recorded run draws only that, for a model that reads RGB, beside the bare loop of an earlier
 commit at 640x480 with everything drawn:
 
-    python benchmarks/throughput.py --record numbers --camera 256x256 --base 56931d3
+    python benchmarks/throughput.py --keep none --camera 256x256 --base 56931d3
 """
 
 import argparse
@@ -21,27 +21,30 @@ from pathlib import Path
 
 from single_core import Driver, earlier_tree
 
-from vsnbench.compute_threads import compute_with_one_thread
-from vsnbench.database.campaign_plan import CampaignPlan, ModelIdentity, trial_seed
-from vsnbench.database.journal import Journal
-from vsnbench.models.random_walk import RandomWalk
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation, Sensor
+from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.protocol.site import Site, load_site
-from vsnbench.record.results import Kept, ResultsDirectory
+from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, trial_seed
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.registry import open_robot
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.attendant import EndedEpisode, Nobody, Upcoming
-from vsnbench.runner.depth_guard import look_ahead
-from vsnbench.runner.episode import EpisodePlan, Step
-from vsnbench.runner.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.selection import plan_trials
-from vsnbench.runner.session import DrivingModel, Judged, Stage, run_session
-from vsnbench.runner.stopping import Stopping
+from vsnbench.runner.episode.depth_guard import look_ahead
+from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.run import run
+from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
+from vsnbench.runner.setup.selection import plan_trials
+from vsnbench.runner.stopping.requests import StopRequests
+from vsnbench.runtime.threads import compute_with_one_thread
+from vsnbench.sites.site import Site, load_site
+from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision
+from vsnbench.values.observation import Observation, Sensor
 from vsnbench.viewer.live import RerunEpisodes
 
 START = 5
@@ -74,10 +77,11 @@ class Tally:
         return self.actions / self.seconds
 
 
-class Counting(Nobody):
+class Counting(AbsentOperator):
     """Counts the actions of the episodes that it is told of, and shows nothing."""
 
     def __init__(self, tally: Tally) -> None:
+        super().__init__()
         self._tally = tally
 
     def trial_begins(self, upcoming: Upcoming) -> None:
@@ -118,7 +122,7 @@ def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
     return tally
 
 
-def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kept: Kept) -> Tally:
+def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kept: KeepFiles) -> Tally:
     """Run the same episodes as `vsnbench run` does."""
     tally = Tally()
     results = ResultsDirectory.locate(directory)
@@ -131,19 +135,21 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
         seed=0,
         trials=plan_trials(["chair"], [START], episodes),
     )
-    with Journal.open(results.database_url) as journal, Stopping() as stop:
+    with Journal.open(results.database_url) as journal, StopRequests() as stop:
         campaign = journal.find_or_create_campaign(plan)
-        viewer = RerunEpisodes(live=False) if kept is Kept.FULL else None
+        viewer = RerunEpisodes(live=False) if kept is KeepFiles.ALL else None
         target = RecordingTarget(journal, results, "wanderer", robot.identity.profile, viewer, kept=kept)
         recorder = partial(EpisodeRecorderFanOut, target)
         began = time.perf_counter()
-        stage = Stage(journal, robot, Judged(journal, Counting(tally)), stop)
-        run_session(stage, DrivingModel(Wanderer(), recorder), campaign, site, PARAMETERS)
+        operator = Counting(tally)
+        context = SessionContext(journal, operator, stop, site, PARAMETERS, RecordingOptions(results))
+        executor = InProcessExecutor(context, robot, SingleModel(DrivingModel(Wanderer(), recorder)))
+        run(CampaignSource(journal, campaign), executor, operator)
         tally.seconds = time.perf_counter() - began
     return tally
 
 
-def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: Path, kept: Kept) -> None:
+def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: Path, kept: KeepFiles) -> None:
     """Drive a bare round of the earlier commit and a recorded one of this tree by turns, and print the ratios."""
     drive_recorded(robot, site, 1, directory / "warm-up", kept)
     with earlier_tree(base, directory / "base") as tree:
@@ -162,12 +168,14 @@ def main() -> None:
     """Measure and print."""
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--episodes", type=int, default=6, help="episodes of up to 60 actions each")
-    arguments.add_argument("--record", type=Kept, default=Kept.FULL, choices=list(Kept), help="what is kept")
+    arguments.add_argument(
+        "--keep", type=KeepFiles, default=KeepFiles.ALL, choices=list(KeepFiles), help="what is kept"
+    )
     arguments.add_argument("--camera", default="", help="WIDTHxHEIGHT that the recorded run draws")
     arguments.add_argument("--base", default="", help="an earlier commit, whose bare loop is driven by turns with it")
     asked = arguments.parse_args()
     compute_with_one_thread()
-    episodes, kept = asked.episodes, asked.record
+    episodes, kept = asked.episodes, asked.keep
     site = load_site("apartment")
     robot = SimulatedRobot(site, load_profile("turtlebot2"), PARAMETERS)
     recording: Robot = robot
@@ -185,7 +193,7 @@ def main() -> None:
     print(f"bare loop     {bare.rate:6.1f} actions/s  ({bare.actions} actions)")
     for part, spent_s in (("observe", bare.observe_s), ("guard", bare.guard_s), ("execute", bare.execute_s)):
         print(f"  {part:<11} {spent_s / bare.actions * 1000:6.2f} ms an action")
-    print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions, --record {kept})")
+    print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions, --keep {kept})")
     print(f"ratio         {recorded.rate / bare.rate:6.2f}")
 
 

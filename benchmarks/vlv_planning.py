@@ -22,10 +22,10 @@ import skfmm
 from vsnbench.models.vlv.planner import Planner, Terrain
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation
-from vsnbench.protocol.pose import Pose
 from vsnbench.sensing.occupancy_map import OccupancyMap
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose
 
 SIDE_CELLS = 401
 SETTINGS = VLVSettings()

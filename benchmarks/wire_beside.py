@@ -14,15 +14,16 @@ import os
 from dataclasses import replace
 
 from vsnbench.errors import ModelError
+from vsnbench.models.contract import Policy
 from vsnbench.models.registry import create_policy
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation
+from vsnbench.values.decision import Decision
+from vsnbench.values.observation import Observation
 
 ADDRESS = os.environ.get("VSNBENCH_BESIDE", "ws://127.0.0.1:8799")
 logger = logging.getLogger("vsnbench.beside")
 
 
-class Beside:
+class Beside(Policy):
     """PIRLNav twice."""
 
     def __init__(self) -> None:
@@ -54,4 +55,4 @@ class Beside:
         """Let both go."""
         logger.warning("%d decisions, all the same", self._same)
         for policy in (self._here, self._there):
-            getattr(policy, "close", lambda: None)()
+            policy.close()

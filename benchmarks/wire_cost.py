@@ -20,9 +20,9 @@ import psutil
 from vsnbench.errors import ModelLostError
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
-from vsnbench.protocol.camera import Camera
-from vsnbench.protocol.observation import Observation, Sensor, shown_to_policy
-from vsnbench.protocol.pose import Pose
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Observation, Sensor, shown_to_policy
+from vsnbench.values.pose import Pose
 
 PORT = 8796
 SENSORS = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY})

@@ -3,7 +3,8 @@
 usage: python benchmarks/wire_faults.py [WORD]   (only the faults whose name has the word; about ten seconds each)
 
 A server answers by a script and breaks in its third answer. Each fault has a record of its own: the command is run on
-two trials of four actions and an `--act-timeout` of 1.5 s, and once more with a server that works: then it must finish.
+two trials of four actions and a time limit for actions of 1.5 s, and once more with a server that works: then it must
+finish.
 The time is from the moment at which the server was asked, or was killed or stopped, to the end of the episode in the
 record, which is written when the robot has been halted. What cannot begin says so before anything moves.
 """
@@ -137,9 +138,11 @@ class Lab:
     def run(self, url: str = "", goal: str = "chair", **environment: str) -> subprocess.Popen[str]:
         """Start the command."""
         command = [sys.executable, "-m", "vsnbench.cli.main", "run", "--model", url or f"ws://127.0.0.1:{self.port}"]
-        command += ["--goal", goal, "--starts", "1-2", "--max-steps", "4", "--act-timeout", str(ACT_TIMEOUT_S)]
+        command += ["--goal", goal, "--starts", "1-2", "--max-steps", "4"]
+        (self.directory / "vsnbench.toml").write_text(f"[models]\nact_timeout_s = {ACT_TIMEOUT_S}\n")
         return subprocess.Popen(
             [*command, "--results", str(self.directory / "results")],
+            cwd=self.directory,
             env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "COLUMNS": "80", **environment},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

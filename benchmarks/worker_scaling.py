@@ -2,7 +2,7 @@
 
 python benchmarks/worker_scaling.py                      105 trials of the oracle and 90 of pirlnav: 12 minutes
 python benchmarks/worker_scaling.py --model oracle       the oracle alone: 4 minutes
-python benchmarks/worker_scaling.py --record full        with Rerun's copies; numbers: without images; else as usual
+python benchmarks/worker_scaling.py --keep all        with Rerun's copies; numbers: without images; else as usual
 python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
 
 Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
@@ -42,7 +42,7 @@ def processor_s() -> float:
 def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, float, int, str]:
     """Run a campaign; return its wall and its processor time in seconds, its actions, and the hash of all it did."""
     words = ["run", "--model", model, "--goal", goal, *where, "--results", str(results)]
-    words += ["--record", kept] if kept else []
+    words += ["--keep", kept] if kept else []
     began, spent_s = time.perf_counter(), processor_s()
     subprocess.run([sys.executable, "-m", "vsnbench.cli.main", *words], check=True, stderr=subprocess.DEVNULL)
     taken_s, spent_s = time.perf_counter() - began, processor_s() - spent_s
@@ -56,20 +56,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--model", action="append", help="oracle and pirlnav when absent")
     parser.add_argument("--goal", default="all")
-    parser.add_argument("--record", default="", choices=["full", "lean", "numbers"], help="what is kept")
+    parser.add_argument("--keep", default="", choices=["all", "images", "none"], help="files of an episode")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--cluster", default="", help="compare a Ray cluster's workers too")
+    parser.add_argument("--cluster", default="", help="ray://HEAD:PORT of a Ray cluster to compare with")
     asked = parser.parse_args()
     print(f"load before: {os.getloadavg()[0]:.2f} on {len(os.sched_getaffinity(0))} cores")
     for model in asked.model or ["oracle", "pirlnav"]:
         ways = [["--workers", "1"], ["--workers", str(asked.workers)]]
         if asked.cluster:
-            ways.append(["--cluster", asked.cluster])
+            ways.append(["--workers", asked.cluster])
         seen = set()
         alone_s = 0.0
         for way in ways:
             with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as there:
-                taken_s, spent_s, actions, story = campaign(model, asked.goal, asked.record, way, Path(there))
+                taken_s, spent_s, actions, story = campaign(model, asked.goal, asked.keep, way, Path(there))
             alone_s = alone_s or taken_s
             seen.add(story)
             print(

@@ -3,19 +3,16 @@
 vsnbench run --model examples.spinner:Spinner --goal chair --starts 1-3
 """
 
-from vsnbench.models.contract import ModelCard
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Decision
-from vsnbench.protocol.observation import Observation
+from vsnbench import Action, Decision, ModelCard, Observation, Policy
 
 
-class Spinner:
-    """Needs no sensor at all, so it is shown none."""
+class Spinner(Policy):
+    """Needs no sensors, so it receives none."""
 
     card = ModelCard("spinner")
 
     def reset(self, goal: str, seed: int) -> None:
-        """Begin an episode: forget the last one."""
+        """Start an episode and forget the previous one."""
         self.turns = 0
 
     def act(self, observation: Observation) -> Decision:

@@ -1,4 +1,4 @@
-"""A policy with settings, depth and diagnostics: it drives to where it can see farthest, and shows why.
+"""A policy with settings, depth and diagnostics: it drives towards the most distant free view.
 
 vsnbench run --model examples.widest_opening:WidestOpening --goal chair --starts 1-3 --live
 vsnbench run --model examples.widest_opening:WidestOpening --model-config examples/widest_opening.yaml --goal chair
@@ -10,54 +10,60 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vsnbench.errors import ModelError
-from vsnbench.models.contract import ModelCard
-from vsnbench.protocol.actions import Action
-from vsnbench.protocol.decision import Box, Decision, Diagnostics
-from vsnbench.protocol.observation import Observation, Sensor
-from vsnbench.protocol.pose import Pose
-from vsnbench.protocol.settings_file import read_settings
+from vsnbench import (
+    Action,
+    Box,
+    Decision,
+    Diagnostics,
+    ModelCard,
+    ModelError,
+    Observation,
+    Policy,
+    Pose,
+    Sensor,
+    read_settings,
+)
 
 SECTORS = 9
-"""The image is cut into so many upright strips, from left to right."""
+"""Number of vertical strips into which the image is divided, from left to right."""
 
 
 class Settings(BaseModel):
-    """What a settings file may say; another key is refused."""
+    """Keys of a settings file. An unknown key is refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    keep_away_m: float = Field(default=0.6, gt=0, le=5, description="nearer things ahead make it turn")
-    actions: int = Field(default=60, ge=1, description="after so many it says STOP")
+    keep_away_m: float = Field(default=0.6, gt=0, le=5, description="turn if something ahead is nearer")
+    actions: int = Field(default=60, ge=1, description="number of actions before STOP")
 
 
-class WidestOpening:
-    """It looks for no goal at all: a baseline, and an example."""
+class WidestOpening(Policy):
+    """A baseline and an example. It does not search for the goal."""
 
     known_goals = None
     needed_sensors = (Sensor.DEPTH, Sensor.ODOMETRY)
     settings_class = Settings
 
     def __init__(self, model_config: Path | None = None) -> None:
-        """Take the settings; `--model-config FILE` of the command line comes as `model_config`."""
+        """Read the settings. `--model-config FILE` on the command line is passed as `model_config`."""
         self.settings = Settings()
         if model_config is not None:
             self.settings = read_settings(model_config, Settings, ModelError, "settings of widest-opening")
         self.card = ModelCard(
             "widest-opening",
             sensors=frozenset(self.needed_sensors),
-            settings=self.settings.model_dump(),  # part of what the model is: other settings are another model
+            settings=self.settings.model_dump(),  # part of the identity: other settings are another model
         )
 
     def reset(self, goal: str, seed: int) -> None:
-        """Begin an episode; every random choice in it follows from the seed."""
+        """Start an episode. Every random choice in it follows from the seed."""
         self._random = np.random.default_rng(seed)
         self._side: Action | None = None
         self._actions = 0
         self._visited: list[tuple[float, float]] = []
 
     def act(self, observation: Observation) -> Decision:
-        """Return the next action, with what it was chosen by."""
+        """Return the next action and its reasons."""
         self._actions += 1
         self._visited.append(observation.pose.position)
         free_m = self._free_ahead(observation)
@@ -72,7 +78,7 @@ class WidestOpening:
         if min(free_m[middle - 1 : middle + 2]) > self.settings.keep_away_m:
             self._side = None
             return Action.MOVE_FORWARD
-        if self._side is None:  # once begun, a turn goes on to the same side until the way is free
+        if self._side is None:  # a turn continues to the same side until the way is free
             if widest == middle:
                 self._side = (Action.TURN_LEFT, Action.TURN_RIGHT)[int(self._random.integers(2))]
             else:
@@ -80,9 +86,9 @@ class WidestOpening:
         return self._side
 
     def _free_ahead(self, observation: Observation) -> list[float]:
-        """Return for each sector how far it is to the nearest thing between ankle and head height, metres."""
+        """Return the distance to the nearest obstacle in each sector, in metres, between ankle and head height."""
         if observation.depth_m is None:
-            raise ModelError("widest-opening was handed no depth image")
+            raise ModelError("widest-opening received no depth image")
         points = observation.camera.points_in_base(observation.depth_m)  # (H, W, 3): x forward, y left, z up
         with np.errstate(invalid="ignore"):
             counts = (points[..., 2] > 0.05) & (points[..., 2] < 1.2)

@@ -1,0 +1,105 @@
+"""Whether a robot with a faulty depth camera is kept from driving into things: refusals, ends and true collisions.
+
+A model that only ever chooses MOVE_FORWARD drives 25 actions from each of 8 starts of the apartment, once for each
+state of the depth camera. In simulation the observation is changed; over ROS the node that plays the robot publishes
+other images (`tests/robots/nodes/faulty_robot.py`); set ROS_DOMAIN_ID or ROS_MASTER_URI to a network of your own.
+
+    python benchmarks/blind_camera.py simulation
+    python benchmarks/blind_camera.py ros2 --fault nan --fault frozen
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.robots.blind_camera import FAULTS, NODE, Counts, FaultyRobot, drive
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.registry import open_robot
+from vsnbench.sites.site import load_site
+from vsnbench.values.action import Action
+
+PATIENCE_S = 20.0
+ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"}
+
+
+class FaultyNode:
+    """The node that plays a robot over ROS, in a process of its own."""
+
+    def __init__(self, generation: str, robot: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(NODE), generation, robot],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def tell(self, fault: str) -> None:
+        """Have the camera show a fault from now on, and return once it does."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f"{fault}\n")
+        self._process.stdin.flush()
+        if not self._process.stdout.readline():
+            raise SystemExit("the node ended early")
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.wait(PATIENCE_S)
+
+
+def over_ros(where: str, faults: Sequence[str], starts: Sequence[int], actions: int) -> Iterator[tuple[str, Counts]]:
+    """Drive a robot that is played over ROS; its camera is right while it is put at its start."""
+    site, node = load_site("apartment"), FaultyNode(where, ROBOTS[where])
+    try:
+        node.tell("right")
+        with open_robot(ROBOTS[where], site, ProtocolParameters()) as robot:
+            for fault in faults:
+
+                def begin_fault(fault: str = fault) -> None:
+                    node.tell(fault)
+                    robot.execute(Action.STOP)  # images count that are younger than the last action
+
+                counts = Counts()
+                for start in starts:
+                    node.tell("right")
+                    counts += drive(robot, site, [start], actions, begin_fault)
+                yield fault, counts
+    finally:
+        node.close()
+
+
+def simulated(faults: Sequence[str], starts: Sequence[int], actions: int) -> Iterator[tuple[str, Counts]]:
+    """Drive the simulated robot in this process."""
+    site = load_site("apartment")
+    robot = FaultyRobot(site, load_profile(ROBOTS["simulation"]))
+    for robot.fault in faults:
+        yield robot.fault, drive(robot, site, starts, actions)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("where", choices=ROBOTS)
+    parser.add_argument("--starts", type=int, nargs="+", default=range(1, 9))
+    parser.add_argument("--actions", type=int, default=25, help="of one episode")
+    parser.add_argument("--fault", action="append", choices=[*FAULTS, "ahead"], help="default: all but ahead")
+    parser.add_argument("--json", action="store_true")
+    chosen = parser.parse_args()
+    faults = chosen.fault or FAULTS
+    if chosen.where == "simulation":
+        results = simulated(faults, chosen.starts, chosen.actions)
+    else:
+        results = over_ros(chosen.where, faults, chosen.starts, chosen.actions)
+    for fault, counts in results:
+        print(json.dumps({"fault": fault, **counts.numbers()}) if chosen.json else f"{fault}: {counts}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
