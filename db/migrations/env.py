@@ -1,8 +1,8 @@
-"""Alembic's environment: migrates over the connection that `vsnbench.database.migrate` hands in."""
+"""Alembic's environment: migrates over the connection that `vsnbench.results.schema.migrate` hands in."""
 
 from alembic import context
 
-from vsnbench.database.tables import Base
+from vsnbench.results.schema.tables import Base
 
 
 def run() -> None:
