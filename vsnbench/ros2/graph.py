@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import RobotError
@@ -137,7 +138,6 @@ class Graph:
     def __init__(self, node: "Ros2Node") -> None:
         self._node = node
         self._labels: dict[bytes, str] = {}
-        self._topic_labels: dict[str, list[str]] = {}
 
     def publishers(self, topic: str) -> list[Endpoint]:
         """Return the publishers of a topic."""
@@ -159,14 +159,15 @@ class Graph:
         """
         gid = bytes(info["publisher_gid"]["data"])
         if gid not in self._labels:
-            name = next((endpoint.node for endpoint in self.publishers(topic) if endpoint.gid == gid), "")
+            publishers = self.publishers(topic)
+            name = next((endpoint.node for endpoint in publishers if endpoint.gid == gid), "")
             if not name or "_UNKNOWN_" in name:
                 # Discovery reports an endpoint before its node.
                 return ""
-            others = self._topic_labels.setdefault(topic, [])
-            taken = sum(label == name or label.startswith(f"{name} (") for label in others)
-            self._labels[gid] = f"{name} (no. {taken + 1})" if taken else name
-            others.append(self._labels[gid])
+            # A node that ended and was started again is one node.
+            in_use = {self._labels.get(endpoint.gid) for endpoint in publishers}
+            labels = chain([name], (f"{name} (no. {number})" for number in count(2)))
+            self._labels[gid] = next(label for label in labels if label not in in_use)
         return self._labels[gid]
 
 
