@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.conditions import Selection, read_conditions
+from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
 from vsnbench.report.analysis.failures import Failures
 from vsnbench.report.analysis.judgements import Judgements

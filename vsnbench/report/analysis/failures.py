@@ -1,5 +1,6 @@
 """Classifies failures from the record: what the robot could see, where it went, how it ended, and at which place."""
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -222,5 +223,5 @@ def _kind_without_movement(course: Course) -> FailureKind | None:
         return None
     if sum(refused) >= STUCK_SHARE * STUCK_STEPS:
         return FailureKind.STUCK
-    turned = sum(abs(wrap_angle(b.heading_rad - a.heading_rad)) for a, b in zip(last, last[1:], strict=False))
+    turned = sum(abs(wrap_angle(b.heading_rad - a.heading_rad)) for a, b in itertools.pairwise(last))
     return FailureKind.CIRCLING if turned >= CIRCLES * math.tau else None

@@ -326,7 +326,9 @@ def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summ
 
 def _known(numbers: "NDArray[np.float64]") -> "NDArray[np.float64]":
     """Return the values that are not NaN."""
-    return numbers[numbers == numbers]  # noqa: PLR0124 - NaN differs from itself
+    import numpy as np
+
+    return np.asarray(numbers[~np.isnan(numbers)], np.float64)
 
 
 def _ends(episodes: EpisodeColumns) -> tuple[EndCount, ...]:

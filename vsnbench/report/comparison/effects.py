@@ -1,4 +1,4 @@
-"""Differences in actions, progress, path efficiency, times and courses, with intervals clustered by starting position."""
+"""Differences in actions, progress, paths, times and courses, with intervals clustered by starting position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -86,8 +86,8 @@ def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
         page_name("failure-map", number),
         f"Where models fail{f' ({number} of {pages})' if pages > 1 else ''}",
         f"Floor plans with the places of failures by kind. {words}.",
-        "Places of failures: where the episode ended, or where it was nearest to a goal that it passed. The numbers are "
-        "those of the tables `where it fails`, which link the episodes; larger markers are more failures.",
+        "Places of failures: where the episode ended, or where it was nearest to a goal that it passed. The numbers "
+        "are those of the tables `where it fails`, which link the episodes; larger markers are more failures.",
         footnotes([summary.condition for _, summary, _ in maps]),
         figure,
     )

@@ -35,10 +35,10 @@ def to_json(
     """Return the results as one JSON object.
 
     `models`: each condition with its settings, protocol, campaigns, seeds, `goals`, `goal_kinds` (totals; empty with
-    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`; `questions`:
-    comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and distance of
-    each robot; `published_stability`: that of the paper, null unless its models are included; `operator_activity`:
-    operators and sessions, null with one operator in one session.
+    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`;
+    `questions`: comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and
+    distance of each robot; `published_stability`: that of the paper, null unless its models are included;
+    `operator_activity`: operators and sessions, null with one operator in one session.
     """
     content = {
         "confidence": 0.95,

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.courses import MEASURES, CourseSummary
+from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import Failures
 from vsnbench.report.analysis.fields import finite
 from vsnbench.report.analysis.judgements import Judgements
