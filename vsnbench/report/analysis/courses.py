@@ -2,8 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Engine, select
@@ -11,6 +11,7 @@ from sqlalchemy import Engine, select
 from vsnbench.errors import SiteError
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.results.reading.rows import EpisodeDetails
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step
 from vsnbench.sites.site import Site
@@ -40,6 +41,19 @@ class Course:
     """Whether the guard blocked the action, for every action."""
     touched: str
     """What the robot collided with; empty for nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class CourseMeasures:
+    """Measures of one course; None if unknown."""
+
+    stage: "Stage | None"
+    """Furthest stage."""
+    clearance_min_m: float | None
+    """Smallest distance from the base's edge to a solid of the map."""
+    clearance_p5_m: float | None
+    """5th percentile of that distance over the path."""
+    heading_change_deg_per_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,23 +89,29 @@ def course_map(engine: Engine, record: ReportData, condition: Condition) -> "Cou
     Raises:
         RecordError: the database cannot be used.
     """
-    from vsnbench.protocol.course import CourseMap
-    from vsnbench.protocol.parameters import ProtocolParameters
-
-    site = site_of(record, condition)
     with record_errors(engine), engine.connect() as connection:
         profile = connection.execute(
             select(Robot.profile)
             .join(Campaign, Campaign.robot_id == Robot.id)
             .where(Campaign.id == condition.campaigns[0])
         ).scalar()
+    return _map_of(record.sites.get(condition.site_sha256), profile, condition.protocol)
+
+
+def _map_of(
+    site: Mapping[str, Any] | None, profile: Mapping[str, Any] | None, protocol: Mapping[str, Any] | None
+) -> "CourseMap | None":
+    from vsnbench.protocol.course import CourseMap
+    from vsnbench.protocol.parameters import ProtocolParameters
+
     radius_m = _positive((profile or {}).get("base"), "radius_m")
-    if site is None or radius_m is None or not condition.protocol:
+    if not site or radius_m is None or not protocol:
         return None
     field_of_view_deg = _positive((profile or {}).get("camera"), "horizontal_fov_deg")
     try:
-        return CourseMap(site, radius_m, field_of_view_deg, ProtocolParameters.from_record(condition.protocol))
-    except ValueError:  # another writer's protocol
+        rules = ProtocolParameters.from_record(protocol)
+        return CourseMap(Site.model_validate(site), radius_m, field_of_view_deg, rules)
+    except (ValueError, SiteError):  # another writer's
         return None
 
 
@@ -144,23 +164,40 @@ def measure_courses(
 def _measured(
     engine: Engine, record: ReportData, condition: Condition, rows: "pd.DataFrame"
 ) -> Iterator[tuple[Any, ...]]:
+    ground = course_map(engine, record, condition)
+    for row, course in courses_of(engine, rows):
+        known = _measure(ground, str(row["goal"]), course, float(row["path_length_m"]), bool(row["success"]))
+        yield int(row["episode"]), *astuple(known)
+
+
+def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
+    """Return the measures of one episode's course.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    episode, origin = details.summary, details.provenance
+    course = read_courses(engine, [episode.id]).get(episode.id)
+    ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
+    path_m = math.nan if episode.path_length_m is None else episode.path_length_m
+    return _measure(ground, episode.goal, course, path_m, episode.success is True)
+
+
+def _measure(
+    ground: "CourseMap | None", goal: str, course: Course | None, path_m: float, succeeded: bool
+) -> CourseMeasures:
     from vsnbench.protocol.course import Stage
     from vsnbench.protocol.metrics import heading_change_deg_per_m
 
-    ground = course_map(engine, record, condition)
-    for episode, course in courses_of(engine, rows):
-        poses = course.poses if course else ()
-        approach = ground.approach(str(episode["goal"]), poses) if ground else None
-        clearance = ground.clearance(poses) if ground else None
-        path_m, succeeded = float(episode["path_length_m"]), bool(episode["success"])
-        stage = approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None
-        yield (
-            int(episode["episode"]),
-            stage,
-            clearance.minimum_m if clearance else None,
-            clearance.low_m if clearance else None,
-            heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
-        )
+    poses = course.poses if course else ()
+    approach = ground.approach(goal, poses) if ground else None
+    clearance = ground.clearance(poses) if ground else None
+    return CourseMeasures(
+        stage=approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None,
+        clearance_min_m=clearance.minimum_m if clearance else None,
+        clearance_p5_m=clearance.low_m if clearance else None,
+        heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
+    )
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> CourseSummary:

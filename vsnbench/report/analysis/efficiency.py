@@ -27,8 +27,8 @@ def progress_of(frame: "pd.DataFrame") -> "pd.Series[float]":
 
 
 def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.soft_spl` of every row, from its `progress`."""
-    return frame["progress"] * _efficiency(frame)
+    """Return `vsnbench.protocol.metrics.soft_spl` of every row."""
+    return progress_of(frame) * _efficiency(frame)
 
 
 def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":

@@ -1,12 +1,14 @@
 """Result types of queries: episodes, verdicts, events and campaigns."""
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.metrics import progress
 from vsnbench.results.goals import RecordedGoal
-from vsnbench.results.writing.lifecycle import EpisodeState
+from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession
 from vsnbench.values.fix import Fix
 
@@ -60,6 +62,7 @@ class EpisodeSummary:
     collision: bool
     path_length_m: float | None
     geodesic_start_m: float | None
+    geodesic_end_m: float | None
     duration_s: float | None
     started_at: datetime
     ended_at: datetime | None
@@ -68,6 +71,14 @@ class EpisodeSummary:
     """Success distance of the campaign's protocol; None if it has none."""
     tags: tuple[str, ...] = ()
     """In alphabetical order."""
+
+    @property
+    def progress(self) -> float | None:
+        """Share of the shortest path that was covered, 0 to 1; None if a length is unknown or without a result."""
+        shortest_m, remaining_m = self.geodesic_start_m, self.geodesic_end_m
+        if shortest_m is None or remaining_m is None or self.state not in RESULTS:
+            return None
+        return progress(shortest_m, remaining_m) if math.isfinite(shortest_m) and math.isfinite(remaining_m) else None
 
     @property
     def outcome(self) -> str:
@@ -154,7 +165,6 @@ class EpisodeDetails:
     """Definition of a goal of the site file; None for a category."""
     goal_instance: str | None
     wall_duration_s: float | None
-    geodesic_end_m: float | None
     placement: Fix | None
     """Start pose and its source."""
     measured: RecordedPlacement | None
