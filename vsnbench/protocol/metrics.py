@@ -50,6 +50,13 @@ def progress(shortest_m: float, remaining_m: float) -> float:
     return min(1.0, max(0.0, 1.0 - remaining_m / shortest_m))
 
 
+def known_progress(shortest_m: float | None, remaining_m: float | None) -> float | None:
+    """Return `progress` of recorded lengths; None if a length is unknown or not finite."""
+    if shortest_m is None or remaining_m is None or not (math.isfinite(shortest_m) and math.isfinite(remaining_m)):
+        return None
+    return progress(shortest_m, remaining_m)
+
+
 def soft_spl(shortest_m: float, remaining_m: float, path_m: float) -> float:
     """Return SPL with progress instead of success, 0 to 1.
 

@@ -1,12 +1,11 @@
 """Result types of queries: episodes, verdicts, events and campaigns."""
 
-import math
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.protocol.metrics import progress
+from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession
@@ -75,10 +74,7 @@ class EpisodeSummary:
     @property
     def progress(self) -> float | None:
         """Share of the shortest path that was covered, 0 to 1; None if a length is unknown or without a result."""
-        shortest_m, remaining_m = self.geodesic_start_m, self.geodesic_end_m
-        if shortest_m is None or remaining_m is None or self.state not in RESULTS:
-            return None
-        return progress(shortest_m, remaining_m) if math.isfinite(shortest_m) and math.isfinite(remaining_m) else None
+        return known_progress(self.geodesic_start_m, self.geodesic_end_m) if self.state in RESULTS else None
 
     @property
     def outcome(self) -> str:
