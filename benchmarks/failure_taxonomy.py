@@ -10,6 +10,7 @@ program's kinds are not shown. RECORD is a results directory.
 
 import argparse
 import csv
+import itertools
 import sys
 from collections import Counter
 from pathlib import Path
@@ -46,7 +47,8 @@ def pictures(record_path: Path, directory: Path) -> None:
     for page in range(0, len(chosen), PER_PICTURE):
         figure = Figure(figsize=(16, 11), dpi=80, layout="constrained")
         FigureCanvasAgg(figure)
-        for axes, (_, row) in zip(figure.subplots(2, 3).flat, chosen.iloc[page : page + PER_PICTURE].iterrows()):
+        grid = figure.subplots(2, 3).flat
+        for axes, (_, row) in zip(grid, chosen.iloc[page : page + PER_PICTURE].iterrows(), strict=False):
             condition, course = conditions[row["condition"]], courses[int(row["episode"])]
             site, goal = site_of(record, condition), str(row["goal"])
             rules = ProtocolParameters.from_record(condition.protocol)
@@ -67,13 +69,13 @@ def pictures(record_path: Path, directory: Path) -> None:
             for pose in course.poses:
                 end = (pose.x_m + 0.18 * np.cos(pose.heading_rad), pose.y_m + 0.18 * np.sin(pose.heading_rad))
                 axes.plot([pose.x_m, end[0]], [pose.y_m, end[1]], color="#b00020", linewidth=0.5, zorder=12)
-            for blocked, pose in zip(course.blocked, course.poses[1:]):
+            for blocked, pose in zip(course.blocked, course.poses[1:], strict=False):
                 if blocked:
                     axes.plot(*pose.position, "x", color="#ff0000", markersize=7, zorder=14)
             axes.plot(xs[0], ys[0], "o", color="white", markeredgecolor="black", markersize=8, zorder=13)
             axes.plot(xs[-1], ys[-1], "*", color="black", markersize=11, zorder=15)
             last = course.poses[-30:]
-            turns = sum(abs(b.heading_rad - a.heading_rad) > 0.1 for a, b in zip(last, last[1:]))
+            turns = sum(abs(b.heading_rad - a.heading_rad) > 0.1 for a, b in itertools.pairwise(last))
             axes.set_title(
                 f"#{row['episode']}  {goal}  {row['end_reason']}  {row['actions']} actions, "
                 f"{sum(course.blocked)} blocked ({sum(course.blocked[-30:])} of last 30; {turns} turns in last 30)",

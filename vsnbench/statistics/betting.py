@@ -20,6 +20,10 @@ FRACTIONS: Floats = np.array([0.15, 0.3, 0.5, 0.7])
 """Fractions of the capital staked on single outcomes; the capital is divided evenly among them."""
 MEAN_FRACTIONS: Floats = np.array([0.7, 0.95])
 """Fractions for bets on means of several outcomes, which vary less."""
+PROGRESS_FRACTIONS: Floats = np.array([0.5, 0.95])
+"""Fractions for bets on progress by block, whose differences are smaller and vary less than those of success."""
+PROGRESS_MEAN_FRACTIONS: Floats = np.array([0.95])
+"""Fractions for bets on mean progress of several outcomes."""
 _LIMIT = 1e200
 """Cap of the capital. A larger capital decides nothing more, and the next product would overflow."""
 

@@ -15,7 +15,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share
+from vsnbench.statistics.betting import (
+    FRACTIONS,
+    MEAN_FRACTIONS,
+    PROGRESS_FRACTIONS,
+    PROGRESS_MEAN_FRACTIONS,
+    as_share,
+)
 from vsnbench.study.file import StudyFile
 
 Floats = npt.NDArray[np.float64]
@@ -125,9 +131,17 @@ BLOCK, START = "block", "starting position"
 
 def unit_rule(study: StudyFile, blocks: Sequence[Block]) -> UnitRule:
     """Return the kind of unit of a study."""
+    fractions = bet_fractions(by_start=not study.of_these_cells, of_progress=study.of_progress)
     if study.of_these_cells:
-        return UnitRule(BLOCK, len(blocks), len(blocks), FRACTIONS)
-    return UnitRule(START, len({block.start for block in blocks}), None, MEAN_FRACTIONS)
+        return UnitRule(BLOCK, len(blocks), len(blocks), fractions)
+    return UnitRule(START, len({block.start for block in blocks}), None, fractions)
+
+
+def bet_fractions(*, by_start: bool, of_progress: bool) -> Floats:
+    """Return the fractions of the bets for a kind of unit and a metric; they are part of the method, not of a plan."""
+    if of_progress:
+        return PROGRESS_MEAN_FRACTIONS if by_start else PROGRESS_FRACTIONS
+    return MEAN_FRACTIONS if by_start else FRACTIONS
 
 
 def unit_series(study: StudyFile, blocks: Sequence[Block], first: str, second: str | None) -> UnitSeries:

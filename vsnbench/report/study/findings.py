@@ -131,7 +131,7 @@ def _deviations(
             yield Deviation("void attempts", f"{name}: {voids}, each repeated")
     if plan.of_progress and (unknown := [t for t in progress if t.success is not None and t.progress is None]):
         episodes = ", ".join(str(trial.episode_id) for trial in unknown[:5]) + (", …" if len(unknown) > 5 else "")
-        effect = "left out" if plan.stopping == "plan" else "no unit after them is evaluated; amend `primary` to success"
+        effect = "left out" if plan.stopping == "plan" else "later units wait; amend `primary` to success"
         yield Deviation("progress unknown", f"{counted(len(unknown), 'trial')} (episodes {episodes}): {effect}")
     if twice := sum(trial.results > 1 for trial in progress):
         yield Deviation("repeated trials", f"{twice} trials have results from several records; the first counts")
