@@ -166,7 +166,7 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Prima
     ]
     method = (
         f"paired difference of {'progress' if study.of_progress else 'success'}; sign-flip test over starting "
-        f"positions, and the {'bootstrap ' if study.of_progress else ''}interval must exclude "
+        f"positions, and the interval{' by bootstrap and sign flips' if study.of_progress else ''} must exclude "
         f"{'the margin' if study.margin else '0'}; Holm over all pairs"
     )
     return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
