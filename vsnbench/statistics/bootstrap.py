@@ -40,7 +40,6 @@ def clustered_bootstrap(
     second: ClusterSums,
     *,
     shared_clusters: bool,
-    confidence: float = CONFIDENCE,
     resamples: int = 10_000,
     seed: int = 0,
 ) -> Interval:
@@ -54,7 +53,6 @@ def clustered_bootstrap(
         first: sums of one model by cluster.
         second: sums of the other model.
         shared_clusters: the i-th cluster of both is the same starting position, and both are drawn together.
-        confidence: level of the interval.
         resamples: number of resamples.
         seed: seed of the resamples.
 
@@ -75,7 +73,7 @@ def clustered_bootstrap(
     differences = differences[np.isfinite(differences)]  # a resample may contain no episode of one model
     if not len(differences) or np.ptp(differences) <= _SAME:
         return UNKNOWN
-    tail = _expanded_tail(clusters, confidence)
+    tail = _expanded_tail(clusters, CONFIDENCE)
     low, high = np.quantile(differences, [tail, 1 - tail])
     return Interval(float(low), float(high))
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from vsnbench.statistics.bootstrap import MIN_CLUSTERS
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
 from vsnbench.statistics.power import min_starts
 from vsnbench.study.file import Rate, StudyFile
@@ -32,8 +31,6 @@ def design_error(study: StudyFile, blocks: Sequence[Block]) -> str:
         if rate_interval(best, confidence).low > high or rate_interval(worst, confidence).high < low:
             return ""
         return f"with {count} no outcome can show a rate above or below {study.primary.rate:.0%}; use more positions"
-    if study.of_progress and starts < MIN_CLUSTERS:
-        return f"with {count} there is no interval of progress; use at least {MIN_CLUSTERS} starting positions"
     level = study.alpha / pairs_of(study)
     fewest = min_starts(level)
     if starts >= fewest:

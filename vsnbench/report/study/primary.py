@@ -1,12 +1,11 @@
 """Primary analysis of a study and its conclusion."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
-from vsnbench.report.study.progress import ProgressFinding, progress_of_pair, progress_sentence
+from vsnbench.report.study.progress import ProgressFinding, mean_progress, progress_of_pair, progress_sentence
 from vsnbench.report.wording import caution, compared, interval_words, trial_count
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
@@ -166,8 +165,7 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Prima
     ]
     method = (
         f"paired difference of {'progress' if study.of_progress else 'success'}; sign-flip test over starting "
-        f"positions, and the interval{' by bootstrap and sign flips' if study.of_progress else ''} must exclude "
-        f"{'the margin' if study.margin else '0'}; Holm over all pairs"
+        f"positions, and the interval must exclude {'the margin' if study.margin else '0'}; Holm over all pairs"
     )
     return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
 
@@ -187,11 +185,9 @@ def _compared(
     study: StudyFile, shared: Sequence[StudyTrialProgress], pair: tuple[str, str], confidence: float
 ) -> _Compared:
     outcomes = _paired(shared, *pair)
-    if study.of_progress:
-        values = progress_of_pair(shared, pair)
-        return _Compared(outcomes, values.difference, values.interval(confidence), values.test(), values.means)
-    interval, rates = paired_interval(outcomes, confidence), (math.nan, math.nan)
-    return _Compared(outcomes, outcomes.difference, interval, paired_test(outcomes), rates)
+    values = progress_of_pair(shared, pair) if study.of_progress else outcomes
+    interval, p = paired_interval(values, confidence), paired_test(values)
+    return _Compared(outcomes, values.difference, interval, p, mean_progress(values))
 
 
 def _metric(study: StudyFile, means: tuple[float, float]) -> dict[str, Any]:

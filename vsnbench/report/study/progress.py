@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 from vsnbench.report.wording import caution, compared, interval_words
 from vsnbench.results.studies.entries import StudyTrialProgress
+from vsnbench.statistics.clustered import Cell, arrays
 from vsnbench.statistics.conclusion import Conclusion
-from vsnbench.statistics.paired_means import PairedMeans
+from vsnbench.statistics.paired import PairedCell, PairedOutcomes
 from vsnbench.statistics.rates import Interval
 
 
@@ -29,12 +30,23 @@ class ProgressFinding:
     margin: float
 
 
-def progress_of_pair(shared: Sequence[StudyTrialProgress], pair: tuple[str, str]) -> PairedMeans:
-    """Return the mean progress of two arms in the cells where both have some."""
-    first, second = (_by_cell(shared, arm) for arm in pair)
-    cells = sorted(first.keys() & second.keys())
-    sides = (tuple(math.fsum(side[cell]) / len(side[cell]) for cell in cells) for side in (first, second))
-    return PairedMeans(tuple(start for _, start in cells), *sides)
+def progress_of_pair(shared: Sequence[StudyTrialProgress], pair: tuple[str, str]) -> PairedOutcomes:
+    """Return the progress of two arms in the cells where both have some, as sums per cell."""
+    sides = [_by_cell(shared, arm) for arm in pair]
+
+    def cell(side: dict[tuple[str, int], list[float]], place: tuple[str, int]) -> Cell:
+        return Cell(place[1], math.fsum(side[place]), len(side[place]))
+
+    places = sorted(sides[0].keys() & sides[1].keys())
+    return PairedOutcomes(tuple(PairedCell(cell(sides[0], place), cell(sides[1], place)) for place in places))
+
+
+def mean_progress(outcomes: PairedOutcomes) -> tuple[float, float]:
+    """Return the mean over the cells of each arm; NaN without cells."""
+    if not outcomes.cells:
+        return math.nan, math.nan
+    first, second = (float(arrays(side.cells)[1].mean()) for side in (outcomes.first, outcomes.second))
+    return first, second
 
 
 def _by_cell(shared: Sequence[StudyTrialProgress], arm: str) -> dict[tuple[str, int], list[float]]:
