@@ -15,7 +15,7 @@ from tests.report.records import Attempt, Lab
 from vsnbench.cli.main import build_app
 from vsnbench.protocol.judge import EndReason, Verdict
 
-FREE_KEYS = {"protocol", "conditions", "settings", "kinds", "touched"}
+FREE_KEYS = {"protocol", "conditions", "settings", "kinds", "touched", "stages"}
 """Objects whose keys depend on the model, the robot or the site."""
 
 
