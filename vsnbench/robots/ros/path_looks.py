@@ -6,6 +6,7 @@ import time
 from vsnbench.errors import ImageError
 from vsnbench.robots.contract import DrivingView, PathCheck
 from vsnbench.robots.ros.camera import RosCamera
+from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.images.intrinsics import CalibrationError
 from vsnbench.sensing.movement_check import MovementAlarmError
 from vsnbench.sensing.odometry.odometry import OdometryReading
@@ -17,7 +18,7 @@ _SPEED_PERIOD_S = 0.12
 _DRIVING_M_S = 0.015
 """A slower robot stands, or turns on the spot, and needs no free way."""
 _LONGEST_AGE_S = 0.3
-"""No movement forward begins with an older depth image."""
+"""No movement forward begins or goes on if the last depth image arrived longer ago."""
 
 
 class PathLooks:
@@ -58,15 +59,29 @@ class PathLooks:
         age_s = time.monotonic() - newest.arrival_s
         if newest.arrival_s == self._last_arrival_s and age_s < _SPEED_PERIOD_S:
             return
+        if age_s > _LONGEST_AGE_S:
+            raise MovementAlarmError(f"no depth image for {age_s:.1f} s", blocked=True)
         self._last_arrival_s = newest.arrival_s
         try:
             depth_m = self._camera.depth_of(newest)
         except (ImageError, CalibrationError, ValueError) as error:
             raise MovementAlarmError(f"a depth image cannot be read: {error}", sensor_lost=True) from error
         camera = self._camera.model
-        view = DrivingView(depth_m, camera, age_s, linear_m_s, angular_rad_s, remaining_m)
+        view = DrivingView(depth_m, camera, captured_ago_s(newest, now), linear_m_s, angular_rad_s, remaining_m)
         if reason := self._check(view):
             raise MovementAlarmError(reason, blocked=True)
+
+
+def captured_ago_s(image: Stamped, now: RobotSnapshot) -> float:
+    """Return the time since the capture of an image, by the stamps of image and odometry, which share a clock.
+
+    A busy camera or network delivers an image late: the robot is then nearer to what the image shows.
+    """
+    since_arrival_s = time.monotonic() - image.arrival_s
+    if now.latest is None:
+        return since_arrival_s
+    since_odometry_s = time.monotonic() - now.latest.arrival_s
+    return max(since_arrival_s, now.latest.stamp_s - image.stamp_s + since_odometry_s)
 
 
 def velocity_of(readings: tuple[OdometryReading, ...]) -> tuple[float, float]:
