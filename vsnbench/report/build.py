@@ -113,11 +113,13 @@ class Report:
                 tables.append(paper_stability_table())
             if self.activity.actions:
                 tables.append(action_table(results, self.activity.actions))
+            from vsnbench.report.tables.progress import progress_tables
             from vsnbench.report.tables.sensitivity import failure_table, judgement_table
 
             failures = failure_table(results, self.activity.failures)
             judgements = judgement_table(results, self.activity.judgements)
             tables += [table for table in (failures, judgements) if table]
+            tables += progress_tables(self.record, results, self.activity)
         tables += self._operator_tables(long=long)
         if long:
             from vsnbench.report.tables.sensitivity import sensitivity_tables
@@ -190,6 +192,7 @@ def build(
             operator_activity = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
         return Report(record, summarise(record), reference=reference, operator_activity=operator_activity)
     from vsnbench.report.analysis.activity import Activity, read_robots
+    from vsnbench.report.analysis.courses import measure_courses
     from vsnbench.report.analysis.failures import read_failures
     from vsnbench.report.analysis.judgements import read_judgements
     from vsnbench.report.comparison.question import questions
@@ -200,6 +203,8 @@ def build(
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             operator_activity, results = _attended(engine, record), summarise(record)
+            measured, courses = measure_courses(engine, record)
+            record = replace(record, courses=measured)
             report = Report(
                 record,
                 results,
@@ -211,7 +216,7 @@ def build(
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record), read_judgements(engine, record)
-        return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 
 def _attended(engine: Engine, record: ReportData) -> "OperatorActivity | None":
