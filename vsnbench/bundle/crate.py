@@ -11,7 +11,6 @@ from pathlib import PurePosixPath
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
-from vsnbench import __version__
 from vsnbench.bundle.stored_zip import StoredFile
 
 METADATA = "ro-crate-metadata.json"
@@ -26,6 +25,8 @@ _FORMATS = {
     ".lock": "application/json",
     ".md": "text/markdown",
     ".png": "image/png",
+    ".tum": "text/plain",
+    ".txt": "text/plain",
     ".yaml": "application/yaml",
 }
 _DESCRIPTIONS = {
@@ -50,10 +51,10 @@ class BundleAbout:
     description: str
     date: str
     """Date of the newest row of the record, as YYYY-MM-DD: equal records make equal bundles."""
-    authors: tuple[str, ...] = ()
-    licence: str = ""
+    authors: tuple[str, ...]
+    licence: str
     """SPDX identifier, URL or text; empty if the authors have not stated one."""
-    citation: str = ""
+    citation: str
 
 
 class CrateWriter:
@@ -93,8 +94,7 @@ class CrateWriter:
             "name": _DESCRIPTIONS.get(file.name, PurePosixPath(file.name).name),
         }
         entity |= {"contentSize": str(file.size_bytes), "sha256": file.sha256}
-        if known := _FORMATS.get(PurePosixPath(file.name).suffix):
-            entity["encodingFormat"] = known
+        entity["encodingFormat"] = _FORMATS.get(PurePosixPath(file.name).suffix, "application/octet-stream")
         self._write(entity)
 
     def _write(self, entity: Any) -> None:
@@ -125,28 +125,19 @@ class CrateWriter:
             "description": about.description,
             "datePublished": about.date,
             "license": {"@id": _licence_id(about.licence)},
-            "sdPublisher": {"@id": "#vsnbench"},
+            "creditText": about.citation,
             "hasPart": _references(self._parts),
         }
         if about.authors:
             root["author"] = _references([f"#{name}" for name in about.authors])
-        if about.citation:
-            root["creditText"] = about.citation
         return root
 
     def _people(self) -> list[dict[str, Any]]:
         """Return the entities that the root refers to and that are not files."""
         licence = self._about.licence
         named = licence or "No licence was stated: ask the authors before you use it."
-        software = {
-            "@id": "#vsnbench",
-            "@type": "SoftwareApplication",
-            "name": "vsnbench",
-            "version": __version__,
-        }
         return [
             {"@id": _licence_id(licence), "@type": "CreativeWork", "name": named, "description": named},
-            software,
             *({"@id": f"#{name}", "@type": "Person", "name": name} for name in self._about.authors),
         ]
 

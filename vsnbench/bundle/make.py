@@ -11,6 +11,7 @@ from typing import TextIO
 
 from sqlalchemy import Connection, func, select
 
+from vsnbench import __version__
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, SIGNATURES, format_line, manifest_lines
 from vsnbench.bundle.crate import METADATA, BundleAbout, CrateWriter
 from vsnbench.bundle.croissant import CROISSANT, croissant
@@ -20,6 +21,7 @@ from vsnbench.bundle.record_cut import cut_record
 from vsnbench.bundle.selection import BundleSelection
 from vsnbench.bundle.signatures import sign
 from vsnbench.bundle.stored_zip import StoredFile, StoredZipWriter
+from vsnbench.bundle.weights import find_weights_by_hash
 from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.atomic import atomic_file
@@ -53,6 +55,7 @@ class BundleRequest:
     note: LockNote | None = None
     """Lock note of the study, if there is one."""
     with_images: bool = True
+    with_weights: bool = False
     key: Path | None = None
     """SSH key that signs the manifest."""
 
@@ -134,6 +137,9 @@ class _Bundle:
                 crate.add(added)
                 if path.parent.name == TABLES:
                     tables[path.stem] = added
+            if request.with_weights:
+                for name, path in find_weights_by_hash(self._connection).items():
+                    crate.add(self._add_file(name, path.resolve()))
             self._add_bytes(CROISSANT, croissant(about, tables).encode(), crate)
             for done, (number, directory) in enumerate(episodes, start=1):
                 progress("copying images", done, len(episodes))
@@ -193,12 +199,14 @@ def _about(connection: Connection, given: BundleConfig) -> BundleAbout:
         connection.scalar(select(func.max(column)))
         for column in (Episode.ended_at, Verdict.created_at, Study.unblinded_at)
     ]
+    date = f"{max(moment for moment in newest if moment is not None):%Y-%m-%d}"
     what = f"{counted(episodes, 'episode')} of {', '.join(map(sanitize, models))}"
+    title = sanitize(study) if study else f"Results of vsnbench: {what}"
     return BundleAbout(
-        title=sanitize(study) if study else f"Results of vsnbench: {what}",
-        description=f"{what} in {counted(campaigns, 'campaign')}, with the record, the images and the report.",
-        date=f"{max(moment for moment in newest if moment is not None):%Y-%m-%d}",
+        title=title,
+        description=f"{what} in {counted(campaigns, 'campaign')}: record, tables and report of vsnbench {__version__}.",
+        date=date,
         authors=tuple(name.strip() for name in (given.author or "").split(";") if name.strip()),
         licence=given.licence or "",
-        citation=given.citation or "",
+        citation=given.citation or f"{given.author + ': ' if given.author else ''}{title} ({date[:4]})",
     )
