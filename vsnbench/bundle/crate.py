@@ -7,7 +7,6 @@ import json
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
@@ -18,16 +17,16 @@ _SPECIFICATION = "https://w3id.org/ro/crate/1.3"
 _SPDX = "https://spdx.org/licenses/"
 _NO_LICENCE = "#no-licence"
 _FORMATS = {
-    ".csv": "text/csv",
-    ".db": "application/vnd.sqlite3",
-    ".jpg": "image/jpeg",
-    ".json": "application/json",
-    ".lock": "application/json",
-    ".md": "text/markdown",
-    ".png": "image/png",
-    ".tum": "text/plain",
-    ".txt": "text/plain",
-    ".yaml": "application/yaml",
+    "csv": "text/csv",
+    "db": "application/vnd.sqlite3",
+    "jpg": "image/jpeg",
+    "json": "application/json",
+    "lock": "application/json",
+    "md": "text/markdown",
+    "png": "image/png",
+    "tum": "text/plain",
+    "txt": "text/plain",
+    "yaml": "application/yaml",
 }
 _DESCRIPTIONS = {
     "README.md": "What this is and how to check it",
@@ -88,13 +87,15 @@ class CrateWriter:
         self._parts.append(f"{name}/")
 
     def _add_file(self, file: StoredFile) -> None:
+        own_name = file.name.rpartition("/")[2]
         entity = {
             "@id": file.name,
             "@type": "File",
-            "name": _DESCRIPTIONS.get(file.name, PurePosixPath(file.name).name),
+            "name": _DESCRIPTIONS.get(file.name, own_name),
+            "contentSize": str(file.size_bytes),
+            "encodingFormat": _FORMATS.get(own_name.rpartition(".")[2], "application/octet-stream"),
+            "sha256": file.sha256,
         }
-        entity |= {"contentSize": str(file.size_bytes), "sha256": file.sha256}
-        entity["encodingFormat"] = _FORMATS.get(PurePosixPath(file.name).suffix, "application/octet-stream")
         self._write(entity)
 
     def _write(self, entity: Any) -> None:

@@ -164,7 +164,7 @@ class _Bundle:
     def _add_bytes(self, name: str, content: bytes, crate: CrateWriter) -> None:
         crate.add(self._listed(self._archive.add(name, io.BytesIO(content), len(content))))
 
-    def _add_file(self, name: str, path: Path) -> StoredFile:
+    def _add_file(self, name: str, path: Path | str) -> StoredFile:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
             return self._listed(self._archive.add(name, file, os.fstat(file.fileno()).st_size))
 
@@ -176,17 +176,20 @@ class _Bundle:
     def _add_episode(self, number: int, directory: str) -> list[StoredFile]:
         """Copy the files of an episode as they are."""
         top = confined(self._results, directory)
-        faults = image_faults(top, step_digests(self._connection, number), decode=False)
-        if faults:
+        names = (path.as_posix() for path in files_below(self._results, directory))
+        copied = [
+            self._add_file(f"results/{directory}/{name}", f"{top}/{name}")
+            for name in names
+            if _EPISODE_FILE.fullmatch(name)
+        ]
+        # After the copy, when the files are in memory: checked before, each would be read from the disk twice.
+        if faults := image_faults(top, step_digests(self._connection, number), decode=False):
             raise RecordError(
                 f"episode {number}: {faults[0]} in {top}",
                 advice="restore the file, or bundle only the numbers with --without images",
                 code="missing-images",
             )
-        names = (path.as_posix() for path in files_below(self._results, directory))
-        return [
-            self._add_file(f"results/{directory}/{name}", top / name) for name in names if _EPISODE_FILE.fullmatch(name)
-        ]
+        return copied
 
 
 def _about(connection: Connection, given: BundleConfig) -> BundleAbout:
