@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ import pytest
 from tests.cli.test_record_verbs import vsnbench
 from tests.interop.test_merge import GOALS, content, draw, lab
 from tests.results.locked_study import lock_drawn, run_ranks
-from tests.results.records_of_a_lab import begun, plan
+from tests.results.records_of_a_lab import begun, plan, run, stopped
 from tests.study.studies import study_text
 from vsnbench.bundle import record_cut
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, OpenBundle, open_bundle
@@ -24,6 +25,7 @@ from vsnbench.bundle.derived_files import write_derived_files
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.base import Base
 from vsnbench.results.writing.journal import Journal
+from vsnbench.results.writing.provenance import gather_provenance, package_hashes
 from vsnbench.study.lock import read_note
 
 
@@ -328,3 +330,19 @@ def same(text: str, value: object) -> bool:
     if isinstance(value, bool) or text in ("True", "False"):
         return str(value) == text
     return float(text) == value if isinstance(value, int | float) else str(value)[:19] == text.replace("T", " ")[:19]
+
+
+def test_the_environment_has_commands_and_packages_with_hashes(tmp_path: Path) -> None:
+    record = tmp_path / "results"
+    record.mkdir()
+    with Journal.open(sqlite_url(record / "vsnbench.db"), gather_provenance(of_run=True)) as journal:
+        for trial in journal.find_or_create_campaign(plan()).trials:
+            run(journal, trial, stopped(success=True))
+    bundle = opened(record, tmp_path, "--campaign", "1", "--without", "images")
+    content = json.loads((bundle.directory / "environment.json").read_text())
+    (process,) = content["processes"]
+    assert process["command"]
+    packages = content["environments"][process["environment"]]["packages"]
+    numpy = next(package for package in packages if package["name"] == "numpy")
+    assert numpy == {"name": "numpy", "version": metadata.version("numpy"), "sha256": package_hashes()["numpy"]}
+    assert "package_hashes" not in content["environments"][0]["platform"]
