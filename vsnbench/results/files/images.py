@@ -12,7 +12,7 @@ import numpy as np
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.results.files.staged_import import clear_unfinished
-from vsnbench.values.encoding.image_digest import depth_digest, rgb_digest
+from vsnbench.values.encoding.image_digest import depth_digest, file_digest, rgb_digest
 from vsnbench.values.encoding.images import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
@@ -29,6 +29,12 @@ class WrittenImages:
     rgb_jpeg: bytes | None
     """Content of the file, for viewers; None without a file."""
     depth_png: bytes | None
+
+    @property
+    def file_digests(self) -> tuple[str | None, str | None]:
+        """Digests of the bytes of the colour file and the depth file; None without a file."""
+        rgb, depth = self.rgb_jpeg, self.depth_png
+        return None if rgb is None else file_digest(rgb), None if depth is None else file_digest(depth)
 
 
 def hash_images(observation: Observation) -> WrittenImages:
