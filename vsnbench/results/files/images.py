@@ -106,11 +106,16 @@ class EpisodeImages:
 
 
 def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
-    """Write `timestamp tx ty tz qx qy qz qw` lines, the TUM format of evo and other tools.
+    """Write a trajectory in the TUM format.
 
     Raises:
         RecordError: it cannot be written.
     """
+    write_atomic(path, trajectory_text(poses).encode())
+
+
+def trajectory_text(poses: Iterable[StampedPose]) -> str:
+    """Return `timestamp tx ty tz qx qy qz qw` lines, the TUM format of evo and other tools."""
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
     for moment in poses:
         half = moment.pose.heading_rad / 2
@@ -118,7 +123,7 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
             f"{moment.stamp_s:.6f} {moment.pose.x_m:.6f} {moment.pose.y_m:.6f} 0 "
             f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
         )
-    write_atomic(path, "".join(lines).encode())
+    return "".join(lines)
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:
