@@ -15,7 +15,7 @@ from vsnbench.text.sanitize import error_line, sanitize
 Progress = Callable[[str, int, int], None]
 """Called with the name of a check, the amount done and the total."""
 _LONGEST = 300
-_INVALID = (VsnbenchError, SQLAlchemyError, ValidationError, KeyError, *UNREADABLE)
+_INVALID = (VsnbenchError, SQLAlchemyError, ValidationError, KeyError, OSError, *UNREADABLE)
 """Errors that invalid content of a record can cause in a check."""
 
 

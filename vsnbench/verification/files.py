@@ -52,6 +52,9 @@ def _check_episode(record: VerifiedRecord, episode: Row[Any], check: Check) -> N
     if linked := next((folder for folder in (top, top / "rgb", top / "depth") if folder.is_symlink()), None):
         check.fail(str(linked.relative_to(record.results)), "is a link, and vsnbench writes none")
         return
+    if not top.is_dir():
+        check.fail(named, "is missing: the images and the trajectory of the episode")
+        return
     digests = step_digests(record.connection, episode.id)
     expected = list(expected_images(digests))
     faults = {fault.file: fault for fault in image_faults(directory, digests, decode=True)}

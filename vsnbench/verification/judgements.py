@@ -138,7 +138,7 @@ class _EpisodeCheck:
             if step.result is not None and step.result.path_m is not None:
                 detour_m += max(step.result.path_m - before.distance_to(after), 0.0)
         yield from self._number("path_length_m", path_length_m(poses) + detour_m)
-        if self.condition.row.simulated and self.final is not None and self.final.pose != poses[-1]:
+        if self.condition.is_simulated_here and self.final is not None and self.final.pose != poses[-1]:
             yield self._cell("final_x_m", "the final pose is not that after the last step")
         site, profile = self.condition.site, self.condition.profile
         if site is None or profile is None or not targets_of(site, self.episode.goal):
