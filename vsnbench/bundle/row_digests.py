@@ -16,7 +16,7 @@ from typing import Any
 
 from vsnbench.errors import RecordError
 from vsnbench.files.bounded_json import parse_json
-from vsnbench.results.schema.engine import sqlite_reader
+from vsnbench.results.schema.engine import LONGEST_CELL_BYTES, sqlite_reader
 from vsnbench.results.schema.guard import refuse_foreign_schema
 
 ROW_DIGESTS = "digests/rows.jsonl"
@@ -157,6 +157,7 @@ def _reading(database: Path) -> "closing[sqlite3.Connection]":
     try:
         connection = sqlite_reader(database)()
         connection.execute("PRAGMA trusted_schema = OFF")
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_CELL_BYTES)
         refuse_foreign_schema(connection, str(database))
         connection.execute("PRAGMA query_only = ON")
         connection.text_factory = _any_text
