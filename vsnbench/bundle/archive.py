@@ -90,8 +90,8 @@ def format_line() -> bytes:
 
 
 def manifest_lines(files: Iterable[tuple[str, str]]) -> str:
-    """Return the manifest of files with their SHA-256."""
-    return "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(files))
+    """Return the manifest of files with their SHA-256, in this order."""
+    return "".join(f"{sha256}  {name}\n" for name, sha256 in files)
 
 
 def open_bundle(path: Path, into: Path) -> OpenBundle:

@@ -68,6 +68,20 @@ def row_digests(database: Path) -> Iterator[str]:
                 yield json.dumps([key, row.sha256, row.cells]) + "\n"
 
 
+def write_row_digests(database: Path, path: Path) -> None:
+    """Write the digests of an SQLite file.
+
+    Raises:
+        RecordError: the database cannot be read, or the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", encoding="ascii") as file:
+            file.writelines(row_digests(database))
+    except OSError as error:
+        raise RecordError(f"cannot write {path}: {error.strerror or error}", advice="free some space") from error
+
+
 def changed_rows(digests: Path, database: Path) -> Iterator[RowDifference]:
     """Yield the rows of a database that differ from their digests.
 

@@ -72,9 +72,10 @@ class StoredZipWriter:
         self._directory.add(added, offset)
         return added
 
-    def close(self) -> None:
-        """Write the directory of the archive."""
+    def close(self) -> int:
+        """Write the directory of the archive, and return its size in bytes."""
         self._file.write(self._directory.content(self._file.tell()))
+        return self._file.tell()
 
 
 class StoredZipReader:

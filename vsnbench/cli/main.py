@@ -42,6 +42,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "doctor": ("vsnbench.cli.robots.doctor", "Check a robot and this machine before a session."),
     "place": ("vsnbench.cli.running.place", "Measure how far a robot is from its starting position."),
     "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
+    "bundle": ("vsnbench.cli.results.bundle", "Pack results into one file that another person can check."),
     "import": ("vsnbench.cli.results.import_", "Import results of other tools."),
     "verify": ("vsnbench.cli.results.verify", "Verify results: hashes, images, verdicts, report, studies."),
     "init": ("vsnbench.cli.init", "Create a directory with a configuration and a site to edit."),

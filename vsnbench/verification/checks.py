@@ -44,6 +44,8 @@ class Check:
     findings: list[Finding] = field(default_factory=list)
     not_checked: Counter[str] = field(default_factory=Counter)
     """Reason -> number of items that could not be checked."""
+    notes: list[str] = field(default_factory=list)
+    """Results to state although nothing failed, such as who signed."""
 
     def add(self, findings: list[Finding]) -> None:
         """Count a checked item with its findings; it failed if it has any."""

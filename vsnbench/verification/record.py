@@ -138,7 +138,7 @@ def open_copy(results: Path, scratch: Path) -> Iterator[VerifiedRecord]:
     Raises:
         RecordError: there is no record, it is damaged, it has views or triggers, or its schema is newer.
     """
-    source, copy = results / DATABASE_NAME, scratch / "record.db"
+    source, copy = results / DATABASE_NAME, scratch / DATABASE_NAME
     if source.is_symlink():
         raise RecordError(f"{source} is a link", advice="name the results directory with the file itself")
     backup(sqlite_url(source), copy)

@@ -13,14 +13,21 @@ from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies, trials_of
 from vsnbench.runner.study.integrity import check_integrity
 from vsnbench.study.file import StudyFile, parse_study
+from vsnbench.study.lock import LockNote
 from vsnbench.study.stopping import Decision, decide
 from vsnbench.study.units import shared_blocks
 from vsnbench.verification.checks import Check, Finding, Progress, finding
 from vsnbench.verification.record import VerifiedRecord
 
 
-def check_studies(record: VerifiedRecord, progress: Progress) -> Check:
-    """Compare each study with its lock, its log and its random draw, and make its decisions again."""
+def check_studies(record: VerifiedRecord, note: LockNote | None, progress: Progress) -> Check:
+    """Compare each study with its lock, its log and its random draw, and make its decisions again.
+
+    Args:
+        record: the record.
+        note: lock note of its study, if there is one.
+        progress: receives the progress.
+    """
     check = Check("studies", "studies")
     engine = open_engine(record.url, read_only=True)
     try:
@@ -29,7 +36,7 @@ def check_studies(record: VerifiedRecord, progress: Progress) -> Check:
             where = f"study {recorded.id}"
             with check.failing(where):
                 plan = parse_study(recorded.content, f"the plan of {where}")
-                found = check_integrity(recorded, read_evidence(engine, recorded.id), plan, None)
+                found = check_integrity(recorded, read_evidence(engine, recorded.id), plan, note)
                 findings = [finding(where, difference) for difference in found.differences]
                 for remark in found.remarks:
                     check.skip(remark)

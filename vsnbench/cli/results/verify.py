@@ -22,6 +22,10 @@ def command(
     replay: Annotated[
         str, typer.Option("--replay", metavar="N|all", help="Drive simulated episodes again and compare every pose.")
     ] = "0",
+    signers: Annotated[
+        Path | None,
+        typer.Option("--signers", metavar="FILE", help="Trusted signers (ssh-keygen): NAME ssh-ed25519 AAAA…"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Verify results that you or others recorded. Needs no network, and writes nothing there.
@@ -37,10 +41,11 @@ def command(
         vsnbench verify study.zip --replay all --json
     """
     from vsnbench.cli.support.progress import ProgressBars
-    from vsnbench.verification.verify import verify
+    from vsnbench.verification.verify import VerifyOptions, verify
 
+    options = VerifyOptions(_replays(replay), signers)
     with ProgressBars() as progress:
-        found = verify(path, progress.show, replay=_replays(replay))
+        found = verify(path, progress.show, options)
     if as_json:
         print_json(_fields(found))
     else:
@@ -69,6 +74,7 @@ def _fields(found: "Verification") -> dict[str, Any]:
                 "checked": check.checked,
                 "failed": check.failed,
                 "not_checked": dict(check.not_checked),
+                "notes": check.notes,
                 "findings": [{"where": finding.where, "text": finding.text} for finding in check.findings],
             }
             for check in found.checks
@@ -103,6 +109,8 @@ def _print(found: "Verification") -> None:
     console = page()
     console.print()
     for check in found.checks:
+        for note in check.notes:
+            console.print(safe(note), soft_wrap=True)
         for reason, count in sorted(check.not_checked.items()):
             console.print(f"[dim]not checked: {count:,} {check.name}: {safe(reason)}[/dim]", soft_wrap=True)
     for author, count in sorted(found.people.items()):
