@@ -3,6 +3,7 @@
 Nothing is written there, nothing in it is executed, and no network is used.
 """
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,27 +54,31 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
     with ScratchDirectory("verify") as scratch, ExitStack() as stack:
         if path.is_dir() and not (path / FORMAT_FILE).exists():
             record = stack.enter_context(open_copy(path, scratch.path))
-            checks, people = _record_checks(record, None, options, progress)
-            return Verification(str(path), __version__, record.versions, tuple(checks), people)
+            return _verification(path, [], record, _record_checks(record, None, options, progress))
         progress("comparing hashes", 0, 1)
         bundle = open_bundle(path, scratch.path / "bundle")
         progress("comparing hashes", 1, 1)
         checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
-        versions: tuple[str, ...] = ()
-        people: dict[str, int] = {}
         try:
             record = stack.enter_context(open_copy(bundle.results, scratch.path))
         except VsnbenchError as error:
             broken = Check("record", "databases")
             broken.fail("results/vsnbench.db", str(error))
-            checks.append(broken)
-        else:
-            note = _note(bundle, checks[0])
-            own, people = _record_checks(record, note, options, progress)
-            made = check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress)
-            checks += [*own, made]
-            versions = record.versions
-        return Verification(str(path), __version__, versions, tuple(checks), people)
+            return _verification(path, [*checks, broken], None)
+        note = _note(bundle, checks[0])
+        own = _record_checks(record, note, options, progress)
+        own[0].append(check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress))
+        return _verification(path, checks, record, own)
+
+
+def _verification(
+    path: Path,
+    checks: Sequence[Check],
+    record: VerifiedRecord | None,
+    own: tuple[Sequence[Check], dict[str, int]] = ((), {}),
+) -> Verification:
+    versions = record.versions if record is not None else ()
+    return Verification(str(path), __version__, versions, (*checks, *own[0]), own[1])
 
 
 def _record_checks(
@@ -97,14 +102,15 @@ def _hash_checks(bundle: OpenBundle) -> list[Check]:
     for problem in bundle.problems:
         files.findings.append(finding(problem.path or "the end of the archive", str(problem.mismatch)))
         files.failed += 1
-    rows, digests = Check("row hashes", "tables"), bundle.directory / ROW_DIGESTS
+    rows, digests = Check("row hashes", "rows"), bundle.directory / ROW_DIGESTS
     if not digests.is_file():
         rows.skip(f"the bundle has no {ROW_DIGESTS}")
         return [files, rows]
     with rows.failing(f"results/{DATABASE_NAME}"):
         changed = list(changed_rows(digests, bundle.results / DATABASE_NAME))
         rows.findings += [finding(difference.where, difference.text) for difference in changed]
-        rows.checked, rows.failed = 1, bool(changed)
+        with digests.open(encoding="utf-8") as lines:
+            rows.checked, rows.failed = sum(line.startswith("[") for line in lines), len(changed)
     return [files, rows]
 
 
