@@ -7,11 +7,9 @@ import json
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
-from vsnbench import __version__
 from vsnbench.bundle.stored_zip import StoredFile
 
 METADATA = "ro-crate-metadata.json"
@@ -19,14 +17,16 @@ _SPECIFICATION = "https://w3id.org/ro/crate/1.3"
 _SPDX = "https://spdx.org/licenses/"
 _NO_LICENCE = "#no-licence"
 _FORMATS = {
-    ".csv": "text/csv",
-    ".db": "application/vnd.sqlite3",
-    ".jpg": "image/jpeg",
-    ".json": "application/json",
-    ".lock": "application/json",
-    ".md": "text/markdown",
-    ".png": "image/png",
-    ".yaml": "application/yaml",
+    "csv": "text/csv",
+    "db": "application/vnd.sqlite3",
+    "jpg": "image/jpeg",
+    "json": "application/json",
+    "lock": "application/json",
+    "md": "text/markdown",
+    "png": "image/png",
+    "tum": "text/plain",
+    "txt": "text/plain",
+    "yaml": "application/yaml",
 }
 _DESCRIPTIONS = {
     "README.md": "What this is and how to check it",
@@ -50,10 +50,10 @@ class BundleAbout:
     description: str
     date: str
     """Date of the newest row of the record, as YYYY-MM-DD: equal records make equal bundles."""
-    authors: tuple[str, ...] = ()
-    licence: str = ""
+    authors: tuple[str, ...]
+    licence: str
     """SPDX identifier, URL or text; empty if the authors have not stated one."""
-    citation: str = ""
+    citation: str
 
 
 class CrateWriter:
@@ -87,14 +87,15 @@ class CrateWriter:
         self._parts.append(f"{name}/")
 
     def _add_file(self, file: StoredFile) -> None:
+        own_name = file.name.rpartition("/")[2]
         entity = {
             "@id": file.name,
             "@type": "File",
-            "name": _DESCRIPTIONS.get(file.name, PurePosixPath(file.name).name),
+            "name": _DESCRIPTIONS.get(file.name, own_name),
+            "contentSize": str(file.size_bytes),
+            "encodingFormat": _FORMATS.get(own_name.rpartition(".")[2], "application/octet-stream"),
+            "sha256": file.sha256,
         }
-        entity |= {"contentSize": str(file.size_bytes), "sha256": file.sha256}
-        if known := _FORMATS.get(PurePosixPath(file.name).suffix):
-            entity["encodingFormat"] = known
         self._write(entity)
 
     def _write(self, entity: Any) -> None:
@@ -125,28 +126,19 @@ class CrateWriter:
             "description": about.description,
             "datePublished": about.date,
             "license": {"@id": _licence_id(about.licence)},
-            "sdPublisher": {"@id": "#vsnbench"},
+            "creditText": about.citation,
             "hasPart": _references(self._parts),
         }
         if about.authors:
             root["author"] = _references([f"#{name}" for name in about.authors])
-        if about.citation:
-            root["creditText"] = about.citation
         return root
 
     def _people(self) -> list[dict[str, Any]]:
         """Return the entities that the root refers to and that are not files."""
         licence = self._about.licence
         named = licence or "No licence was stated: ask the authors before you use it."
-        software = {
-            "@id": "#vsnbench",
-            "@type": "SoftwareApplication",
-            "name": "vsnbench",
-            "version": __version__,
-        }
         return [
             {"@id": _licence_id(licence), "@type": "CreativeWork", "name": named, "description": named},
-            software,
             *({"@id": f"#{name}", "@type": "Person", "name": name} for name in self._about.authors),
         ]
 

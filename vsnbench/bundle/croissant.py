@@ -48,14 +48,13 @@ def croissant(about: BundleAbout, tables: Mapping[str, StoredFile]) -> str:
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "datePublished": about.date,
         "version": "1.0.0",
+        "citeAs": about.citation,
         "license": about.licence or "not stated",
         "distribution": [_file(file) for file in tables.values()],
         "recordSet": [_record_set(name, file) for name, file in tables.items()],
     }
     if about.authors:
         content["creator"] = [{"@type": "sc:Person", "name": name} for name in about.authors]
-    if about.citation:
-        content["citeAs"] = about.citation
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -11,7 +11,8 @@ from vsnbench.results.schema.tables import Process
 def environment(connection: Connection) -> dict[str, Any]:
     """Return the processes of a record with their commands, and each distinct environment once.
 
-    A package's `sha256` is that of its installed files as they were when the process ran; null if it was not recorded.
+    A package's `sha256` is that of the sorted lines of its wheel's RECORD, as installed when the process ran; null if
+    the process ran no trials, or was older than this field.
     """
     environments: list[dict[str, Any]] = []
     numbers: dict[str, int] = {}

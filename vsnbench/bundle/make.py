@@ -11,6 +11,7 @@ from typing import TextIO
 
 from sqlalchemy import Connection, func, select
 
+from vsnbench import __version__
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, SIGNATURES, format_line, manifest_lines
 from vsnbench.bundle.crate import METADATA, BundleAbout, CrateWriter
 from vsnbench.bundle.croissant import CROISSANT, croissant
@@ -21,6 +22,7 @@ from vsnbench.bundle.row_digests import ROW_DIGESTS, write_row_digests
 from vsnbench.bundle.selection import BundleSelection
 from vsnbench.bundle.signatures import sign
 from vsnbench.bundle.stored_zip import StoredFile, StoredZipWriter
+from vsnbench.bundle.weights import find_weights_by_hash
 from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.atomic import atomic_file
@@ -54,6 +56,7 @@ class BundleRequest:
     note: LockNote | None = None
     """Lock note of the study, if there is one."""
     with_images: bool = True
+    with_weights: bool = False
     key: Path | None = None
     """SSH key that signs the manifest."""
 
@@ -136,6 +139,9 @@ class _Bundle:
                 crate.add(added)
                 if path.parent.name == TABLES:
                     tables[path.stem] = added
+            if request.with_weights:
+                for name, path in find_weights_by_hash(self._connection).items():
+                    crate.add(self._add_file(name, path.resolve()))
             self._add_bytes(CROISSANT, croissant(about, tables).encode(), crate)
             for done, (number, directory) in enumerate(episodes, start=1):
                 progress("copying images", done, len(episodes))
@@ -160,7 +166,7 @@ class _Bundle:
     def _add_bytes(self, name: str, content: bytes, crate: CrateWriter) -> None:
         crate.add(self._listed(self._archive.add(name, io.BytesIO(content), len(content))))
 
-    def _add_file(self, name: str, path: Path) -> StoredFile:
+    def _add_file(self, name: str, path: Path | str) -> StoredFile:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
             return self._listed(self._archive.add(name, file, os.fstat(file.fileno()).st_size))
 
@@ -172,17 +178,20 @@ class _Bundle:
     def _add_episode(self, number: int, directory: str) -> list[StoredFile]:
         """Copy the files of an episode as they are."""
         top = confined(self._results, directory)
-        faults = image_faults(top, step_digests(self._connection, number), decode=False)
-        if faults:
+        names = (path.as_posix() for path in files_below(self._results, directory))
+        copied = [
+            self._add_file(f"results/{directory}/{name}", f"{top}/{name}")
+            for name in names
+            if _EPISODE_FILE.fullmatch(name)
+        ]
+        # After the copy, when the files are in memory: checked before, each would be read from the disk twice.
+        if faults := image_faults(top, step_digests(self._connection, number), decode=False):
             raise RecordError(
                 f"episode {number}: {faults[0]} in {top}",
                 advice="restore the file, or bundle only the numbers with --without images",
                 code="missing-images",
             )
-        names = (path.as_posix() for path in files_below(self._results, directory))
-        return [
-            self._add_file(f"results/{directory}/{name}", top / name) for name in names if _EPISODE_FILE.fullmatch(name)
-        ]
+        return copied
 
 
 def _about(connection: Connection, given: BundleConfig) -> BundleAbout:
@@ -195,12 +204,14 @@ def _about(connection: Connection, given: BundleConfig) -> BundleAbout:
         connection.scalar(select(func.max(column)))
         for column in (Episode.ended_at, Verdict.created_at, Study.unblinded_at)
     ]
+    date = f"{max(moment for moment in newest if moment is not None):%Y-%m-%d}"
     what = f"{counted(episodes, 'episode')} of {', '.join(map(sanitize, models))}"
+    title = sanitize(study) if study else f"Results of vsnbench: {what}"
     return BundleAbout(
-        title=sanitize(study) if study else f"Results of vsnbench: {what}",
-        description=f"{what} in {counted(campaigns, 'campaign')}, with the record, the images and the report.",
-        date=f"{max(moment for moment in newest if moment is not None):%Y-%m-%d}",
+        title=title,
+        description=f"{what} in {counted(campaigns, 'campaign')}: record, tables and report of vsnbench {__version__}.",
+        date=date,
         authors=tuple(name.strip() for name in (given.author or "").split(";") if name.strip()),
         licence=given.licence or "",
-        citation=given.citation or "",
+        citation=given.citation or f"{given.author + ': ' if given.author else ''}{title} ({date[:4]})",
     )

@@ -11,8 +11,7 @@ def readme(about: BundleAbout, *, with_images: bool) -> str:
     if about.authors:
         lines.append(f"Authors: {escaped(', '.join(about.authors))}.")
     lines.append(f"Licence: {escaped(about.licence) or 'not stated; ask the authors'}.")
-    if about.citation:
-        lines.append(f"Please cite: {escaped(about.citation)}")
+    lines.append(f"Please cite: {escaped(about.citation)}")
     return "\n\n".join([*lines, _CONTENT]) + "\n"
 
 

@@ -74,7 +74,9 @@ class StoredZipWriter:
 
     def close(self) -> int:
         """Write the directory of the archive, and return its size in bytes."""
-        self._file.write(self._directory.content(self._file.tell()))
+        entries, end = self._directory.parts(self._file.tell())
+        self._file.write(entries)
+        self._file.write(end)
         return self._file.tell()
 
 
@@ -129,12 +131,13 @@ class StoredZipReader:
             if entry.header != _local_header(stored.name, stored.size_bytes, stored.crc):
                 self.altered.append(stored.name)
             self._directory.add(stored, offset)
-        expected = self._directory.content(offset)
         self._file.seek(offset)
-        found = self._file.read(len(expected) + 1)
-        if len(found) < len(expected) and expected.startswith(found):
-            raise _damaged(f"it is truncated after {last}", "truncated-bundle")
-        self.directory_altered = found != expected
+        self.directory_altered = self._size_bytes != offset + self._directory.size_bytes(offset)
+        for expected in self._directory.parts(offset):
+            found = self._file.read(len(expected))
+            if len(found) < len(expected) and expected.startswith(found):
+                raise _damaged(f"it is truncated after {last}", "truncated-bundle")
+            self.directory_altered |= found != expected
 
     def _entry(self, header: bytes) -> "StoredZipEntry":
         _, _, flags, method, _, _, _, size, full_size, name_length, extra_length = _LOCAL.unpack(header)
@@ -208,8 +211,12 @@ class _Directory:
         self._entries += name + extra
         self._count += 1
 
-    def content(self, offset: int) -> bytes:
-        """Return the directory, for an archive in which it begins at `offset`."""
+    def size_bytes(self, offset: int) -> int:
+        """Return the size of the directory, for an archive in which it begins at `offset`."""
+        return sum(map(len, self.parts(offset)))
+
+    def parts(self, offset: int) -> tuple[bytearray, bytes]:
+        """Return the directory and its end, for an archive in which it begins at `offset`."""
         size, count = len(self._entries), self._count
         end = b""
         if count >= _LIMIT_16 or size >= _LIMIT_32 or offset >= _LIMIT_32:
@@ -217,7 +224,7 @@ class _Directory:
             end += _LOCATOR_64.pack(b"PK\x06\x07", 0, offset + size, 1)
         few = min(count, _LIMIT_16)
         end += _END.pack(b"PK\x05\x06", 0, 0, few, few, min(size, _LIMIT_32), min(offset, _LIMIT_32), 0)
-        return bytes(self._entries) + end
+        return self._entries, end
 
 
 def _local_header(name: str, size_bytes: int, crc: int) -> bytes:

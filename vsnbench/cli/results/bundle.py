@@ -12,12 +12,18 @@ from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
-    from vsnbench.bundle.make import BundleRequest
+    from collections.abc import Callable
+
+    from sqlalchemy import Connection
+
+    from vsnbench.bundle.selection import BundleSelection
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.study.lock import LockNote
 
 _IMAGES = "images"
 
 
-def command(
+def command(  # noqa: PLR0913 - Typer needs a parameter per option
     file: Annotated[Path, typer.Argument(help="Path of a new file, like results.zip.")],
     study: Annotated[
         str, typer.Option("--study", metavar="FILE|N", help="The study of this file, or with this number.")
@@ -26,6 +32,9 @@ def command(
     without: Annotated[
         str, typer.Option("--without", metavar="images", help="Leave the images out: rows, tables and report only.")
     ] = "",
+    with_weights: Annotated[
+        bool, typer.Option("--with-weights", help="Add the models' weights; otherwise only their hashes.")
+    ] = False,
     key: Annotated[
         Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this SSH key, as `ssh-keygen` makes it.")
     ] = None,
@@ -48,8 +57,9 @@ def command(
     """
     from dataclasses import asdict
 
-    from vsnbench.bundle.make import make_bundle
+    from vsnbench.bundle.make import BundleRequest, make_bundle
     from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.config import load_config
     from vsnbench.results.files.directory import ResultsDirectory
 
     if without not in ("", _IMAGES):
@@ -57,9 +67,11 @@ def command(
     numbers = split_numbers(campaign, "--campaign", "1,3-5")
     if bool(study) == bool(numbers):
         raise UsageError("give either --study or --campaign", advice="`vsnbench db status` lists the campaigns")
-    request = _request(study, numbers, with_images=not without, key=key, results=results, db=db)
+    place = ResultsDirectory.locate(results, db)
+    select, note = _selection(study, numbers, place)
+    request = BundleRequest(select, load_config().bundle, note, not without, with_weights, key)
     with ProgressBars() as progress:
-        done = make_bundle(ResultsDirectory.locate(results, db), request, file, progress.show)
+        done = make_bundle(place, request, file, progress.show)
     if as_json:
         print_json(asdict(done))
         return
@@ -69,22 +81,17 @@ def command(
     typer.echo(f"next: vsnbench verify {file}", err=True)
 
 
-def _request(
-    study: str, campaigns: tuple[int, ...], *, with_images: bool, key: Path | None, results: Path | None, db: str | None
-) -> "BundleRequest":
-    from vsnbench.bundle.make import BundleRequest
+def _selection(
+    study: str, campaigns: tuple[int, ...], place: "ResultsDirectory"
+) -> "tuple[Callable[[Connection], BundleSelection], LockNote | None]":
+    """Return what selects the rows, and the lock note of a study that is given by its file."""
     from vsnbench.bundle.selection import select_campaigns, select_study
     from vsnbench.cli.study.file import open_study
-    from vsnbench.config import load_config
     from vsnbench.study.lock import read_note
 
-    about = load_config().bundle
     if not study:
-        return BundleRequest(lambda record: select_campaigns(record, campaigns), about, None, with_images, key)
-    note = None
+        return lambda record: select_campaigns(record, campaigns), None
     if study.isdecimal():
-        number = int(study)
-    else:
-        number = open_study(Path(study), results, db).recorded.id
-        note = read_note(Path(study))
-    return BundleRequest(lambda record: select_study(record, number), about, note, with_images, key)
+        return lambda record: select_study(record, int(study)), None
+    number = open_study(Path(study), place.path, place.database_url).recorded.id
+    return lambda record: select_study(record, number), read_note(Path(study))

@@ -86,7 +86,7 @@ class Process(Base):
     packages: Mapped[dict[str, Any]]
     """Installed package -> version."""
     platform: Mapped[dict[str, Any]]
-    """Operating system, interpreter and processor."""
+    """Operating system, interpreter and processor; of a process that runs trials also `package_hashes`."""
 
 
 class Campaign(Base):
