@@ -108,6 +108,7 @@ def flip_bytes(bundle: Path, damages: int, chance: random.Random) -> dict[str, l
             file.write(bytes([content[place] ^ chance.randrange(1, 256)]))
         result = outcome(verified(bundle), name or "archive")
         found.setdefault(kind, []).append(result)
+        print(f"\r{number + 1}", end="", file=sys.stderr, flush=True)
         if not (result.found and result.named):
             print(f"  byte {place} of {name or kind}: {result}")
         with bundle.open("r+b") as file:
@@ -136,6 +137,7 @@ def change_cells(directory: Path, damages: int, chance: random.Random, *, forge:
             make_hashes(directory)
         result = outcome(verified(directory), *((column,) if forge else (f"{table} {key}", column)))
         found.setdefault(table, []).append(result)
+        print(f"\r{number + 1}", end="", file=sys.stderr, flush=True)
         if not (result.found and result.named) and not forge:
             print(f"  {table} {key} {column}: {before!r} -> {after!r}: {result}")
         for path, content in intact.items():
