@@ -144,10 +144,15 @@ def _unpacked(path: Path, into: Path) -> OpenBundle:
 def _version(path: Path, content: bytes) -> int:
     match = _FORMAT_LINE.fullmatch(content)
     if match is None:
-        raise _not_a_bundle(path)
+        raise RecordError(
+            f"the first file of {path}, {FORMAT_FILE}, is not as `vsnbench bundle` writes it",
+            advice="get another copy of it",
+            code="damaged-bundle",
+        )
     if (version := int(match[1])) > FORMAT_VERSION:
         raise RecordError(
-            f"the bundle {path} has format {version}, and this version of vsnbench reads up to {FORMAT_VERSION}",
+            f"the bundle {path} has format {version} by its {FORMAT_FILE}, and this version of vsnbench reads up to "
+            f"{FORMAT_VERSION}",
             advice="upgrade vsnbench",
             code="newer-bundle",
         )

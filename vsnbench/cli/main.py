@@ -44,6 +44,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
     "bundle": ("vsnbench.cli.results.bundle", "Pack results into one file that another person can check."),
     "import": ("vsnbench.cli.results.import_", "Import results of other tools."),
+    "verify": ("vsnbench.cli.results.verify", "Verify results: hashes, images, verdicts, report, studies."),
     "init": ("vsnbench.cli.init", "Create a directory with a configuration and a site to edit."),
     "config": ("vsnbench.cli.config", "Show the configuration and where each value comes from."),
     "db": ("vsnbench.cli.results.db", "Inspect, upgrade, back up and merge the results database."),
