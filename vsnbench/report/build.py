@@ -31,6 +31,7 @@ from vsnbench.text.suggestions import unknown_name
 if TYPE_CHECKING:  # a rates-only report does not need them, and importing them is slow
     from vsnbench.report.analysis.activity import ActionCount, Activity
     from vsnbench.report.analysis.operators import OperatorActivity
+    from vsnbench.report.analysis.second_judgements import RaterAgreement
     from vsnbench.report.comparison.question import Question
 
 
@@ -88,6 +89,8 @@ class Report:
     """Comparisons of models; empty if only the rates were requested."""
     operator_activity: "OperatorActivity | None" = None
     """None without operators, or with one operator in one session."""
+    raters: "tuple[RaterAgreement, ...]" = ()
+    """Agreement of blind second judgements with the verdicts; empty if only the rates were requested."""
 
     def tables(self, *, long: bool = False) -> list[ReportTable]:
         """Return the tables in reading order; `long` adds the long ones."""
@@ -118,6 +121,10 @@ class Report:
             failures = failure_table(results, self.activity.failures)
             judgements = judgement_table(results, self.activity.judgements)
             tables += [table for table in (failures, judgements) if table]
+        if self.raters:
+            from vsnbench.report.tables.second_judgements import second_judgement_tables
+
+            tables += second_judgement_tables(self.raters)
         tables += self._operator_tables(long=long)
         if long:
             from vsnbench.report.tables.sensitivity import sensitivity_tables
@@ -192,6 +199,7 @@ def build(
     from vsnbench.report.analysis.activity import Activity, read_robots
     from vsnbench.report.analysis.failures import read_failures
     from vsnbench.report.analysis.judgements import read_judgements
+    from vsnbench.report.analysis.second_judgements import read_rater_agreements
     from vsnbench.report.comparison.question import questions
 
     with nullcontext(executor) if executor else ThreadPoolExecutor(1) as counter:
@@ -206,6 +214,7 @@ def build(
                 reference=reference,
                 questions=questions(record, results),
                 operator_activity=operator_activity,
+                raters=read_rater_agreements(engine, record),
             )
             robots = read_robots(engine, record)
             if meanwhile:

@@ -159,6 +159,7 @@ def html_page(
         episodes=episodes,
         episodes_lead=lead,
         episodes_page=episodes_page,
+        episode_link=f"{episodes_page}#/episode/" if episodes_page else "#episode-",
         episode_columns=_EPISODE_COLUMNS,
         viewing=_viewing(report.record, episodes),
         glossary=GLOSSARY,

@@ -37,6 +37,8 @@ class Cell:
 
     text: str
     value: float | str | None = None
+    episode: int | None = None
+    """Number of the episode that the cell links to where episodes have a page."""
 
     @property
     def key(self) -> float | str:
