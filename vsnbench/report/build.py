@@ -90,7 +90,7 @@ class Report:
     operator_activity: "OperatorActivity | None" = None
     """None without operators, or with one operator in one session."""
     raters: "tuple[RaterAgreement, ...]" = ()
-    """Agreement of blind second judgements with the verdicts; empty if only the rates were requested."""
+    """Agreement of blind second judgements with the verdicts."""
 
     def tables(self, *, long: bool = False) -> list[ReportTable]:
         """Return the tables in reading order; `long` adds the long ones."""
@@ -190,16 +190,19 @@ def build(
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
     """
+    from vsnbench.report.analysis.second_judgements import read_rater_agreements
+
     if not activity:
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             # Most records have no operators: skip the query for them.
             operator_activity = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
-        return Report(record, summarise(record), reference=reference, operator_activity=operator_activity)
+            raters = read_rater_agreements(engine, record)
+        results = summarise(record)
+        return Report(record, results, reference=reference, operator_activity=operator_activity, raters=raters)
     from vsnbench.report.analysis.activity import Activity, read_robots
     from vsnbench.report.analysis.failures import read_failures
     from vsnbench.report.analysis.judgements import read_judgements
-    from vsnbench.report.analysis.second_judgements import read_rater_agreements
     from vsnbench.report.comparison.question import questions
 
     with nullcontext(executor) if executor else ThreadPoolExecutor(1) as counter:
