@@ -30,8 +30,8 @@ from vsnbench.text.suggestions import unknown_name
 
 if TYPE_CHECKING:  # a rates-only report does not need them, and importing them is slow
     from vsnbench.report.analysis.activity import ActionCount, Activity
+    from vsnbench.report.analysis.judgements import RaterAgreement
     from vsnbench.report.analysis.operators import OperatorActivity
-    from vsnbench.report.analysis.second_judgements import RaterAgreement
     from vsnbench.report.comparison.question import Question
 
 
@@ -190,7 +190,7 @@ def build(
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
     """
-    from vsnbench.report.analysis.second_judgements import read_rater_agreements
+    from vsnbench.report.analysis.judgements import read_rater_agreements
 
     if not activity:
         with open_record(url) as engine:

@@ -9,9 +9,9 @@ from typing import Any
 from vsnbench.report.analysis.activity import Activity, RobotActivity
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.fields import condition_fields, summary_fields
+from vsnbench.report.analysis.judgements import RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
 from vsnbench.report.analysis.published import published
-from vsnbench.report.analysis.second_judgements import RaterAgreement
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs

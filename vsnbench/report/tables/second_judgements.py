@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vsnbench.report.analysis.fields import finite
-from vsnbench.report.analysis.second_judgements import RaterAgreement
+from vsnbench.report.analysis.judgements import RaterAgreement
 from vsnbench.report.tables.report_table import (
     UNKNOWN,
     Cell,
