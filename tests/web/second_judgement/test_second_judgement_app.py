@@ -129,7 +129,7 @@ def test_two_raters_with_one_seed_judge_the_same_episodes(record: Path) -> None:
             client = entered(address)
             while (state := client.ask("GET", "/state").json)["episode"]:
                 codes.append(state["episode"]["episode"])
-                answer(client, touched="no", distance="0.8")
+                assert answer(client, touched="no", distance="0.8").status == 200
         return codes
 
     assert drawn("Grace", 1) == drawn("Joan", 1)
