@@ -263,6 +263,8 @@ def _step_object(step: "StepRecord") -> dict[str, object]:
         "collision_touched": collision.touched if collision else None,
         "rgb_digest": step.rgb_digest,
         "depth_digest": step.depth_digest,
+        "rgb_file_digest": step.rgb_file_digest,
+        "depth_file_digest": step.depth_file_digest,
         **asdict(step.timings),
         "movement": movement_to_json(step.movement) if step.movement else None,
         "path_m": number(result.path_m) if result and result.path_m is not None else None,

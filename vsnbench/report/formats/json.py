@@ -9,6 +9,7 @@ from typing import Any
 from vsnbench.report.analysis.activity import Activity, RobotActivity
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.fields import condition_fields, summary_fields
+from vsnbench.report.analysis.judgements import RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
 from vsnbench.report.analysis.published import published
 from vsnbench.report.analysis.summary import ConditionSummary, Results
@@ -23,6 +24,7 @@ from vsnbench.report.formats.sensitivity_json import (
 )
 from vsnbench.report.tables.comparison import comparison_fields, ranking_fields
 from vsnbench.report.tables.operators import operator_fields
+from vsnbench.report.tables.second_judgements import second_judgement_fields
 
 
 def to_json(
@@ -31,6 +33,7 @@ def to_json(
     activity: Activity | None = None,
     record: ReportData | None = None,
     operator_activity: OperatorActivity | None = None,
+    raters: Sequence[RaterAgreement] = (),
 ) -> str:
     """Return the results as one JSON object.
 
@@ -38,7 +41,8 @@ def to_json(
     one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`;
     `questions`: comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and
     distance of each robot; `published_stability`: that of the paper, null unless its models are included;
-    `operator_activity`: operators and sessions, null with one operator in one session.
+    `operator_activity`: operators and sessions, null with one operator in one session; `second_judgements`: agreement
+    of each rater.
     """
     content = {
         "confidence": 0.95,
@@ -51,6 +55,7 @@ def to_json(
         if any(summary.condition.published for summary in results.conditions)
         else None,
         "operator_activity": operator_fields(operator_activity),
+        "second_judgements": second_judgement_fields(raters),
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -206,6 +206,7 @@ class EpisodeRecorderFanOut:
     def _write(self, step: Step) -> None:
         observation, decision = step.observation, step.decision
         images = self._images.write(step.index, observation) if self._images else hash_images(observation)
+        rgb_file_digest, depth_file_digest = images.file_digests
         record = StepRecord(
             number=step.index,
             action=decision.action,
@@ -216,6 +217,8 @@ class EpisodeRecorderFanOut:
             world=step.after,
             rgb_digest=images.rgb_digest,
             depth_digest=images.depth_digest,
+            rgb_file_digest=rgb_file_digest,
+            depth_file_digest=depth_file_digest,
             timings=step.timings,
             probabilities=decision.diagnostics.probabilities,
             details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
