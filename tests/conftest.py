@@ -23,6 +23,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {
+        "bundle/test_make.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
         "cli/results/test_judge.py",

@@ -116,11 +116,13 @@ class Report:
                 tables.append(paper_stability_table())
             if self.activity.actions:
                 tables.append(action_table(results, self.activity.actions))
+            from vsnbench.report.tables.progress import progress_tables
             from vsnbench.report.tables.sensitivity import failure_table, judgement_table
 
             failures = failure_table(results, self.activity.failures)
             judgements = judgement_table(results, self.activity.judgements)
             tables += [table for table in (failures, judgements) if table]
+            tables += progress_tables(self.record, results, self.activity)
         if self.raters:
             from vsnbench.report.tables.second_judgements import second_judgement_tables
 
@@ -201,6 +203,7 @@ def build(
         results = summarise(record)
         return Report(record, results, reference=reference, operator_activity=operator_activity, raters=raters)
     from vsnbench.report.analysis.activity import Activity, read_robots
+    from vsnbench.report.analysis.courses import measure_courses
     from vsnbench.report.analysis.failures import read_failures
     from vsnbench.report.analysis.judgements import read_judgements
     from vsnbench.report.comparison.question import questions
@@ -211,6 +214,8 @@ def build(
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             operator_activity, results = _attended(engine, record), summarise(record)
+            measured, courses = measure_courses(engine, record)
+            record = replace(record, courses=measured)
             report = Report(
                 record,
                 results,
@@ -223,7 +228,7 @@ def build(
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record), read_judgements(engine, record)
-        return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 
 def _attended(engine: Engine, record: ReportData) -> "OperatorActivity | None":

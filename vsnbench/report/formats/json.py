@@ -16,6 +16,7 @@ from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.formats.sensitivity_json import (
+    course_fields,
     failure_fields,
     judgement_fields,
     sensitivity_fields,
@@ -37,10 +38,11 @@ def to_json(
     """Return the results as one JSON object.
 
     `models`: each condition with its settings, protocol, campaigns, seeds, `goals`, `goal_kinds` (totals; empty with
-    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures` and `judgements`; `questions`:
-    comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and distance of
-    each robot; `published_stability`: that of the paper, null unless its models are included; `operator_activity`:
-    operators and sessions, null with one operator in one session; `second_judgements`: agreement of each rater.
+    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`;
+    `questions`: comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and
+    distance of each robot; `published_stability`: that of the paper, null unless its models are included;
+    `operator_activity`: operators and sessions, null with one operator in one session; `second_judgements`: agreement
+    of each rater.
     """
     content = {
         "confidence": 0.95,
@@ -77,9 +79,10 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
     """
     condition, number = summary.condition, summary.condition.number
     counted = activity is not None and not condition.published
-    failures = judgements = None
+    failures = judgements = courses = None
     if activity and counted:
         failures = next((failure for failure in activity.failures if failure.condition == number), None)
+        courses = next((course for course in activity.courses if course.condition == number), None)
         judgements = next((judgement for judgement in activity.judgements if judgement.condition == number), None)
     return {
         **condition_fields(condition),
@@ -110,6 +113,7 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         "sensitivity": sensitivity_fields(record, summary) if record and not condition.published else None,
         "failures": failure_fields(failures),
         "judgements": judgement_fields(judgements),
+        "courses": course_fields(courses),
     }
 
 

@@ -37,8 +37,8 @@ class Cell:
 
     text: str
     value: float | str | None = None
-    episode: int | None = None
-    """Number of the episode that the cell links to where episodes have a page."""
+    links: tuple[int, ...] = ()
+    """Numbers of the episodes that the text lists, which the page links."""
 
     @property
     def key(self) -> float | str:

@@ -85,7 +85,7 @@ def _differing_table(raters: Sequence[RaterAgreement]) -> ReportTable:
         ),
         rows=tuple(
             row(
-                Cell(str(differing.episode), differing.episode, episode=differing.episode),
+                Cell(str(differing.episode), differing.episode, links=(differing.episode,)),
                 word(rater.rater),
                 word(differing.goal),
                 count(differing.start),

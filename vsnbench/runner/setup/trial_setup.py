@@ -134,7 +134,7 @@ class TrialSetup:
         Args:
             command: command line of the driver, if this is a worker.
         """
-        here = gather_provenance()
+        here = gather_provenance(of_run=True)
         runs_on = {f"model_{name}": str(value) for name, value in self.policy.card.runs_on.items()}
         threads = {"compute_threads": str(COMPUTE_THREADS)} if self.description.robot.simulated else {}
         return replace(
