@@ -32,7 +32,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "compare": ("vsnbench.cli.results.compare", "Compare the success rates of models."),
     "browse": ("vsnbench.cli.results.browse", "Look at the results in a browser: filter, compare, tag."),
     "view": ("vsnbench.cli.results.view", "Open an episode in Rerun."),
-    "judge": ("vsnbench.cli.results.judge", "Judge an episode: confirm, measure, amend or void."),
+    "judge": ("vsnbench.cli.judging.judge", "Judge an episode: confirm, measure, amend or void."),
     "note": ("vsnbench.cli.results.note", "Add notes and tags to episodes; no verdict changes."),
     "episodes": ("vsnbench.cli.results.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check, draw and edit sites."),
