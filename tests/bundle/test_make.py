@@ -198,7 +198,7 @@ def test_author_licence_and_citation_come_from_the_configuration(
     bundle = opened(record, tmp_path / "there", "--campaign", "1", "--without", "images")
     crate = json.loads((bundle.directory / "ro-crate-metadata.json").read_text())
     root = next(entity for entity in crate["@graph"] if entity["@id"] == "./")
-    assert root["author"] == [{"@id": "#Ada Lovelace"}, {"@id": "#Grace Hopper"}]
+    assert root["author"] == [{"@id": "#Ada%20Lovelace"}, {"@id": "#Grace%20Hopper"}]
     assert root["license"] == {"@id": "https://spdx.org/licenses/CC-BY-4.0"}
     assert root["creditText"] == "Lovelace 2026"
     assert "Lovelace 2026" in (bundle.directory / "README.md").read_text()
