@@ -358,3 +358,17 @@ def test_a_record_on_a_server_is_bundled_as_an_sqlite_file(record: Path, tmp_pat
     assert bundle.problems == ()
     copies = [shutil.copytree(place, tmp_path / name) for name, place in (("a", record), ("b", bundle.results))]
     assert content(copies[0]) == content(copies[1])
+
+
+@pytest.mark.parametrize("campaigns", ["1", "2", "1,2"])
+def test_the_report_is_that_of_the_same_campaigns_in_the_record(record: Path, tmp_path: Path, campaigns: str) -> None:
+    bundle = opened(record, tmp_path, "--campaign", campaigns, "--without", "images")
+    reported = vsnbench(record, "report", "--campaign", campaigns, "--json").stdout
+    assert json.loads(bundle.report_json.read_text()) == json.loads(reported)
+
+
+def test_the_part_of_a_killed_bundling_is_removed(record: Path, tmp_path: Path) -> None:
+    left = tmp_path / f".b.zip.{2**22 + 1}.part"
+    left.write_bytes(b"half")
+    opened(record, tmp_path, "--campaign", "1", "--without", "images")
+    assert not left.exists()
