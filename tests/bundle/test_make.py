@@ -22,6 +22,7 @@ from tests.study.studies import study_text
 from vsnbench.bundle import record_cut
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, OpenBundle, open_bundle
 from vsnbench.bundle.derived_files import write_derived_files
+from vsnbench.bundle.signatures import check_signatures
 from vsnbench.interop.merge import merge, merge_source
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
@@ -372,3 +373,20 @@ def test_the_part_of_a_killed_bundling_is_removed(record: Path, tmp_path: Path) 
     left.write_bytes(b"half")
     opened(record, tmp_path, "--campaign", "1", "--without", "images")
     assert not left.exists()
+
+
+def test_a_title_with_html_stays_text(tmp_path: Path) -> None:
+    title = "<script>alert(1)</script> | [x](javascript:1)"
+    study_record(tmp_path / "results", 16, blind=False, title=title)
+    bundle = opened(tmp_path / "results", tmp_path, "--study", "1", "--without", "images")
+    assert "<script>" not in (bundle.directory / "README.md").read_text()
+    assert json.loads((bundle.directory / "croissant.json").read_text())["name"] == title
+
+
+def test_a_signed_bundle_names_its_signer(record: Path, tmp_path: Path) -> None:
+    key = tmp_path / "ada"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    (tmp_path / "signers").write_text(f"ada@lab {key.with_suffix('.pub').read_text()}")
+    bundle = opened(record, tmp_path, "--campaign", "1", "--without", "images", "--sign", str(key))
+    (check,) = check_signatures(bundle, tmp_path / "signers")
+    assert (check.is_valid, check.signer) == (True, "ada@lab")
