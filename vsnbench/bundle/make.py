@@ -71,7 +71,7 @@ class BundleSummary:
     campaigns: int
     episodes: int
     manifest_sha256: str
-    """Identifies the content; the same record gives the same one."""
+    """Identifies the content."""
     signed: bool
 
 
