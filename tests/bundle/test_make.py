@@ -22,7 +22,9 @@ from tests.study.studies import study_text
 from vsnbench.bundle import record_cut
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, OpenBundle, open_bundle
 from vsnbench.bundle.derived_files import write_derived_files
+from vsnbench.interop.merge import merge, merge_source
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.schema.base import Base
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance, package_hashes
@@ -346,3 +348,13 @@ def test_the_environment_has_commands_and_packages_with_hashes(tmp_path: Path) -
     numpy = next(package for package in packages if package["name"] == "numpy")
     assert numpy == {"name": "numpy", "version": metadata.version("numpy"), "sha256": package_hashes()["numpy"]}
     assert "package_hashes" not in content["environments"][0]["platform"]
+
+
+def test_a_record_on_a_server_is_bundled_as_an_sqlite_file(record: Path, tmp_path: Path, postgresql: str) -> None:
+    files = ResultsDirectory.locate(tmp_path / "files", postgresql, {})
+    Journal.open(postgresql).close()
+    merge(files, [merge_source(str(record))])
+    bundle = opened(files.path, tmp_path, "--campaign", "1,2", "--db", postgresql)
+    assert bundle.problems == ()
+    copies = [shutil.copytree(place, tmp_path / name) for name, place in (("a", record), ("b", bundle.results))]
+    assert content(copies[0]) == content(copies[1])

@@ -45,7 +45,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     """Pack a study or campaigns into one file that another person can check with `vsnbench verify`.
 
     It has the rows with their UUIDs, images, site, robot, models, plan, commands, packages, tables and report, and a
-    hash of every file. The same record gives the same bytes. Section [[bundle]] of vsnbench.toml has `author`,
+    hash of every file. The same record gives the same bytes. The section `bundle` of vsnbench.toml has `author`,
     `licence` and `citation`.
 
     [bold]Examples[/bold]
