@@ -24,13 +24,13 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 SLOW = frozenset(
     {
         "bundle/test_make.py",
+        "cli/evidence/test_verify.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
         "cli/results/test_judge.py",
         "cli/results/test_read_only.py",
         "cli/results/test_report.py",
         "cli/results/test_second_judge.py",
-        "cli/results/test_verify.py",
         "cli/results/test_view.py",
         "cli/robots/test_doctor.py",
         "cli/running/test_place.py",
