@@ -74,6 +74,8 @@ CELLS = {
     "UPDATE campaign SET conditions = '{}' WHERE id = 1": "campaign 1: key",
     "UPDATE campaign SET protocol = replace(protocol, '150', '250') WHERE id = 1": "campaign 1: protocol",
     "UPDATE campaign SET seed = 7 WHERE id = 1": "campaign 1: key",
+    "UPDATE episode SET started_at = '2026-13-41' WHERE id = 2": "episode 2: started_at",
+    "UPDATE process SET vsnbench_version = x'00'": "process 1: vsnbench_version",
     "UPDATE process SET started_at = 'yesterday'": "process 1: started_at",
 }
 

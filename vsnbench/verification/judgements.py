@@ -40,6 +40,12 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
     """
     check = Check("verdicts", "episodes")
     people: Counter[str] = Counter()
+    with check.failing("the record"):
+        _judge_all(record, check, people, progress)
+    return check, dict(people)
+
+
+def _judge_all(record: VerifiedRecord, check: Check, people: Counter[str], progress: Progress) -> None:
     episodes = record.episodes()
     for done, episode in enumerate(episodes, start=1):
         with check.failing(f"episode {episode.id}"):
@@ -59,7 +65,6 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
     check.notes += [
         f"judged a second time, by a person: {counted(n, 'episode')} by {rater}" for rater, n in sorted(seconds.items())
     ]
-    return check, dict(people)
 
 
 class _EpisodeCheck:
