@@ -246,7 +246,7 @@ def main() -> None:
         opened = open_bundle(bundle, at / "unpacked")
         show(
             "a cell changed",
-            change_cells(opened.directory, options.damages - options.bytes, chance, forge=False),
+            change_cells(opened.directory, options.cells, chance, forge=False),
         )
         show(
             "a cell changed and all hashes made again",
