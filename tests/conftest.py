@@ -24,15 +24,18 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 SLOW = frozenset(
     {
         "bundle/test_make.py",
+        "cli/evidence/test_verify.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
         "cli/results/test_judge.py",
         "cli/results/test_read_only.py",
         "cli/results/test_report.py",
+        "cli/results/test_second_judge.py",
         "cli/results/test_view.py",
         "cli/robots/test_doctor.py",
         "cli/running/test_place.py",
         "cli/running/test_run.py",
+        "cli/running/test_run_cropped.py",
         "cli/running/test_run_keeping.py",
         "cli/running/test_run_pirlnav.py",
         "cli/running/test_run_with_a_person.py",
@@ -85,11 +88,16 @@ SLOW = frozenset(
         "site_checks/test_check.py",
         "site_checks/test_mistakes.py",
         "statistics/test_power_independent.py",
+        "verification/test_hostile_records.py",
+        "verification/test_older_records.py",
+        "verification/test_verify.py",
         "viewer/test_pair.py",
         "viewer/test_rebuild.py",
         "web/operator/test_page.py",
         "web/results_browser/test_app.py",
         "web/results_browser/test_website.py",
+        "web/second_judgement/test_second_judgement_app.py",
+        "web/second_judgement/test_second_judgement_in_browser.py",
     }
 )
 """Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick."""

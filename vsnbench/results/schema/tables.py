@@ -282,7 +282,7 @@ class Step(Base):
     collision_source: Mapped[str | None]
     collision_touched: Mapped[str | None]
     rgb_digest: Mapped[str | None]
-    """Digest of the RGB image that the policy received (`vsnbench.values.encoding.image_digest`); NULL without one."""
+    """Digest of the robot's RGB image, uncropped (`vsnbench.values.encoding.image_digest`); NULL without one."""
     depth_digest: Mapped[str | None]
     """Digest of the depth in 16-bit millimetres, little-endian; NULL without depth."""
     sense_s: Mapped[float | None]

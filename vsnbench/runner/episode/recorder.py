@@ -182,7 +182,7 @@ class EpisodeRecorderFanOut:
                 proposed=outcome.proposed,
                 error=outcome.error,
                 path_length_m=length_m,
-                geodesic_m=self._geodesic_m(outcome.final.pose) if outcome.final else None,
+                geodesic_m=self._geodesic_m(outcome.final.pose, ended=True) if outcome.final else None,
                 duration_s=self._robot_time_s,
                 wall_duration_s=outcome.wall_s,
                 final=outcome.final,
@@ -232,12 +232,13 @@ class EpisodeRecorderFanOut:
         if self._sink is not None:
             self._sink.add(entry)
 
-    def _geodesic_m(self, pose: Pose) -> float | None:
+    def _geodesic_m(self, pose: Pose, *, ended: bool = False) -> float | None:
         if self._plan is None:
             return None
         base, parameters = self._target.robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)
-        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters)
+        measure = space.remaining_m if ended else space.geodesic_to_goal_m
+        return measure(pose, self._plan.goal, parameters)
 
 
 def sensing_details(observation: Observation) -> dict[str, Any]:
