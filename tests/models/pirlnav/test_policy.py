@@ -378,7 +378,7 @@ def test_steps_keep_no_history(policy: PIRLNav, recording: Recording) -> None:
     import torch
 
     episode(policy, recording, seed=0, steps=3)
-    hidden = policy.chosen.engine._hidden  # type: ignore[attr-defined]
+    hidden = policy.chosen.engine.memory
     assert isinstance(hidden, torch.Tensor)
     assert hidden.grad_fn is None
     assert hidden.requires_grad is False

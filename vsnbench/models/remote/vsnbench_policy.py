@@ -195,7 +195,7 @@ class Observation:
         self.beyond_range = beyond_range
 
 
-def serve(
+def serve(  # noqa: PLR0913 - what its command line has
     policy: Any,
     host: str = "127.0.0.1",
     port: int = 8765,
@@ -366,11 +366,11 @@ class _Model:
         self._waiting: queue.Queue[_Request | None] = queue.Queue()
         self._thread = threading.Thread(target=self._run, name="model", daemon=True)
 
-    def __enter__(self) -> "_Model":
+    def __enter__(self) -> "_Model":  # noqa: PYI034 - Self needs Python 3.11
         self._thread.start()
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         self._waiting.put(None)
 
     def take_session(self) -> _Session | None:
@@ -458,14 +458,16 @@ class _Model:
         if not isinstance(answers, (list, tuple)) or len(answers) != len(requests):
             found = f"{len(answers)} answers" if isinstance(answers, (list, tuple)) else type(answers).__name__
             raise WireError(f"act_batch returned {found} to {len(requests)} observations")
-        for request, answer in zip(requests, answers):
-            request.answer = answer
+        for number, request in enumerate(requests):
+            request.answer = answers[number]
+            if isinstance(request.answer, Exception):
+                request.error = request.answer
 
 
 def _random_states() -> list[Any]:
     """Return the states of the global random number generators."""
-    found = [random.getstate(), np.random.get_state()]  # noqa: NPY002 - models draw from the global generator
-    torch = sys.modules.get("torch")
+    found: list[Any] = [random.getstate(), np.random.get_state()]  # noqa: NPY002 - models draw from the global one
+    torch: Any = sys.modules.get("torch")
     if hasattr(torch, "get_rng_state"):
         found.append(torch.get_rng_state())
         if torch.cuda.is_initialized():
@@ -475,12 +477,12 @@ def _random_states() -> list[Any]:
 
 def _restore_random(states: list[Any] | None) -> None:
     """Restore the global generators as a session left them, so that sessions do not change each other's draws."""
-    setters = [random.setstate, np.random.set_state]  # noqa: NPY002
-    torch = sys.modules.get("torch")
+    setters: list[Any] = [random.setstate, np.random.set_state]
+    torch: Any = sys.modules.get("torch")
     if hasattr(torch, "set_rng_state"):
         setters += [torch.set_rng_state, torch.cuda.set_rng_state_all]
-    for setter, state in zip(setters, states or ()):
-        setter(state)
+    for number, state in enumerate(states or ()):
+        setters[number](state)
 
 
 def checked_card(policy: Any) -> dict[str, Any]:
@@ -751,10 +753,9 @@ def _answer_until_bye(connection: Any, model: _Model, session: _Session) -> None
             request = (model.begin if kind == "reset" else model.act)(session, message, connection)
             if request.error is not None:
                 raise request.error
-            answer = {"type": "ready"} if kind == "reset" else dict(decision_of(request.answer), type="decision")
-            answer.update(seq=number, seconds=request.seconds, queued=request.waited)
-            if request.together > 1:
-                answer["batch"] = request.together
+            answer: dict[str, Any] = {} if kind == "reset" else decision_of(request.answer)
+            answer["type"] = "ready" if kind == "reset" else "decision"
+            answer.update(seq=number, seconds=request.seconds, queued=request.waited, batch=request.together)
             connection.send(pack(answer))
         except ConnectionClosed:
             raise

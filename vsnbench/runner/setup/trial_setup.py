@@ -20,7 +20,7 @@ from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
-from vsnbench.models.remote.isolation import Isolation
+from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -119,8 +119,16 @@ class TrialSetup:
     """A robot and a model, ready for trials."""
 
     robot: Robot
-    policy: Policy
+    policy: LoadedPolicy
     description: SetupDescription
+
+    @property
+    def sessions(self) -> int | None:
+        """Number of clients that the model's server takes; None for a model that every worker has for itself."""
+        policy = self.policy.policy
+        if isinstance(policy, RemotePolicy) and not isinstance(policy, IsolatedPolicy):
+            return policy.sessions
+        return None
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses.
