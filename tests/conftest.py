@@ -57,6 +57,7 @@ SLOW = frozenset(
         "models/remote/test_fuzz.py",
         "models/remote/test_policy.py",
         "models/remote/test_serving.py",
+        "models/remote/test_sessions.py",
         "models/remote/test_websockets_versions.py",
         "models/test_identity.py",
         "models/vlv/test_map_against_site.py",
