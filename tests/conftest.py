@@ -41,6 +41,7 @@ SLOW = frozenset(
         "cli/test_protocol.py",
         "cli/test_sites.py",
         "cli/test_sweep.py",
+        "examples/test_adapters.py",
         "examples/test_frontier.py",
         "examples/test_point_robot.py",
         "files/test_disk_cache.py",
