@@ -79,6 +79,7 @@ SLOW = frozenset(
         "ros1/test_installation.py",
         "runner/executors/test_collecting.py",
         "runner/executors/test_local_pool.py",
+        "runner/executors/test_served_workers.py",
         "runner/judging/test_faces.py",
         "runner/setup/test_trial_setup.py",
         "runtime/test_numba_cache.py",

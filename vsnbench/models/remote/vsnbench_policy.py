@@ -956,8 +956,9 @@ class HabitatAgent:
     """Any Habitat `Agent` (`reset()`, `act(observations)`) as a policy.
 
     The agent gets `rgb` (H, W, 3) uint8, `depth` (H, W, 1) float32 normalised to [0, 1], `gps` (2,) float32,
-    `compass` (1,) float32 in [-pi, pi] and `objectgoal` (1,) int64. It returns a number of `actions`, the name
-    of an action, or a dict with `action`; `action_args` are ignored, because no action here has any.
+    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8, or
+    `instruction`, a dict with `text`. It returns a number of `actions`, the name of an action, or a dict with `action`;
+    `action_args` are ignored, because no action here has any.
     """
 
     DEFAULTS: ClassVar[dict[str, Any]] = {
@@ -968,6 +969,10 @@ class HabitatAgent:
         "arguments": {},
         "actions": {"0": "STOP", "1": "MOVE_FORWARD", "2": "TURN_LEFT", "3": "TURN_RIGHT"},
         "goals": {"chair": 0, "bed": 1, "plant": 2, "toilet": 3, "monitor": 4, "sofa": 5},
+        "goal": "objectgoal",
+        "resize": None,
+        "crop": None,
+        "intrinsics": False,
         "gps": "forward-right",
         "depth_min_m": 0.5,
         "depth_max_m": 5.0,
@@ -975,7 +980,16 @@ class HabitatAgent:
         "deterministic": True,
     }
     """Goal ids and action numbers are those of HM3D ObjectNav in habitat-lab. `gps` is habitat's (forward, right) or
-    `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot."""
+    `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot. `goal` is
+    `objectgoal`, `imagegoal` or `instruction`. `resize` is the length of the shorter edge in pixels or [height, width],
+    by the mean of areas; `crop` is [height, width] of the middle, after that. `intrinsics` adds (3, 3) float32 of the
+    resulting images."""
+    GOALS: ClassVar[dict[str, list[str]]] = {
+        "objectgoal": ["category"],
+        "imagegoal": ["image"],
+        "instruction": ["instruction", "text"],
+    }
+    """Kinds of goals by the name of the agent's observation."""
 
     def __init__(self, factory: Callable[..., Any], settings: dict[str, Any] | None = None) -> None:
         settings = settings or {}
@@ -985,26 +999,34 @@ class HabitatAgent:
         self.settings = dict(self.DEFAULTS, **settings)
         if self.settings["gps"] not in ("forward-right", "forward-left"):
             raise ValueError("gps must be forward-right or forward-left")
+        if self.settings["goal"] not in self.GOALS:
+            raise ValueError("goal must be one of {}".format(", ".join(self.GOALS)))
         unknown = sorted({str(name).upper() for name in self.settings["actions"].values()} - set(ACTIONS))
         if unknown:
             raise ValueError("unknown actions: {}; known: {}".format(", ".join(unknown), ", ".join(ACTIONS)))
         self.agent = factory(**self.settings["arguments"])
         self.card = {
             "name": self.settings["name"] or getattr(factory, "__name__", "habitat-agent").lower(),
-            "goals": sorted(self.settings["goals"]),
+            "goals": sorted(self.settings["goals"]) if self.settings["goal"] == "objectgoal" else None,
+            "goal_kinds": self.GOALS[self.settings["goal"]],
             "sensors": self.settings["sensors"],
             "weights_sha256": self.settings["weights_sha256"],
             "weights_label": self.settings["weights_label"],
             "settings": {name: self.settings[name] for name in self.DEFAULTS if name not in ("name", "sensors")},
             "deterministic": self.settings["deterministic"],
         }
-        self._goal = 0
+        self._goal: Any = None
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode, and seed the random number generators."""
-        if goal not in self.settings["goals"]:
+        if self.settings["goal"] == "imagegoal":
+            self._goal, _ = self._framed(goal.image)  # type: ignore[attr-defined]
+        elif self.settings["goal"] == "instruction":
+            self._goal = {"text": getattr(goal, "text", "") or str(goal)}
+        elif goal in self.settings["goals"]:
+            self._goal = np.array([self.settings["goals"][goal]], np.int64)
+        else:
             raise ValueError(f"the agent does not know {goal}")
-        self._goal = self.settings["goals"][goal]
         random.seed(seed)
         np.random.seed(seed % 2**32)  # noqa: NPY002 - agents draw from the global generator
         torch = sys.modules.get("torch")
@@ -1028,17 +1050,39 @@ class HabitatAgent:
 
     def observations(self, observation: Observation) -> dict[str, Any]:
         """Return the observations in Habitat's form."""
-        found: dict[str, Any] = {"objectgoal": np.array([self._goal], np.int64)}
+        found: dict[str, Any] = {self.settings["goal"]: self._goal}
+        corner = np.zeros(2)
+        scale = np.ones(2)
         if observation.rgb is not None:
-            found["rgb"] = np.ascontiguousarray(observation.rgb)
+            found["rgb"], (scale, corner) = self._framed(observation.rgb)
         if observation.depth_m is not None:
-            found["depth"] = self._depth(observation.depth_m, observation.beyond_range)[:, :, None]
+            depth = self._depth(observation.depth_m, observation.beyond_range)[:, :, None]
+            found["depth"], (scale, corner) = self._framed(depth)
+        if self.settings["intrinsics"]:
+            found["intrinsics"] = _intrinsics(observation.camera, scale, corner)
         if observation.pose is not None:
             right = 1.0 if self.settings["gps"] == "forward-left" else -1.0
             found["gps"] = np.array([observation.pose.x_m, right * observation.pose.y_m], np.float32)
             compass = np.float32(math.remainder(observation.pose.heading_rad, math.tau))
             found["compass"] = np.clip(np.array([compass], np.float32), -_COMPASS_LIMIT, _COMPASS_LIMIT)
         return found
+
+    def _framed(self, image: Any) -> tuple[Any, tuple[Any, Any]]:
+        """Return an image resized and cropped as set, and its scale and corner as (rows, columns)."""
+        size, resize, crop = np.array(image.shape[:2]), self.settings["resize"], self.settings["crop"]
+        target = size
+        if resize is not None:
+            target = np.array(resize) if isinstance(resize, (list, tuple)) else (size * resize / size.min()).astype(int)
+            kind = image.dtype
+            for axis in (0, 1):
+                image = _area_mean(image, int(target[axis]), axis)
+            image = image.astype(kind)
+        corner = np.zeros(2, int) if crop is None else target // 2 - np.array(crop) // 2
+        if crop is not None:
+            if (np.array(crop) > target).any():
+                raise ValueError(f"crop {crop} is larger than the image, {target.tolist()}")
+            image = image[corner[0] : corner[0] + crop[0], corner[1] : corner[1] + crop[1]]
+        return np.ascontiguousarray(image), (target / size, corner)
 
     def _depth(self, depth_m: Any, beyond_range: Any) -> Any:
         """Return depth in Habitat's form: clipped, the minimum where invalid, the maximum beyond the range."""
@@ -1047,6 +1091,30 @@ class HabitatAgent:
         if beyond_range is not None:
             clipped[beyond_range] = high
         return (clipped - low) / (high - low) if self.settings["normalize_depth"] else clipped
+
+
+def _area_mean(image: Any, count: int, axis: int) -> Any:
+    """Return an image with another number of pixels along an axis, each the mean of those that it covers.
+
+    As PyTorch's `interpolate(mode="area")`, which habitat-baselines uses; integers are cut off as there.
+    """
+    length = image.shape[axis]
+    if count == length:
+        return image
+    begin = np.arange(count) * length // count
+    end = -(-(np.arange(count) + 1) * length // count)
+    rows = np.moveaxis(image, axis, 0).astype(np.float64)
+    sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
+    widths = (end - begin).reshape(-1, *[1] * (rows.ndim - 1))
+    return np.moveaxis((sums[end] - sums[begin]) / widths, 0, axis)
+
+
+def _intrinsics(camera: Camera, scale: Any, corner: Any) -> Any:
+    """Return the matrix of a pinhole camera after resizing and cropping."""
+    width, height, fov_deg = camera.width, camera.height, camera.horizontal_fov_deg  # type: ignore[attr-defined]
+    focal = width / 2 / math.tan(math.radians(fov_deg) / 2)
+    row, column = (height / 2, width / 2) * scale - corner
+    return np.array([[focal * scale[1], 0, column], [0, focal * scale[0], row], [0, 0, 1]], np.float32)
 
 
 def _load(name: str) -> Any:
