@@ -1,15 +1,16 @@
 """Actions per second of the whole harness by number of workers: a model in each worker, and one served model.
 
-python benchmarks/served_scale.py                          widest_opening and pirlnav: 15 minutes
+python benchmarks/served_scale.py                          widest_opening, pirlnav and ConstantCall: 20 minutes
 python benchmarks/served_scale.py --model pirlnav --workers 1,4,8
 python benchmarks/served_scale.py --actions 10 --goal chair     shorter, for a first look
 
 Each campaign is run with the model in the workers, behind a server with a session for each worker, and, for a model
 that can, with batches. Every trial must have one judged episode. Without batches, all campaigns of a model must have
-the same actions, poses and images. Rates are from the first to the last recorded action, without start-up. Processor
-time is that of a further action: of a campaign less that of one with two actions for each trial. It depends little on
-what else the machine does, rates do. `added` is the median of an act's round trip less the model's own time, `queued`
-the part of it in the server's queue.
+the same actions, poses and images. `ConstantCall` takes 100 ms for a call, whatever the number of observations: it
+shows how the server forms batches, and nothing about a real model. Rates are from the first to the last recorded
+action, without start-up. Processor time is that of a further action: of a campaign less that of one with two actions
+for each trial. It depends little on what else the machine does, rates do. `added` is the median of an act's round trip
+less the model's own time, `queued` the part of it in the server's queue.
 """
 
 import argparse
@@ -31,8 +32,9 @@ import psutil
 from worker_scaling import STORY, processor_s
 
 ROOT = Path(__file__).resolve().parents[1]
-MODELS = ("examples.widest_opening:WidestOpening", "pirlnav")
-BATCHING = ("pirlnav",)
+CONSTANT = "benchmarks.nodes.constant_call:ConstantCall"
+MODELS = ("examples.widest_opening:WidestOpening", "pirlnav", CONSTANT)
+BATCHING = ("pirlnav", CONSTANT)
 COMMAND = (sys.executable, "-m", "vsnbench.cli.main")
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
 RATE = "SELECT count(*), (julianday(max(recorded_at)) - julianday(min(recorded_at))) * 86400 FROM step"
@@ -87,7 +89,7 @@ def campaign(model: str, workers: int, goal: str, actions: int, served: psutil.P
                 sys.exit(f"{model}: of {trials} trials one has {fewest} judged episodes and one {most}")
             driven, seconds = database.execute(RATE).fetchone()
             story = hashlib.sha256(repr(database.execute(STORY).fetchall()).encode()).hexdigest()
-            details = [json.loads(row[0]).get("wire") for row in database.execute("SELECT details FROM step")]
+            details = [json.loads(row[0] or "{}").get("wire") for row in database.execute("SELECT details FROM step")]
     return Campaign(driven / seconds, driven, here_s, server_s, [wire for wire in details if wire], story)
 
 
@@ -99,18 +101,18 @@ def measured(
     whole = campaign(model, workers, asked.goal, asked.actions, served)
     more = whole.actions - short.actions
     times = [(whole.here_s - short.here_s) / more * 1000, (whole.server_s - short.server_s) / more * 1000]
-    return whole, " ".join(f"{each:10.1f}" for each in times)
+    return whole, " ".join(f"{time_ms:10.1f}" for time_ms in times)
 
 
-def line(name: str, workers: int, one: Campaign, times: str, alone: float) -> str:
+def line(name: str, workers: int, run: Campaign, times: str, alone: float) -> str:
     """Return a row of the table."""
-    text = f"{name:28} {workers:7} {one.rate:9.1f} {one.rate / alone:6.2f} {times}"
-    if not one.wire:
+    text = f"{name:28} {workers:7} {run.rate:9.1f} {run.rate / alone:6.2f} {times}"
+    if not run.wire:
         return text
-    added = statistics.median(transfer["round_trip_s"] - transfer["infer_s"] for transfer in one.wire) * 1000
-    queued = statistics.median(transfer["queued_s"] for transfer in one.wire) * 1000
-    model = statistics.median(transfer["infer_s"] for transfer in one.wire) * 1000
-    batch = statistics.mean(transfer["batch"] for transfer in one.wire)
+    added = statistics.median(transfer["round_trip_s"] - transfer["infer_s"] for transfer in run.wire) * 1000
+    queued = statistics.median(transfer["queued_s"] for transfer in run.wire) * 1000
+    model = statistics.median(transfer["infer_s"] for transfer in run.wire) * 1000
+    batch = statistics.mean(transfer["batch"] for transfer in run.wire)
     return f"{text} {added:8.1f} {queued:9.1f} {model:8.1f} {batch:6.2f}"
 
 
@@ -135,13 +137,13 @@ def main() -> None:
                 if "batch" in where and workers == 1:
                     continue
                 if where == "in the workers":
-                    one, times = measured(model, workers, asked, None)
+                    run, times = measured(model, workers, asked, None)
                 else:
                     with server(model, workers, workers if "batch" in where else 1) as (url, process):
-                        one, times = measured(url, workers, asked, process)
-                alone = alone or one.rate
-                stories |= set() if "batch" in where else {one.story}
-                print(line(f"{name} {where}"[:28], workers, one, times, alone), flush=True)
+                        run, times = measured(url, workers, asked, process)
+                alone = alone or run.rate
+                stories |= set() if "batch" in where else {run.story}
+                print(line(f"{name} {where}"[:28], workers, run, times, alone), flush=True)
         print(
             f"{name}: {'the same' if len(stories) == 1 else 'NOT the same'} actions, poses and images without batches"
         )

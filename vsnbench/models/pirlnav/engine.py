@@ -53,7 +53,7 @@ class Engine(ABC):
 
     label: str
     """For example `onnxruntime on cpu, 4 threads`."""
-    memory: Any
+    memory: Any = None
     """Recurrent state after the last step."""
 
     @abstractmethod
