@@ -15,6 +15,7 @@ import math
 import urllib.error
 import urllib.request
 import uuid
+from typing import ClassVar
 
 import numpy as np
 from PIL import Image
@@ -25,6 +26,9 @@ DEPTH_UNITS_PER_METRE = 10000.0
 
 class NavDP:
     """Asks a NavDP server for a trajectory at every step. The server has one robot: serve one session."""
+
+    urls: ClassVar = set()
+    """Servers that this process uses."""
 
     def __init__(
         self,
@@ -51,6 +55,9 @@ class NavDP:
             raise ValueError("mode must be image or nogoal")
         if not url.startswith(("http://", "https://")):
             raise ValueError("url must begin with http:// or https://")
+        if url in self.urls:
+            raise ValueError(f"NavDP's server at {url} keeps the images of one robot: serve one session")
+        self.urls.add(url)
         self.url, self.mode, self.timeout_s = url.rstrip("/"), mode, timeout_s
         self.horizon_m, self.stop_within_m, self.stop_threshold = horizon_m, stop_within_m, stop_threshold
         self.card = {

@@ -129,6 +129,14 @@ def test_a_navdp_server_that_is_not_there_is_one_line() -> None:
         model.begin(SimpleNamespace(goal=SimpleNamespace(image=None), robot=SimpleNamespace(camera=camera)))
 
 
+def test_navdps_server_is_not_shared_between_sessions() -> None:
+    model = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))["NavDP"]
+    model()
+    model("http://127.0.0.1:8889")
+    with pytest.raises(ValueError, match="serve one session"):
+        model()
+
+
 @pytest.mark.parametrize("chunk", [False, True])
 def test_uninavid_executes_predicted_actions(
     chunk: bool, beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
