@@ -28,20 +28,21 @@ class _VLFM:
 
     policy_class = ""
     card_fields: ClassVar = {}
+    depth_range_m = (0.5, 5.0)
 
-    def __init__(self, arguments, depth_min_m=0.5, depth_max_m=5.0, policy_class="", device="cuda"):
+    def __init__(self, arguments, depth_range_m=None, policy_class="", device="cuda"):
         """Store the settings; the policy is created when the first episode states the camera.
 
         Args:
             arguments: arguments of upstream's class, except those about the camera.
-            depth_min_m: depth that is 0 for the policy.
-            depth_max_m: depth that is 1.
+            depth_range_m: depths that are 0 and 1 for the policy; upstream's own when absent.
             policy_class: `module:Class` of another of upstream's policies.
             device: device of the tensors that the policy receives.
         """
-        self.arguments, self.low_m, self.high_m, self.device = arguments, depth_min_m, depth_max_m, device
+        self.arguments, self.device = arguments, device
+        self.low_m, self.high_m = self.depth_range_m if depth_range_m is None else depth_range_m
         self.where = policy_class or self.policy_class
-        settings = {"arguments": arguments, "depth_m": [depth_min_m, depth_max_m], "policy": self.where}
+        settings = {"arguments": arguments, "depth_range_m": [self.low_m, self.high_m], "policy": self.where}
         self.card = dict(
             self.card_fields,
             name=type(self).__name__.lower(),
@@ -130,6 +131,7 @@ class VLFMReality(_VLFM):
 
     policy_class = "vlfm.policy.reality_policies:RealityITMPolicyV2"
     card_fields: ClassVar = {"goal_kinds": ["category", "text"], "action_kinds": ["discrete", "move", "velocity"]}
+    depth_range_m = (0.0, 3.5)
     step_m, step_rad, step_s = 0.25, math.radians(30), 0.5
     """What 1.0 of the policy's answer means in upstream's environment, and the time for it."""
 
@@ -145,7 +147,7 @@ class VLFMReality(_VLFM):
         limits = (self.low_m, self.high_m)
         goal = str(getattr(self.task.goal, "text", "") or self.task.goal)
         seen = {
-            "nav_depth": depth,
+            "nav_depth": np.where(depth == 0, np.float32(1), depth),  # upstream makes black far for this network only
             "robot_xy": np.array([pose.x_m, pose.y_m]),
             "robot_heading": pose.heading_rad,
             "objectgoal": NAMES.get(goal, goal),
