@@ -46,7 +46,7 @@ def process(*command: str, port: int, cwd: Path) -> Iterator[None]:
 
 
 @pytest.fixture
-def beside(tmp_path: Path) -> Path:
+def directory(tmp_path: Path) -> Path:
     """A directory with the adapters, the server file and the models' code."""
     for folder in (ADAPTERS, *UPSTREAM.iterdir()):
         shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
@@ -58,29 +58,39 @@ def beside(tmp_path: Path) -> Path:
 
 
 def driven(
-    model: str, beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
+    model: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
 ) -> list[tuple[str, str, dict[str, Any] | None]]:
     """Serve a model and run one trial, as the page does; return action, raw action and movement of each step."""
     (serves, runs) = next(pair for pair in COMMANDS.items() if f":{model} " in pair[0])
     port = free_port()
     words = [*serves.replace("--port 8765", "").split(), "--port", str(port)]
     if settings:
-        file = beside / words[words.index("--settings") + 1] if "--settings" in words else beside / "settings.json"
+        file = (
+            directory / words[words.index("--settings") + 1] if "--settings" in words else directory / "settings.json"
+        )
         kept = json.loads(file.read_text()) if file.exists() else {}
         file.write_text(json.dumps(kept | settings))
         words += [] if "--settings" in words else ["--settings", file.name]
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
-    with process(*words, port=port, cwd=beside):
+    with process(*words, port=port, cwd=directory):
         arguments = runs.replace("127.0.0.1:8765", f"127.0.0.1:{port}").split()[1:]
         answer = vsnbench(
-            monkeypatch, capsys, *arguments, "--starts", "5", "--max-steps", "24", "--results", str(beside / "results")
+            monkeypatch,
+            capsys,
+            *arguments,
+            "--starts",
+            "5",
+            "--max-steps",
+            "24",
+            "--results",
+            str(directory / "results"),
         )
-    assert answer.code == 0, answer.err + (beside / "server.log").read_text()
-    with closing(sqlite3.connect(beside / "results" / "vsnbench.db")) as database:
+    assert answer.code == 0, answer.err + (directory / "server.log").read_text()
+    with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
         rows = database.execute("SELECT action, raw_action, movement FROM step ORDER BY number").fetchall()
         (reason,) = database.execute("SELECT end_reason FROM episode").fetchone()
-    assert reason == "stop", (beside / "server.log").read_text()
+    assert reason == "stop", (directory / "server.log").read_text()
     return [(action, raw, json.loads(movement) if movement else None) for action, raw, movement in rows]
 
 
@@ -91,11 +101,11 @@ def test_the_page_has_commands_for_every_adapter() -> None:
 
 
 def test_navdp_drives_the_first_metre_of_its_trajectories_and_stops_at_a_short_one(
-    beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     port = free_port()
-    with process("navdp_server.py", "--port", str(port), port=port, cwd=beside):
-        steps = driven("NavDP", beside, monkeypatch, capsys, url=f"http://127.0.0.1:{port}")
+    with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
+        steps = driven("NavDP", directory, monkeypatch, capsys, url=f"http://127.0.0.1:{port}")
     assert len(steps) == 5
     assert steps[-1][0] == "STOP"
     lengths = [moved["points"][-1][0] for action, _, moved in steps if action == "TRAJECTORY" and moved]
@@ -139,9 +149,9 @@ def test_navdps_server_is_not_shared_between_sessions() -> None:
 
 @pytest.mark.parametrize("chunk", [False, True])
 def test_uninavid_executes_predicted_actions(
-    chunk: bool, beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    chunk: bool, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = driven("UniNaVid", beside, monkeypatch, capsys, chunk=chunk, at_once=4)
+    steps = driven("UniNaVid", directory, monkeypatch, capsys, chunk=chunk, at_once=4)
     assert [action for action, _, _ in steps] == ["MOVE_FORWARD", "TURN_LEFT", "MOVE_FORWARD", "TURN_RIGHT"] * 2 + [
         "STOP"
     ]
@@ -149,9 +159,9 @@ def test_uninavid_executes_predicted_actions(
 
 @pytest.mark.parametrize("chunk", [False, True])
 def test_navila_drives_as_far_as_its_answers_say(
-    chunk: bool, beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    chunk: bool, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = driven("NaVILA", beside, monkeypatch, capsys, chunk=chunk)
+    steps = driven("NaVILA", directory, monkeypatch, capsys, chunk=chunk)
     moves = [moved for action, _, moved in steps if action == "MOVE" and moved]
     assert steps[-1][0] == "STOP"
     assert [round(math.degrees(moved["turn_rad"])) for moved in moves if moved.get("turn_rad")] == [
@@ -186,16 +196,16 @@ def test_navila_shows_the_latest_frame_last_and_pads_in_front() -> None:
 
 
 def test_vlfms_habitat_policy_drives_discrete_actions(
-    beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = driven("VLFMHabitat", beside, monkeypatch, capsys)
+    steps = driven("VLFMHabitat", directory, monkeypatch, capsys)
     assert [action for action, _, _ in steps] == ["TURN_LEFT"] * 12 + ["MOVE_FORWARD"] * 2 + ["STOP"]
 
 
 def test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_velocities(
-    beside: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = driven("VLFMReality", beside, monkeypatch, capsys)
+    steps = driven("VLFMReality", directory, monkeypatch, capsys)
     turns = [round(math.degrees(moved["turn_rad"])) for action, _, moved in steps if action == "MOVE" and moved]
     assert turns == [-90, 30, 30, 30, 30, 30, 30, -90]
     speeds = [moved for action, _, moved in steps if action == "VELOCITY" and moved]
