@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.checkpoints.torch_runtime import require_torch
 from vsnbench.models.contract import ModelCard, ModelCheck, Policy
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
@@ -26,12 +27,20 @@ from vsnbench.values.observation import Observation, Sensor
 logger = logging.getLogger(__name__)
 
 
+HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_deg=90, width=224, height=224)
+"""Camera that the published navigation ran with, in github.com/MatthewChang/video-dqn: image size and height in
+`configs/tasks/pointnav_rgbd.yaml` and `map_and_plan_agent/slam.py`, the rest Habitat's default. The value network was
+trained on videos of unknown cameras."""
+
+
 class VLV(Policy):
     """The second model of the paper."""
 
     known_goals: ClassVar = tuple(CLASS_OF_GOAL)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY)
-    default_card: ClassVar = ModelCard("vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
+    default_card: ClassVar = ModelCard(
+        "vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg, camera=HABITAT_CAMERA
+    )
     weights_file: ClassVar = "vlv_model.torch"
     settings_class: ClassVar = VLVSettings
 
@@ -75,6 +84,7 @@ class VLV(Policy):
             settings=self._record(),
             forward_m=self.settings.forward_m,
             turn_deg=self.settings.turn_deg,
+            camera=HABITAT_CAMERA,
             runs_on={"device": device},
         )
 
@@ -96,7 +106,8 @@ class VLV(Policy):
 
         settings = _settings_from(model_config)
         checked = check_weights(Path(weights) if weights is not None else None, settings, device)
-        return replace(checked, card=ModelCard("vlv", forward_m=settings.forward_m, turn_deg=settings.turn_deg))
+        card = replace(cls.default_card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
+        return replace(checked, card=card)
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
