@@ -21,7 +21,7 @@ from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
-from vsnbench.models.remote.isolation import Isolation
+from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -127,6 +127,8 @@ class TrialSetup:
     robot: Robot
     policy: Policy
     description: SetupDescription
+    sessions: int | None = None
+    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses.
@@ -208,7 +210,11 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     _check_sensors(description)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
+    model = policy.policy
+    sessions = None
+    if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy):
+        sessions = model.sessions
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, sessions)
 
 
 def close_policy(policy: Policy) -> None:
