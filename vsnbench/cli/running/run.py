@@ -11,6 +11,7 @@ from vsnbench.cli.support.options import (
     RECORD_PANEL,
     Console,
     Database,
+    Disturb,
     Live,
     Protocol,
     Rehearse,
@@ -128,6 +129,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         bool,
         typer.Option("--noise", help="Add noise to simulated depth and odometry.", rich_help_panel=EXECUTION_PANEL),
     ] = False,
+    disturb: Disturb = None,
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
@@ -202,6 +204,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench run --model oracle --goal chair --starts 3 --rehearse
         vsnbench run --model vlv --goal all --robot lola2 --console
         vsnbench run --model oracle --goal all --site lab.yaml
+        vsnbench run --model pirlnav --goal bed --disturb blur=4,camera_tilt=-5
         vsnbench run --model oracle --goal all --protocol habitat-objectnav
         vsnbench run --model pirlnav --goal all --workers ray://head:10001
         vsnbench run --model vlv,random --seed 0-4 --site flat:0-9 --goal all
@@ -224,6 +227,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
     from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
@@ -251,6 +255,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         seed=seeds[0],
         shuffle=shuffle,
         noise=noise,
+        disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if remote else act_timeout_s,

@@ -8,6 +8,7 @@ from vsnbench.config import BUILT_IN_SITE
 from vsnbench.models.names import is_third_party
 from vsnbench.models.registry import keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.robots.registry import is_simulated
@@ -31,6 +32,8 @@ class RunRequest:
     seed: int = 0
     shuffle: bool = False
     noise: bool = False
+    disturbances: Disturbances = NONE
+    """Disturbances of what the model sees."""
     rehearsal: bool = False
     """A rehearsal: a simulated robot is treated as a real one."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
@@ -73,6 +76,7 @@ class RunRequest:
             robot=self.robot,
             noise=self.noise,
             rehearsal=self.rehearsal,
+            disturbances=self.disturbances,
             parameters=self.parameters,
             model_options={**self.model_options, **remote_options},
             act_timeout_s=None if is_remote else self.act_timeout_s,
