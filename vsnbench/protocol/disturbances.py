@@ -223,6 +223,21 @@ class Disturbances:
 
 NONE = Disturbances()
 
+
+def text_of_conditions(conditions: Mapping[str, object]) -> str:
+    """Return the disturbances of recorded conditions as on the command line; names of other versions come last."""
+    recorded = conditions.get(DISTURBANCES)
+    if not isinstance(recorded, Mapping):
+        return ""
+    order = list(KINDS)
+    names = sorted(map(str, recorded), key=lambda name: (order.index(name) if name in KINDS else len(order), name))
+    values = (recorded[name] for name in names)
+    return ",".join(
+        f"{name}={value:g}" if isinstance(value, int | float) else f"{name}={value}"
+        for name, value in zip(names, values, strict=True)
+    )
+
+
 _ITEM = re.compile(r"(?P<name>[^=@]*)(?:(?P<sign>[=@])(?P<value>.*))?", re.DOTALL)
 _NUMBER = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
 
@@ -257,15 +272,6 @@ def known_kind(name: str, option: str = "--disturb") -> DisturbanceKind:
         advice = f"did you mean {near}?" if near else f"give {', '.join(KINDS)}"
         raise UsageError(f"{option}: unknown disturbance {name!r}", advice=advice, code="unknown-disturbance")
     return kind
-
-
-def parse_severities(numbers: Iterable[str], option: str = "--severity") -> tuple[int, ...]:
-    """Return severities in ascending order, each once.
-
-    Raises:
-        UsageError: a text is not a whole number from 1 to 5 (`invalid-severity`).
-    """
-    return tuple(sorted({_severity(number.strip(), f"{option} {number}") for number in numbers}))
 
 
 def _severity(text: str, where: str) -> int:

@@ -68,7 +68,8 @@ def low_light(rgb: npt.NDArray[np.uint8], value: float, rng: np.random.Generator
     electrons = (_ELECTRONS * np.float32(1 - value))[rgb]
     noise = rng.standard_normal(rgb.shape, dtype=np.float32)
     electrons += noise * np.sqrt(electrons + np.float32(_READ_NOISE**2))
-    return _LEVELS[np.rint(np.clip(electrons / np.float32(_FULL_WELL), 0, 1) * np.float32(4095)).astype(np.int16)]
+    steps = np.rint(np.clip(electrons / np.float32(_FULL_WELL), 0, 1) * np.float32(4095)).astype(np.int16)
+    return np.asarray(_LEVELS[steps], np.uint8)
 
 
 def depth_holes(

@@ -8,6 +8,7 @@ therefore acts alike alone and together with others, and on any number of worker
 import math
 import zlib
 from collections import deque
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,8 @@ class PolicyView:
         return self._late[0]
 
     def _disturbed_images(self, observation: Observation) -> Observation:
-        chosen, changed = self._disturbances, {}
+        chosen = self._disturbances
+        changed: dict[str, Any] = {}
         if Sensor.RGB in observation.sensors:
             rgb = observation.rgb
             if (value := chosen["glare"]) is not None:
