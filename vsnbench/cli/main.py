@@ -55,6 +55,7 @@ A module has either `app` (a Typer with subcommands) or `command` (the function 
 
 _PRINTED_DEFAULTS = {
     ("run",): ("site", "robot", "protocol"),
+    ("stress",): ("site", "robot", "protocol"),
     ("doctor",): ("robot",),
     ("place",): ("site", "robot"),
     ("study", "new"): ("site", "robot"),

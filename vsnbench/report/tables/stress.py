@@ -140,7 +140,7 @@ def _loss_fields(loss: Loss) -> dict[str, Any]:
         "ci_low": finite(rate.interval.low),
         "ci_high": finite(rate.interval.high),
         "p": finite(rate.p),
-        "holm_p": finite(rate.adjusted_p),
+        "adjusted_p": finite(rate.adjusted_p),
         "conclusion": rate.conclusion.value,
         "effects": [_effect_fields(effect) for effect in loss.effects],
         "changed": loss.changed,
