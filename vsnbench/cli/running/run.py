@@ -7,7 +7,6 @@ import typer
 
 from vsnbench.cli.support.options import (
     EXECUTION_PANEL,
-    RECORD_PANEL,
     Console,
     Database,
     Disturb,
@@ -25,6 +24,7 @@ from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
 from vsnbench.cli.support.trial_options import (
     MODEL_PANEL,
     Goal,
+    Keep,
     MaxSteps,
     Model,
     ModelConfig,
@@ -94,16 +94,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     ] = None,
     results: Results = None,
     db: Database = None,
-    keep: Annotated[
-        str,
-        typer.Option(
-            "--keep",
-            metavar="all|images|none",
-            help="Files of an episode: images and a Rerun copy (all), images, or none (simulation only).",
-            show_default="all with an operator, else images",
-            rich_help_panel=RECORD_PANEL,
-        ),
-    ] = "",
+    keep: Keep = "",
     live: Live = False,
     as_json: Json = False,
 ) -> None:

@@ -14,10 +14,12 @@ from vsnbench.cli.support.options import (
     Results,
     requested_workers,
     sites_of,
+    what_to_keep,
 )
 from vsnbench.cli.support.output import Json, resumable
 from vsnbench.cli.support.trial_options import (
     Goal,
+    Keep,
     MaxSteps,
     Model,
     ModelConfig,
@@ -81,6 +83,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             rich_help_panel=RECORD_PANEL,
         ),
     ] = None,
+    keep: Keep = "",
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -104,12 +107,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.protocol.named import load_protocol
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.setup.request import RunRequest
-    from vsnbench.runner.setup.stress import conditions_of
+    from vsnbench.runner.setup.stress import check_robot, conditions_of
     from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
 
     names = [name for value in disturb or () for name in value.split(",")]
     conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
     check_figure(figure)
+    check_robot(robot)
     models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
     options, act_timeout_s = model_options(models, weights, model_config)
     request = RunRequest(
@@ -125,6 +129,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         model_options=options,
         act_timeout_s=act_timeout_s,
         workers=requested_workers(workers),
+        keep=what_to_keep(keep, live=False),
     )
     sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
     with ThreadsAndProcesses.now() as before:

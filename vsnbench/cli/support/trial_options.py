@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import EXECUTION_PANEL
+from vsnbench.cli.support.options import EXECUTION_PANEL, RECORD_PANEL
 from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
@@ -123,6 +123,17 @@ Weights = Annotated[
 ]
 ModelConfig = Annotated[
     Path | None, typer.Option("--model-config", help="YAML file of the model's settings.", rich_help_panel=MODEL_PANEL)
+]
+
+Keep = Annotated[
+    str,
+    typer.Option(
+        "--keep",
+        metavar="all|images|none",
+        help="Files of an episode: images and a Rerun copy (all), images, or none (simulation only).",
+        show_default="all with an operator, else images",
+        rich_help_panel=RECORD_PANEL,
+    ),
 ]
 
 

@@ -4,8 +4,23 @@ from collections.abc import Sequence
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.disturbances import NONE, SEVERITIES, STANDARD_SET, Disturbances, known_kind
+from vsnbench.robots.registry import is_simulated
 
 DEFAULT_SEVERITIES = (1, 3, 5)
+
+
+def check_robot(robot: str) -> None:
+    """Refuse a real robot, which would have to repeat every trial with every disturbance.
+
+    Raises:
+        UsageError: the robot is not simulated in this process (`real-robot`).
+    """
+    if not is_simulated(robot):
+        raise UsageError(
+            f"a stress test needs a simulated robot, and {robot} is real",
+            advice="measure single conditions with `vsnbench run --disturb`",
+            code="real-robot",
+        )
 
 
 def conditions_of(names: Sequence[str], severities: Sequence[int]) -> tuple[Disturbances, ...]:
