@@ -97,6 +97,7 @@ def test_the_table_and_json_state_the_same_numbers(stressed: StressedModel) -> N
         ["blur", "3", "4 px", "12/15"],
         ["blur", "5", "10 px", "1/15"],
     ]
+    assert table.notes[0] == "A loss of success is shown, by interval and Holm p: blur@5."
     (fields,) = stress_fields([stressed])
     assert [row["successes"] for row in fields["disturbances"]] == [12, 1, 13, 14]
     assert [row["loss"] for row in fields["disturbances"]] == pytest.approx([1 / 15, 12 / 15, 0, -1 / 15])
@@ -112,7 +113,7 @@ def test_the_figure_has_a_panel_per_disturbance_and_the_rates(stressed: Stressed
     drawing = success_by_severity([stressed])
     assert drawing.figure is not None
     panels = [axes for axes in drawing.figure.axes if axes.get_visible()]
-    assert [axes.get_title() for axes in panels] == ["blur (px)", "glare (share)"]
+    assert [axes.get_title() for axes in panels] == ["blur: 4, 10 px", "glare: 0.6, 1"]
     line = panels[0].lines[0]
     assert list(line.get_xdata()) == [0, 3, 5]
     assert list(line.get_ydata()) == pytest.approx([100 * 13 / 15, 80, 100 / 15])

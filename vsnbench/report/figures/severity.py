@@ -49,17 +49,19 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
         for place, name in enumerate(names):
             axes = panels[place // columns][place % columns]
             marks = [_line(axes, model, name, index, len(drawn)) for index, model in enumerate(drawn)]
-            _label(axes, name, is_last=place + columns >= len(names), is_first=place % columns == 0)
+            _label(axes, _title(name, drawn), is_last=place + columns >= len(names), is_first=place % columns == 0)
         for place in range(len(names), lines * columns):
             panels[place // columns][place % columns].set_visible(False)
-        legend_below(figure, marks, [f"{shown(model.undisturbed.condition.name)}" for model in drawn])
+        several = len({model.undisturbed.condition.site for model in drawn}) > 1
+        legend_below(figure, marks, [_model_name(model, with_site=several) for model in drawn])
     left_out = f" {len(models) - len(drawn)} more models are not drawn." if len(models) > len(drawn) else ""
     return Drawing(
         "success-by-severity",
         "Success by severity of each disturbance",
         _alt(drawn),
         "Success rate against the severity of each disturbance, with 95 % intervals clustered by starting position. "
-        f"Severity 0 is undisturbed; the same trials at every severity.{left_out}",
+        "Severity 0 is undisturbed; the same trials at every severity. The title of a panel has the values."
+        f"{left_out}",
         footnotes([model.undisturbed.condition for model in drawn]),
         figure,
     )
@@ -93,8 +95,21 @@ def _interval(loss: Loss) -> Interval:
     return rate_interval(pairing.outcomes.second) if pairing else UNKNOWN
 
 
-def _label(axes: "Axes", name: str, *, is_last: bool, is_first: bool) -> None:
-    axes.set_title(f"{name} ({KINDS[name].unit})")
+def _model_name(model: StressedModel, *, with_site: bool) -> str:
+    condition = model.undisturbed.condition
+    return shown(f"{condition.model} in {condition.site}" if with_site else condition.model)
+
+
+def _title(name: str, models: Sequence[StressedModel]) -> str:
+    """Return the name of a disturbance with its values in ascending severity."""
+    own = {loss.disturbance for model in models for loss in model.losses if loss.disturbance.name == name}
+    values = ", ".join(f"{member.value:g}" for member in sorted(own, key=lambda member: abs(member.value)))
+    unit = KINDS[name].unit
+    return f"{name}: {values}{'' if unit == 'share' else f' {unit}'}"
+
+
+def _label(axes: "Axes", title: str, *, is_last: bool, is_first: bool) -> None:
+    axes.set_title(title)
     axes.set_xticks([0, *SEVERITIES])
     axes.set_xlim(-0.4, SEVERITIES[-1] + 0.4)
     axes.set_ylim(-3, 103)
@@ -112,7 +127,7 @@ def _alt(models: Sequence[StressedModel]) -> str:
     for model in models:
         worst = ", ".join(f"{harm.name} {100 * harm.mean_loss:.0f} points" for harm in model.most_harmful) or "none"
         parts.append(
-            f"{shown(model.undisturbed.condition.name)}: {100 * model.undisturbed.total.success_rate:.0f} percent "
+            f"{_model_name(model, with_site=True)}: {100 * model.undisturbed.total.success_rate:.0f} percent "
             f"undisturbed; largest mean losses: {worst}"
         )
     return f"Success rate by severity of each disturbance. {'. '.join(parts)}."

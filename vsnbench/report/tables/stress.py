@@ -23,6 +23,7 @@ from vsnbench.report.tables.report_table import (
     without_empty_columns,
     word,
 )
+from vsnbench.statistics.conclusion import Conclusion
 
 
 def stress_table(model: StressedModel) -> ReportTable:
@@ -35,7 +36,7 @@ def stress_table(model: StressedModel) -> ReportTable:
             title=f"{condition.model} in {condition.site}: loss of success by disturbance",
             columns=(
                 Column("disturbance", number=False),
-                Column("severity"),
+                Column("severity", number=False),
                 Column("value", number=False, rank=1),
                 Column("k/n"),
                 Column("SR %", rank=2),
@@ -109,7 +110,17 @@ def _notes(model: StressedModel) -> tuple[str, ...]:
     heading = "Largest mean losses over the severities:" if harms else "No disturbance has a mean loss."
     untouched = _untouched(model)
     unchanged = f"Every trial has the same success and number of actions under {', '.join(untouched)}."
-    return (heading, *harms, *([unchanged] if untouched else []))
+    shown = [*_shown(model, Conclusion.FIRST_BETTER, "loss"), *_shown(model, Conclusion.SECOND_BETTER, "gain")]
+    return (*shown, heading, *harms, *([unchanged] if untouched else []))
+
+
+def _shown(model: StressedModel, conclusion: Conclusion, what: str) -> list[str]:
+    """Return in a sentence which disturbances change success, by test and interval."""
+    found = [loss.disturbance for loss in model.losses if loss.rate.conclusion is conclusion]
+    names = ", ".join(f"{member.name}@{member.severity}" for member in found)
+    if not found and what == "loss":
+        return ["No loss is shown: none has an interval above 0 and a Holm p of at most 0.05."]
+    return [f"A {what} of success is shown, by interval and Holm p: {names}."] if found else []
 
 
 def _untouched(model: StressedModel) -> list[str]:
