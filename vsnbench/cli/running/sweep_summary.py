@@ -119,9 +119,7 @@ def print_sweep_summary(console: Console, swept: list[Swept], results: ResultsDi
     for campaign in swept:
         reason = campaign.launched.result.stopped_because if campaign.launched else campaign.error
         if reason:
-            request = campaign.request
-            name = f"{request.model} in {request.site} with seed {request.seed}"
-            console.print(f"[red]{escape(name)}[/red]: {escape(reason)}")
+            console.print(f"[red]{escape(campaign.request.label)}[/red]: {escape(reason)}")
     left, failed = undone(swept)
     launched = [campaign.launched for campaign in swept if campaign.launched]
     trials = sum(len(launch.campaign.trials) for launch in launched)

@@ -55,6 +55,12 @@ class RunRequest:
     """The first void episode ends the session."""
 
     @property
+    def label(self) -> str:
+        """Model, site, seed and disturbances, for messages about one of several campaigns."""
+        disturbed = f", {self.disturbances.text}" if self.disturbances else ""
+        return f"{self.model} in {self.site} with seed {self.seed}{disturbed}"
+
+    @property
     def files_to_keep(self) -> KeepFiles:
         """What to store of an episode: as requested, or copies for Rerun only where an operator is present.
 

@@ -190,7 +190,7 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
                 logger.warning("%s", absent)
                 yield Swept(request, None, is_skipped=True)
             except VsnbenchError as error:
-                logger.warning("%s in %s with seed %d: %s", request.model, request.site, request.seed, error)
+                logger.warning("%s: %s", request.label, error)
                 yield Swept(request, None, str(error))
             before += trials
 
