@@ -20,9 +20,9 @@ def check_before_opening(disturbances: Disturbances, robot: str, *, rehearsal: b
         UsageError: a disturbance moves the camera of a real robot, or of a rehearsal (`geometry-disturbance`).
     """
     if rehearsal:
-        _refuse_geometry(disturbances, "a rehearsal, which accepts only what the real session accepts")
+        _refuse_geometry(disturbances, "a rehearsal, because the real session refuses it")
     if is_profile(robot):
-        _refuse_geometry(disturbances, f"robot {robot}, whose camera is real or simulated elsewhere")
+        _refuse_geometry(disturbances, f"robot {robot}")
 
 
 def check_disturbances(disturbances: Disturbances, robot: Robot) -> None:
@@ -33,7 +33,7 @@ def check_disturbances(disturbances: Disturbances, robot: Robot) -> None:
             (`invalid-disturbance`).
     """
     if not robot.renders_views:
-        _refuse_geometry(disturbances, f"robot {robot.identity.profile.name}, which renders no other views")
+        _refuse_geometry(disturbances, f"robot {robot.identity.profile.name}")
     camera = robot.identity.profile.camera
     try:
         displaced(camera, disturbances)
@@ -56,7 +56,7 @@ def warn_of_unused(disturbances: Disturbances, model: str, sensors: Collection[S
 def _refuse_geometry(disturbances: Disturbances, where: str) -> None:
     if names := disturbances.geometric:
         raise UsageError(
-            f"--disturb {names[0]} moves the camera, which only simulated robots of this process render; not {where}",
-            advice="leave it out, or use --robot simulated",
+            f"--disturb {names[0]} does not apply to {where}",
+            advice="only robots simulated in this process render a moved camera: leave it out, or use --robot simulated",
             code="geometry-disturbance",
         )
