@@ -57,6 +57,6 @@ def _refuse_geometry(disturbances: Disturbances, where: str) -> None:
     if names := disturbances.geometric:
         raise UsageError(
             f"--disturb {names[0]} does not apply to {where}",
-            advice="only robots simulated in this process render a moved camera: leave it out, or use --robot simulated",
+            advice="only a run with --robot simulated renders a moved camera",
             code="geometry-disturbance",
         )
