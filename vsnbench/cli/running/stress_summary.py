@@ -53,7 +53,7 @@ def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_jso
         return stopped.request.exit_code
     print_sweep_summary(sweep_console(), swept, request.results)
     models = _stressed(swept, request.results)
-    if figure is not None and models:
+    if figure is not None and any(model.losses for model in models):
         from vsnbench.files.atomic import write_atomic
         from vsnbench.report.figures.severity import success_by_severity
 

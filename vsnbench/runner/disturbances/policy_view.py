@@ -38,7 +38,7 @@ class PolicyView:
         self._count = 0
         self.camera: Camera = displaced(robot.identity.profile.camera, disturbances)
         """Camera whose images the policy sees."""
-        self._lamp_rad = float(self._rng("glare").uniform(-math.pi, math.pi))
+        self._lamp_rad = float(self._rng("glare").uniform(-math.pi, math.pi)) if disturbances else 0.0
         drift = disturbances["odometry_drift"]
         noise = (
             None
