@@ -59,7 +59,7 @@ SERVED = (
     (re.compile(r"vsnbench (study )?run .*--console$"), " 127.0.0.1:0", 130),
 )
 """Commands that serve a page until Ctrl-C, an option for a free port, and the exit code."""
-LONG = re.compile(r"vsnbench (run (?!.*--starts)|study run)")
+LONG = re.compile(r"vsnbench ((run|stress) (?!.*--starts)|study run)")
 """Commands that take minutes: started, and interrupted when they make progress."""
 STAND_INS = {"sqlite3 ": "test -f "}
 """Program that may not be installed -> replacement that checks its argument."""

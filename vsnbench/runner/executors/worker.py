@@ -158,6 +158,7 @@ class Worker:
             spec.site,
             spec.parameters,
             recording,
+            spec.disturbances,
         )
         model = DrivingModel(setup.policy, partial(EpisodeRecorderFanOut, target))
         executor, trial = InProcessExecutor(context, setup.robot, SingleModel(model)), order.trial
