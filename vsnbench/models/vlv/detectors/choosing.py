@@ -37,7 +37,8 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
     if kind is DetectorKind.ONNX:
         from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 
-        return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold)
+        is_chosen = "detector_threshold" in settings.model_fields_set
+        return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold, threshold_for_all=is_chosen)
     require_torch()
     from vsnbench.models.checkpoints.torch_runtime import available_device
     from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector

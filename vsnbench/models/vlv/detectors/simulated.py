@@ -39,6 +39,7 @@ class SimulatedDetector(Detector):
         self.settings: Mapping[str, Any] = {
             name: value for name, value in settings.model_dump(mode="json").items() if name.startswith("simulated_")
         }
+        self.threshold = settings.detector_threshold
         self._settings = settings
         self.begin(0)
 
