@@ -41,8 +41,6 @@ RANGE_M = 5.0
 SMALLEST_SHARE = 0.002
 """Objects that fill less of the image do not count."""
 LEAST_OVERLAP = 0.3
-LEAST_PRECISION, LEAST_BOXES = 0.5, 20
-"""A class's minimum score is the lowest with this precision, over at least this number of boxes."""
 
 SHOWN = {
     "bed": {"ep96": range(2, 10)},
@@ -189,15 +187,18 @@ def overlap(one: Box, other: Box) -> float:
 
 
 def reliability(table: dict[str, dict[str, dict[str, float | int]]]) -> dict[str, dict[str, float]]:
-    """Return the minimum score of each class, with its precision and recall."""
+    """Return the minimum score with the best F1 of each class, with its precision and recall."""
     chosen = {}
     for label, by_score in table.items():
-        enough = {float(score): cell for score, cell in by_score.items() if cell["boxes"] >= LEAST_BOXES}
-        good = [score for score, cell in enough.items() if cell["precision"] >= LEAST_PRECISION]
-        score = min(good) if good else max(enough, key=lambda score: enough[score]["precision"])
-        cell = enough[score]
-        chosen[label] = {"threshold": score, "precision": cell["precision"], "recall": cell["recall"]}
+        score = max(by_score, key=lambda score: f1(by_score[score]))
+        cell = by_score[score]
+        chosen[label] = {"threshold": float(score), "precision": cell["precision"], "recall": cell["recall"]}
     return chosen
+
+
+def f1(cell: dict[str, float | int]) -> float:
+    precision, recall = cell["precision"], cell["recall"]
+    return 2 * precision * recall / (precision + recall) if precision else 0.0
 
 
 def measure_frames(network: Network, directory: Path) -> dict[str, object]:

@@ -26,6 +26,8 @@ from vsnbench.values.observation import Observation
 _COUNT_WITHIN_M: Final = 1.5
 _MAX_TRIES: Final = 20
 """Actions near a frontier after which it is given up."""
+_SMALLEST_CELLS: Final = 5
+"""Side of the smallest unknown area to explore, in cells of the map."""
 _SAME_FRONTIER_M: Final = 0.3
 
 
@@ -62,10 +64,13 @@ class FrontierSearch(Search):
 
     def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Drive to the nearest frontier; look around if none can be reached."""
+        if self._turns_left is None and self._scans == 0:
+            return self._begin_scan()
         if self._turns_left:
             return self._scan_turn()
+        self._turns_left = None
         avoided = [*self.graph.visited, *self._given_up]
-        frontier = frontier_away_from(self.map, avoided, self.settings.visited_radius_m)
+        frontier = frontier_away_from(self.map, avoided, self.settings.visited_radius_m, _SMALLEST_CELLS)
         move = self._towards(frontier, observation, depth_m, Mode.TRAVEL)
         if move is None or not move.path:
             self._given_up.clear()

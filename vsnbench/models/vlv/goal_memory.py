@@ -54,9 +54,9 @@ class Place:
     failed_observations: int = 0
     """Consecutive observations from nearby without a detection."""
 
-    def is_believed(self, reliability: Reliability) -> bool:
-        """Return whether enough views support it: a detector seldom errs twice at the same place."""
-        return self.observations - reliability.miss_weight * self.misses >= reliability.views_to_believe
+    def evidence(self, reliability: Reliability) -> float:
+        """Return the number of views that support it, less the weighted number of those that do not."""
+        return self.observations - reliability.miss_weight * self.misses
 
     @property
     def points(self) -> npt.NDArray[np.float64]:
@@ -114,8 +114,15 @@ class GoalMemory:
 
     @property
     def believed(self) -> list[Place]:
-        """The places that several observations support."""
-        return [place for place in self.places if place.is_believed(self.reliability)]
+        """The places that enough views support: a detector seldom errs twice at the same place.
+
+        A weak detector does err twice, so only its best place counts.
+        """
+        evidence = [place.evidence(self.reliability) for place in self.places]
+        least: float = self.reliability.views_to_believe
+        if self.reliability.is_measured:
+            least = max([least, *evidence])
+        return [place for place, views in zip(self.places, evidence, strict=True) if views >= least]
 
     def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
         """Update the places with an observation.

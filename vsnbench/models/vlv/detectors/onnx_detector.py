@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +22,12 @@ from vsnbench.values.observation import Observation, Sensor
 
 _OUTPUTS: Final = ("boxes", "labels", "scores", "masks")
 _NAMES_KEY, _TITLE_KEY, _RELIABILITY_KEY = "names", "title", "reliability"
-_EDGE_SHARE: Final = 0.15
-"""Share of a box at each edge that is not taken for the object."""
+_EDGE_SHARE, _MIDDLE_SHARE = 0.1, 0.3
+"""Share of a box at each edge that is not taken for the object, and that is not its middle."""
 _FLOOR_M: Final = 0.1
+_NEARER_PERCENTILE: Final = 25
+_THICKNESS_M: Final = 0.4
+"""Largest difference in depth between an object's pixels and the middle of its box."""
 _MAX_PX: Final = 1e6
 """Largest plausible coordinate of a box."""
 
@@ -32,8 +36,8 @@ class ONNXDetector(Detector):
     """Runs an ONNX file in onnxruntime.
 
     The file has one input, float32 (3, H, W) or (1, 3, H, W) in [0, 1], and the outputs boxes (N, 4), labels (N,) and
-    scores (N,), optionally masks (N, 1, M, M) within the boxes or over the image; without masks, the object is what is
-    in the middle of the box and above the floor. Its metadata can have `title`, for records and reports; `names`, a
+    scores (N,), optionally masks (N, 1, M, M) within the boxes or over the image; without masks, depth
+    finds the object in the box. Its metadata can have `title`, for records and reports; `names`, a
     list of the classes or a mapping from number to name (the default is COCO's 91); and `reliability`, JSON with
     `threshold`, `precision` and `recall` of classes.
     """
@@ -55,6 +59,10 @@ class ONNXDetector(Detector):
             raise ModelError("an ONNX detector needs onnxruntime", advice="pip install 'vsnbench[neural]'") from error
         options = ort.SessionOptions()
         options.log_severity_level = 3
+        options.inter_op_num_threads = 1
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # the robot's control needs the cores
+        if (threads := os.environ.get("OMP_NUM_THREADS", "")).isdigit():  # one in simulation: the same result on every machine
+            options.intra_op_num_threads = int(threads)
         try:
             self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no common base class
@@ -82,7 +90,7 @@ class ONNXDetector(Detector):
         self.weights_sha256 = file_sha256(path)
         self.settings: Mapping[str, Any] = {"threshold": threshold, "masks": has_masks}
         if not has_masks:
-            self.settings |= {"box_edge": _EDGE_SHARE, "floor_m": _FLOOR_M}
+            self.settings |= {"box_thickness_m": _THICKNESS_M}
         if self._reliability:
             self.settings |= {"thresholds": {name: item.threshold for name, item in self._reliability.items()}}
 
@@ -118,7 +126,7 @@ class ONNXDetector(Detector):
                 over_image = mask.shape == (height, width)
                 pixels = mask >= 0.5 if over_image else paste_mask(mask, edges, (height, width))
             else:
-                pixels = _middle_of(edges, observation)
+                pixels = _object_in(edges, observation)
             detections.append(Detection(label, float(found.scores[index]), edges, pixels))
         return tuple(detections)
 
@@ -164,22 +172,36 @@ def _checked(named: Mapping[str, Any], name: str) -> _Outputs:
     return _Outputs(boxes, labels.astype(np.int64), scores, masks)
 
 
-def _middle_of(box: tuple[float, float, float, float], observation: Observation) -> npt.NDArray[np.bool_]:
-    """Return (H, W): the pixels in the middle of a box that are not floor."""
-    height, width = observation.rgb.shape[:2]
+def _object_in(box: tuple[float, float, float, float], observation: Observation) -> npt.NDArray[np.bool_]:
+    """Return (H, W): the pixels of a box's object: as far away as the middle of the box, and not floor."""
+    inside = _inner(box, _EDGE_SHARE, observation)
+    if observation.depth_m is None or not inside.any():
+        return inside
+    depth_m = observation.depth_m
+    rows, columns = np.nonzero(inside)
+    height, width = inside.shape
+    _, _, up = observation.camera.rays(width, height).points(depth_m[rows, columns], rows, columns)
+    solid = np.zeros_like(inside)
+    solid[rows, columns] = up > _FLOOR_M
+    middle = solid & _inner(box, _MIDDLE_SHARE, observation)
+    if not middle.any():
+        return solid if solid.any() else inside
+    # The nearer part of the middle, because the rest can be a wall behind a chair's legs.
+    thing_m = np.percentile(depth_m[middle], _NEARER_PERCENTILE)
+    return np.asarray(solid & (np.abs(depth_m - thing_m) < _THICKNESS_M), np.bool_)
+
+
+def _inner(
+    box: tuple[float, float, float, float], edge_share: float, observation: Observation
+) -> npt.NDArray[np.bool_]:
+    """Return (H, W): the pixels of a box without a share of it at each edge."""
     left, top, right, bottom = box
-    side_px, end_px = _EDGE_SHARE * (right - left), _EDGE_SHARE * (bottom - top)
-    pixels = np.zeros((height, width), np.bool_)
+    side_px, end_px = edge_share * (right - left), edge_share * (bottom - top)
+    pixels = np.zeros(observation.rgb.shape[:2], np.bool_)
     rows = slice(max(round(top + end_px), 0), max(round(bottom - end_px), 0))
     columns = slice(max(round(left + side_px), 0), max(round(right - side_px), 0))
     pixels[rows, columns] = True
-    if observation.depth_m is None:
-        return pixels
-    inside = np.nonzero(pixels)
-    _, _, up = observation.camera.rays(width, height).points(observation.depth_m[inside], *inside)
-    above = pixels.copy()
-    above[inside] = up > _FLOOR_M
-    return above if above.any() else pixels
+    return pixels
 
 
 def _reliability_of(metadata: Mapping[str, str], path: Path, threshold: float | None) -> dict[str, Reliability]:
