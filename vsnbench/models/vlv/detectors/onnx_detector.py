@@ -61,7 +61,9 @@ class ONNXDetector(Detector):
         options.log_severity_level = 3
         options.inter_op_num_threads = 1
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # the robot's control needs the cores
-        if (threads := os.environ.get("OMP_NUM_THREADS", "")).isdigit():  # one in simulation: the same result on every machine
+        if (
+            threads := os.environ.get("OMP_NUM_THREADS", "")
+        ).isdigit():  # one in simulation: the same result on every machine
             options.intra_op_num_threads = int(threads)
         try:
             self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

@@ -58,7 +58,7 @@ class SimulatedDetector(Detector):
         if image is None:
             raise ModelError(
                 "the simulated detector needs an instance image: it works on simulated robots only",
-                advice="name the weights of a detector: see docs/vlv.md",
+                advice="get a detector: `vsnbench models fetch coco-detector`",
             )
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []

@@ -96,7 +96,9 @@ def _files_of(source: Path) -> dict[str, bytes]:
                 if content is not None:
                     files[name] = content.read(_MAX_FILE_BYTES)
     except (tarfile.TarError, EOFError, OSError, zlib.error) as error:
-        raise ModelError(f"{source}: cannot read the package ({error})", advice=f"{_PACK} writes one") from error
+        raise ModelError(
+            f"{source}: cannot read the package ({error})", advice=f"`{_PACK}` writes one", code="unreadable-package"
+        ) from error
     return files
 
 
