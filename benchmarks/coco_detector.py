@@ -7,11 +7,13 @@ in frames of a scanned house with those that a person sees. `speed` times a fram
 
     python benchmarks/coco_detector.py views [--flats 9200-9239] [--count 50] [--detector FILE] [--json FILE]
     python benchmarks/coco_detector.py frames DIRECTORY [--detector FILE]
+    python benchmarks/coco_detector.py figure PATH [--detector FILE]
     python benchmarks/coco_detector.py speed [--detector FILE]
 """
 
 import argparse
 import ast
+import itertools
 import json
 import math
 import statistics
@@ -42,6 +44,7 @@ SMALLEST_SHARE = 0.002
 """Objects that fill less of the image do not count."""
 LEAST_OVERLAP = 0.3
 
+FIGURE_FLATS = range(9300, 9304)
 SHOWN = {
     "bed": {"ep96": range(2, 10)},
     "chair": {"ep19": range(1, 10), "ep29": range(10), "ep97": range(3)},
@@ -106,6 +109,7 @@ def main() -> None:
     views.add_argument("--flats", default="9200-9239")
     views.add_argument("--count", type=int, default=50)
     modes.add_parser("frames").add_argument("directory", type=Path)
+    modes.add_parser("figure").add_argument("path", type=Path)
     modes.add_parser("speed")
     options = parser.parse_args()
     network = Network(options.detector)
@@ -114,6 +118,8 @@ def main() -> None:
         measured = measure_views(network, range(first, last + 1), options.count)
     elif options.mode == "frames":
         measured = measure_frames(network, options.directory)
+    elif options.mode == "figure":
+        measured = draw_figure(network, options.path)
     else:
         measured = measure_speed(network)
     print(json.dumps(measured, indent=1))
@@ -223,16 +229,50 @@ def found_as(item: Found, label: str, least: float) -> bool:
     return item.label == label and item.score >= least
 
 
+def draw_figure(network: Network, path: Path) -> dict[str, object]:
+    """Draw 12 views of generated flats with a goal in range; correct boxes are green, others red."""
+    cells = []
+    counts = {"correct": 0, "false": 0, "missed": 0}
+    for seed in FIGURE_FLATS:
+        with_goal = (view for view in views_of(seed, 30) if any(thing.distance_m < RANGE_M for thing in view[1]))
+        for rgb, seen in itertools.islice(with_goal, 12 // len(FIGURE_FLATS)):
+            image = rgb[..., ::-1].copy()
+            hit: set[int] = set()
+            for item in network.find(rgb, 0.05):
+                if item.label not in CLASSES or item.score < network.thresholds[item.label]:
+                    continue
+                same = {k for k, thing in enumerate(seen) if thing.label == item.label}
+                covered = {k for k in same if overlap(item.box, seen[k].box) >= LEAST_OVERLAP}
+                hit |= covered
+                counts["correct" if covered else "false"] += 1
+                left, top, right, bottom = map(round, item.box)
+                colour = (60, 180, 60) if covered else (50, 50, 230)
+                cv2.rectangle(image, (left, top), (right, bottom), colour, 4)
+                place = (left + 6, max(top, 0) + 26)
+                cv2.putText(image, f"{item.label} {item.score:.2f}", place, cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, 2)
+            counts["missed"] += sum(thing.distance_m < RANGE_M and k not in hit for k, thing in enumerate(seen))
+            cells.append(cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA))
+    rows = [np.hstack(cells[k : k + 4]) for k in range(0, 12, 4)]
+    cv2.imwrite(str(path), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 75])
+    return counts
+
+
 def measure_speed(network: Network) -> dict[str, object]:
+    """Return the time of a frame on one thread; processor time is not lengthened by other programs."""
     image = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
     network.find(image, 0.5)
-    times_s = []
+    wall_s, processor_s = [], []
     for _ in range(100):
-        start_s = time.perf_counter()
+        start_s, used_s = time.perf_counter(), time.process_time()
         network.find(image, 0.5)
-        times_s.append(time.perf_counter() - start_s)
-    median_s = statistics.median(times_s)
-    return {"median_ms": round(1e3 * median_s, 1), "frames_per_s": round(1 / median_s, 1)}
+        wall_s.append(time.perf_counter() - start_s)
+        processor_s.append(time.process_time() - used_s)
+    median_s = statistics.median(processor_s)
+    return {
+        "median_ms": round(1e3 * statistics.median(wall_s), 1),
+        "median_processor_ms": round(1e3 * median_s, 1),
+        "frames_per_s_of_a_core": round(1 / median_s, 1),
+    }
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {
+        "cli/models/test_fetching.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
         "cli/results/test_judge.py",
@@ -59,6 +60,7 @@ SLOW = frozenset(
         "models/remote/test_serving.py",
         "models/remote/test_websockets_versions.py",
         "models/test_identity.py",
+        "models/vlv/test_centernet.py",
         "models/vlv/test_map_against_site.py",
         "models/vlv/test_mask_rcnn.py",
         "models/vlv/test_planner.py",

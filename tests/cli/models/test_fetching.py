@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import vsnbench
-from tests.models.vlv.test_centernet import Network, pack
+from tests.models.vlv.small_centernet import Network, pack
 from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
 from vsnbench.models.vlv.detectors.centernet import package
 from vsnbench.models.vlv.policy import VLV

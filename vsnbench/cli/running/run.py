@@ -44,7 +44,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             "--model",
             "-m",
             metavar="A,B",
-            help="Models: random, forward, oracle, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
+            help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
             rich_help_panel=_TRIALS,
         ),
     ],
