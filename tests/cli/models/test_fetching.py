@@ -15,6 +15,7 @@ from tests.models.vlv.small_centernet import Network, pack
 from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
 from vsnbench.models.vlv.detectors.centernet import package
 from vsnbench.models.vlv.policy import VLV
+from vsnbench.values.observation import Sensor
 
 CONTENT = b"weights" * 1000
 
@@ -60,6 +61,7 @@ def test_the_detector_is_converted_stored_and_used_by_both_models(
     card = VLV().card
     assert card.weights_label == "no value network; CenterNet MobileNetV3, COCO (vlv_detector.onnx)"
     assert card.settings["detector_sha256"] == report["sha256"]
+    assert Sensor.INSTANCES not in card.sensors  # real robots have all others
     shown = vsnbench(monkeypatch, capsys, "models", "show", "frontier", "--json")
     assert json.loads(shown.out)["goals"] == ["chair", "sofa", "table", "bed", "toilet"]
 

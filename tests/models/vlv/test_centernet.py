@@ -87,6 +87,13 @@ def test_a_file_that_is_not_a_graph_is_refused(topology: bytes) -> None:
     assert caught.value.code == "not-a-graph-model"
 
 
+def test_a_graph_without_the_outputs_is_refused() -> None:
+    odd = Network()
+    odd.nodes = [node for node in odd.nodes if node["name"] != "gate"]
+    with pytest.raises(VsnbenchError, match="no node gate"):
+        odd.convert()
+
+
 def test_weights_that_are_cut_off_are_refused(network: Network) -> None:
     topology, weights, _ = network.files().values()
     with pytest.raises(VsnbenchError) as caught:

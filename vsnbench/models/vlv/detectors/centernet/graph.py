@@ -52,11 +52,17 @@ class Graph:
     constants: Mapping[str, npt.NDArray[Any]]
 
     def needed(self, *outputs: str) -> list[Node]:
-        """Return the nodes that compute the outputs, each after its inputs, without constants."""
+        """Return the nodes that compute the outputs, each after its inputs, without constants.
+
+        Raises:
+            ModelError: a node is missing.
+        """
         done: dict[str, None] = {}
         pending = list(reversed(outputs))
         while pending:
             name = pending[-1]
+            if name not in self.nodes:
+                raise ModelError(f"the graph has no node {name}", code="not-a-graph-model")
             missing = [item for item in self.nodes[name].inputs if item not in done and item not in self.constants]
             if missing and name not in done:
                 pending += reversed(missing)
