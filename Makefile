@@ -4,8 +4,8 @@ SHELL := /bin/bash
 BIN := .venv/bin
 DEMO_RESULTS ?= demo-results
 
-# Tests with real processes, browsers and clocks can fail on a busy machine: one rerun, which the summary lists.
-RERUN ?= --reruns 1 -r R
+# Tests with real processes, browsers and clocks can fail on a busy machine: two reruns, which the summary lists.
+RERUN ?= --reruns 2 -r R
 
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600

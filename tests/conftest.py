@@ -23,16 +23,19 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {
+        "bundle/test_make.py",
         "cli/models/test_fetching.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
         "cli/results/test_judge.py",
         "cli/results/test_read_only.py",
         "cli/results/test_report.py",
+        "cli/results/test_second_judge.py",
         "cli/results/test_view.py",
         "cli/robots/test_doctor.py",
         "cli/running/test_place.py",
         "cli/running/test_run.py",
+        "cli/running/test_run_cropped.py",
         "cli/running/test_run_keeping.py",
         "cli/running/test_run_pirlnav.py",
         "cli/running/test_run_with_a_person.py",
@@ -91,6 +94,8 @@ SLOW = frozenset(
         "web/operator/test_page.py",
         "web/results_browser/test_app.py",
         "web/results_browser/test_website.py",
+        "web/second_judgement/test_second_judgement_app.py",
+        "web/second_judgement/test_second_judgement_in_browser.py",
     }
 )
 """Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick."""

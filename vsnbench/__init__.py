@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from vsnbench.errors import ModelError, NotPlacedError, RobotError, VsnbenchError
     from vsnbench.models.contract import ModelCard, Policy
     from vsnbench.models.task import Task
+    from vsnbench.models.trained_camera import TrainedCamera
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.report.frames import Results, open_results
     from vsnbench.robots.contract import Robot
@@ -68,6 +69,7 @@ __all__ = [
     "Site",
     "StartingPosition",
     "Task",
+    "TrainedCamera",
     "Trajectory",
     "Velocity",
     "VsnbenchError",
@@ -99,6 +101,7 @@ _NAMES = {
     "vsnbench.values.observation": ("Budget", "Observation", "Sensor"),
     "vsnbench.values.pose": ("Pose",),
     "vsnbench.values.robot_identity": ("RobotIdentity", "kind_of_class"),
+    "vsnbench.models.trained_camera": ("TrainedCamera",),
 }
 """Public names by the module that defines them."""
 

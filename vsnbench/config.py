@@ -90,6 +90,17 @@ class StudyConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class BundleConfig:
+    """Section `[bundle]`: what bundles say about their authors."""
+
+    author: str | None = None
+    """Names, separated by semicolons."""
+    licence: str | None = None
+    """SPDX identifier such as CC-BY-4.0, or a URL."""
+    citation: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """Content of a `vsnbench.toml`; all defaults without one."""
 
@@ -101,6 +112,7 @@ class Config:
     cluster: ClusterConfig = ClusterConfig()
     models: ModelsConfig = ModelsConfig()
     study: StudyConfig = StudyConfig()
+    bundle: BundleConfig = BundleConfig()
 
 
 SECTIONS: Mapping[str, type] = {
@@ -109,6 +121,7 @@ SECTIONS: Mapping[str, type] = {
     "cluster": ClusterConfig,
     "models": ModelsConfig,
     "study": StudyConfig,
+    "bundle": BundleConfig,
 }
 
 

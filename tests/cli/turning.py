@@ -6,9 +6,10 @@ import time
 from pathlib import Path
 
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.values.action import Action
-from vsnbench.values.decision import Decision
-from vsnbench.values.observation import Observation
+from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.observation import Observation, Sensor
 
 
 class Turning(Policy):
@@ -71,3 +72,18 @@ class Forking(Turning):
     def act(self, observation: Observation) -> Decision:
         subprocess.run(["sh", "-c", "setsid sleep 600 & echo $! >> $FORKED"], check=True)
         return Decision(Action.STOP)
+
+
+class Narrow(Turning):
+    """Was trained with a field of view of 40°, and stops at once with what it received in the details."""
+
+    card = ModelCard(
+        "narrow",
+        sensors=frozenset({Sensor.RGB, Sensor.DEPTH}),
+        camera=TrainedCamera(mount_height_m=0.88, tilt_deg=5, horizontal_fov_deg=40, width=320, height=240),
+    )
+
+    def act(self, observation: Observation) -> Decision:
+        assert observation.depth_m is not None
+        shapes = {"rgb": list(observation.rgb.shape[:2]), "depth": list(observation.depth_m.shape)}
+        return Decision(Action.STOP, diagnostics=Diagnostics(details={**shapes, "camera": vars(observation.camera)}))

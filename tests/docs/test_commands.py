@@ -54,6 +54,7 @@ SERVED = (
     (re.compile(r"vsnbench sites edit "), " --port 0", 0),
     (re.compile(r"vsnbench report --serve"), "", 0),
     (re.compile(r"vsnbench browse"), " --port 0", 0),
+    (re.compile(r"vsnbench judge --second"), " --port 0", 0),
     (re.compile(r"vsnbench (study )?run .*--console$"), " 127.0.0.1:0", 130),
 )
 """Commands that serve a page until Ctrl-C, an option for a free port, and the exit code."""

@@ -14,6 +14,7 @@ from tests.docs.pages import ROOT
 from tests.report.records import Attempt, Lab
 from vsnbench.cli.main import build_app
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.results.second_judgements import Outcome
 
 FREE_KEYS = {"protocol", "conditions", "settings", "kinds", "touched"}
 """Objects whose keys depend on the model, the robot or the site."""
@@ -46,6 +47,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     lab.write(attempts(7), model="random")
     with lab.journal() as journal:
         journal.judge(1, Verdict(EndReason.COLLISION, False, "contact with the bed"), author="Ana")
+        for number, outcome in ((16, Outcome.SUCCESS), (30, Outcome.SUCCESS)):
+            journal.judge_second(number, "Grace", outcome, "0.5 m to the nearest chair")
     return lab.directory
 
 

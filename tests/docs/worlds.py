@@ -8,10 +8,15 @@ from pathlib import Path
 
 from tests.docs.pages import ROOT
 from tests.docs.reading import Shell
+from tests.interop.test_merge import draw, lab
 from tests.models.pirlnav.checkpoints import write_checkpoint
 from tests.models.vlv.conftest import released_tensors, write_value_network
 from tests.report.records import Attempt, Lab
+from tests.results.locked_study import lock_drawn, run_ranks
+from tests.results.records_of_a_lab import plan
 from vsnbench.protocol.judge import EndReason
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.writing.journal import Journal
 
 
 def _code(page: str, language: str) -> str:
@@ -88,7 +93,19 @@ def _released_vlv(shell: Shell) -> None:
     write_value_network(shell.directory / "vlv_model.torch", released_tensors())
 
 
+def _finished_study(shell: Shell) -> None:
+    """A record with a campaign, and a study that is over; an SSH key."""
+    results = lab(shell.directory / "results", plan(seed=99))
+    with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
+        study = lock_drawn(journal)
+        run_ranks(journal, study, range(16))
+        journal.unblind_study(study.id, "all trials are done")
+    draw(results)
+    shell.types('ssh-keygen -q -t ed25519 -N "" -f lab_key')
+
+
 BEFORE: dict[str, Callable[[Shell], None]] = {
+    "bundle.md": _finished_study,
     "console.md": _locked_study,
     "look.md": _pairs,
     "models.md": _spinner,

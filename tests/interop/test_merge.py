@@ -365,7 +365,8 @@ def as_of_0004(results: Path) -> Path:
         for added_since in ("TABLE study_event", "TABLE released_claim"):
             database.execute(f"DROP {added_since}")
         database.execute("ALTER TABLE study DROP COLUMN log_heads")
-        database.execute("ALTER TABLE step DROP COLUMN movement")
+        for column in ("movement", "rgb_file_digest", "depth_file_digest"):
+            database.execute(f"ALTER TABLE step DROP COLUMN {column}")
         database.execute("ALTER TABLE trial DROP COLUMN goal_id")
         database.execute("DROP TABLE goal")
         database.execute("UPDATE alembic_version SET version_num = '0004'")

@@ -158,6 +158,16 @@ def test_a_region_that_fills_one_room_is_out_of_reach_from_another() -> None:
     assert np.isinf(field[1:5, 5:8]).all()
 
 
+def test_an_end_in_contact_has_a_way_left_and_a_start_there_has_none() -> None:
+    space = free_space(two_rooms(DOOR), RADIUS_M)
+    clear, touching, inside = Pose(1, 2), Pose(0.06, 2), Pose(20, 2)
+    rules = ProtocolParameters()
+    assert space.remaining_m(clear, "sofa", rules) == space.geodesic_to_goal_m(clear, "sofa", rules)
+    assert math.isinf(space.geodesic_to_goal_m(touching, "sofa", rules))
+    assert space.remaining_m(touching, "sofa", rules) == pytest.approx(7.1 - 1.0 - 0.06, abs=0.05)
+    assert math.isinf(space.remaining_m(inside, "sofa", rules))
+
+
 def test_results_are_cached_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     site = two_rooms(Door(name="door", start=(4, 1.5), end=(4, 2.5)))

@@ -6,7 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.protocol.metrics import ideal_time_s, path_length_m, sct, soft_spl, spl, success_rate
+from vsnbench.protocol.metrics import (
+    heading_change_deg_per_m,
+    ideal_time_s,
+    known_progress,
+    path_length_m,
+    progress,
+    sct,
+    soft_spl,
+    spl,
+    success_rate,
+)
 from vsnbench.values.pose import Pose
 
 metres = st.floats(0, 100)
@@ -34,6 +44,31 @@ def test_spl_by_hand(success: bool, shortest_m: float, path_m: float, expected: 
 )
 def test_soft_spl_by_hand(shortest_m: float, remaining_m: float, path_m: float, expected: float) -> None:
     assert soft_spl(shortest_m, remaining_m, path_m) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("shortest_m", "remaining_m", "expected"),
+    [(4, 0, 1), (4, 1, 0.75), (4, 4, 0), (4, 9, 0), (0, 0, 1), (0, 0.1, 0)],
+)
+def test_progress_by_hand(shortest_m: float, remaining_m: float, expected: float) -> None:
+    assert progress(shortest_m, remaining_m) == pytest.approx(expected)
+
+
+@given(shortest_m=metres, remaining_m=metres)
+def test_progress_is_soft_spl_without_a_detour(shortest_m: float, remaining_m: float) -> None:
+    assert progress(shortest_m, remaining_m) == soft_spl(shortest_m, remaining_m, 0.0)
+
+
+@pytest.mark.parametrize("lengths", [(None, 1.0), (1.0, None), (math.inf, 1.0), (1.0, math.nan)])
+def test_progress_is_missing_where_a_length_is(lengths: tuple[float | None, float | None]) -> None:
+    assert known_progress(*lengths) is None
+    assert known_progress(4.0, 1.0) == 0.75
+
+
+def test_heading_change_adds_turns_of_both_directions_the_shorter_way_round() -> None:
+    poses = [Pose.from_degrees(0, 0, heading) for heading in (0, 30, 0, 350, 10)]
+    assert heading_change_deg_per_m(poses, 2.0) == pytest.approx((30 + 30 + 10 + 20) / 2)
+    assert heading_change_deg_per_m(poses, 0.2) is None
 
 
 @given(success=st.booleans(), shortest_m=metres, path_m=metres)

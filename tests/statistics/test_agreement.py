@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import kendalltau, rankdata
 from statsmodels.stats.inter_rater import cohens_kappa
 
-from vsnbench.statistics.agreement import agreement, rank_correlation
+from vsnbench.statistics.agreement import JudgedTwice, agreement, judge_agreement, rank_correlation
 from vsnbench.statistics.clustered import Cell
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes
 
@@ -67,3 +67,54 @@ def test_the_interval_of_a_rank_correlation_covers() -> None:
         assert kendalltau(x, y).statistic * rank_correlation(x.tolist(), y.tolist()).rho >= -0.1
     assert held / samples > 0.92
     assert math.isnan(rank_correlation([1, 2], [1, 2]).rho)
+
+
+JUDGED = st.lists(
+    st.tuples(
+        st.integers(0, 12), st.sampled_from(["success", "failure", "void"]), st.sampled_from(["success", "failure"])
+    ),
+    min_size=1,
+    max_size=60,
+)
+
+
+@settings(deadline=None, max_examples=50)
+@given(JUDGED)
+def test_kappa_of_two_judges_is_that_of_statsmodels(items: "list[tuple[int, str, str]]") -> None:
+    names = ["success", "failure", "void"]
+    table = np.zeros((3, 3))
+    for _, first, second in items:
+        table[names.index(first), names.index(second)] += 1
+    found = judge_agreement([JudgedTwice(*item) for item in items])
+    assert (found.items, found.same) == (len(items), pytest.approx(np.trace(table) / len(items)))
+    used = {name for _, *pair in items for name in pair}
+    if len(used) == 1:
+        assert math.isnan(found.kappa)
+    else:
+        assert found.kappa == pytest.approx(cohens_kappa(table).kappa, abs=1e-12)
+
+
+def test_the_interval_of_kappa_is_that_of_resampled_starting_positions() -> None:
+    random = np.random.default_rng(5)
+    items = [(start, bool(random.random() < 0.5)) for start in range(15) for _ in range(3)]
+    judged = [JudgedTwice(start, first, first ^ bool(random.random() < 0.15)) for start, first in items]
+    found = judge_agreement(judged)
+    kappas = []
+    for _ in range(3000):  # written out: draw whole starting positions, and compute kappa anew
+        drawn = random.integers(0, 15, 15)
+        pairs = [(item.first, item.second) for start in drawn for item in judged if item.cluster == start]
+        first, second = np.array(pairs).T
+        chance = first.mean() * second.mean() + (1 - first.mean()) * (1 - second.mean())
+        kappas.append(((first == second).mean() - chance) / (1 - chance))
+    plain = np.quantile(kappas, [0.025, 0.975])
+    assert found.interval.low <= plain[0] + 0.02
+    assert found.interval.high >= plain[1] - 0.02
+    assert found.interval.high - found.interval.low < 1.4 * (plain[1] - plain[0])
+
+
+def test_kappa_has_no_interval_with_few_starting_positions_or_complete_agreement() -> None:
+    few = [JudgedTwice(start, start % 2, (start + 1) % 3 % 2) for start in range(7)]
+    assert not judge_agreement(few).interval.known
+    perfect = judge_agreement([JudgedTwice(start, start % 2, start % 2) for start in range(20)])
+    assert (perfect.kappa, perfect.interval.known) == (1.0, False)
+    assert math.isnan(judge_agreement([]).kappa)

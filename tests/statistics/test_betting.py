@@ -34,6 +34,17 @@ def test_the_sequence_covers_the_mean_at_every_look_of_every_order(size: int) ->
         assert missed <= 0.2 * len(orders)
 
 
+def test_the_sequence_of_values_between_the_steps_covers_their_mean_and_closes_around_it() -> None:
+    random = np.random.default_rng(0)
+    missed = 0
+    for _ in range(300):
+        values = random.beta(0.5, 0.5, 24).round(3)
+        low, high = sequence(values, len(values), alpha=0.2, steps=None)
+        missed += bool((values.mean() < low).any() or (values.mean() > high).any())
+        assert high[-1] - low[-1] < high[0] - low[0]
+    assert missed <= 0.2 * 300
+
+
 def test_a_mean_that_the_rest_of_the_plan_cannot_reach_is_ruled_out_for_certain() -> None:
     above, below = p_values([1.0, 1.0, 1.0], 0.5, size=5)
     assert above[-1] < 1

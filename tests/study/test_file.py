@@ -40,6 +40,11 @@ BAD = {
         {"starting_positions": [1, 2]},
         "starting_positions: expected text, got a list",
     ),
+    "a metric that is none": ({"primary": {"metric": "spl"}}, "metric: 'spl' is not allowed"),
+    "progress against a rate": (
+        {"primary": {"kind": "rate", "arm": "one", "rate": 0.5, "metric": "progress"}},
+        "metric: unknown field",
+    ),
     "another kind of analysis": ({"primary": {"kind": "sr"}}, "unknown kind 'sr'"),
     "an order that is none": ({"order": "block"}, "order: 'block' is not allowed: did you mean blocks?"),
     "a name that is none": ({"arms": {"a b": {"model": "x"}, "two": {"model": "y"}}}, "letters, digits"),

@@ -159,3 +159,25 @@ def test_a_schedule_of_mixed_positions_counts_each_when_its_last_block_is_done()
         return decide(plan, known).questions[0].units
 
     assert (after(first_complete - 1), after(first_complete), after(len(whole))) == (0, 1, 9)
+
+
+def nearer(count: int, planned: int, **values: float) -> list[Block]:
+    """Return blocks in which nobody succeeds and the arms make this progress."""
+    failed = {"one": False, "two": False}
+    done = [Block("bed", start + 1, failed, values) for start in range(count)]
+    return done + [Block("bed", start + 1, {}) for start in range(count, planned)]
+
+
+def test_progress_decides_a_study_in_which_nobody_succeeds() -> None:
+    some = nearer(20, 60, one=0.8, two=0.3)
+    assert decide(these(stopping="decided"), some).questions[0].winner is None
+    (question,) = decide(these(stopping="decided", primary={"metric": "progress"}), some).questions
+    assert (question.winner, question.successes) == ("one", (0, 0))
+    assert question.means == pytest.approx((0.8, 0.3))
+    assert question.low < 0.5 < question.high
+
+
+def test_a_result_without_progress_ends_the_units_that_are_looked_at() -> None:
+    some = nearer(20, 60, one=0.8, two=0.3)
+    some[4] = Block("bed", 5, {"one": True, "two": False}, {"one": 1.0})
+    assert decide(these(stopping="decided", primary={"metric": "progress"}), some).questions[0].units == 4

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel
 
 from vsnbench.models.task import Task
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import sanitize
@@ -52,6 +53,8 @@ class ModelCard:
     episode in which the model answers with one that is not here ends as model_error. Part of the identity."""
     stand_in: bool = False
     """Whether the weights only stand in for the model's own. Such a model must not drive a real robot."""
+    camera: TrainedCamera | None = field(default=None, compare=False)
+    """Camera that the model was trained with; None if it is not stated. Not part of the identity."""
     goal_kinds: frozenset[GoalKind] = frozenset({GoalKind.CATEGORY})
     """Kinds of goals that the model takes. A model of text goals also takes categories, as words. Not part of the
     identity."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
+from vsnbench.models.camera_fit import comparison_text
 from vsnbench.models.contract import Policy
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.step_sizes import assumed_steps
@@ -23,6 +24,7 @@ from vsnbench.values.decision import Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.observation import Budget, InstanceImage, Observation, shown_to_policy
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
 
 STEPS = 20
 SEED = 11
@@ -55,6 +57,13 @@ def try_each(checks: Mapping[str, Callable[[], str]]) -> list[ContractFinding]:
         except BaseException as error:  # third-party code can raise anything
             findings.append(ContractFinding(what, False, take_refused_exit() or _line_and_place(error)))
     return findings
+
+
+def camera_findings(policy: Policy, profile: RobotProfile | None) -> tuple[ContractFinding, ...]:
+    """Return the comparison of the trained camera with that of a robot; differences are no failure."""
+    if profile is None:
+        return ()
+    return (ContractFinding("camera", True, comparison_text(policy.card, profile.name, profile.camera)),)
 
 
 def check_policy(policy: Policy) -> tuple[ContractFinding, ...]:

@@ -145,6 +145,19 @@ class FreeSpace:
         """
         return self._interpolate(self.geodesic_field_m(goal, parameters), start)
 
+    def remaining_m(self, end: Pose, goal: str, parameters: ProtocolParameters) -> float:
+        """Return `geodesic_to_goal_m` of the end of an episode, where the base may touch or overlap a solid.
+
+        Where the robot does not fit, the way to the nearest free point within its radius and 10 cm is added. Without
+        that, a third of a percent of the episodes (collisions) would have no progress.
+        """
+        field = self.geodesic_field_m(goal, parameters)
+        remaining_m = self._interpolate(field, end)
+        if math.isfinite(remaining_m):
+            return remaining_m
+        cells = _REACH_CELLS + math.ceil(self.robot_radius_m / RESOLUTION_M)
+        return self._interpolate(field, end, cells)
+
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return (row, column) of the grid point nearest to a position, clipped to the grid."""
         rows, columns = self.cells.shape
@@ -172,7 +185,7 @@ class FreeSpace:
                 clearance[tile] = np.min([shapely.distance(solid, points) for solid in near], axis=0)
         return clearance
 
-    def _interpolate(self, field: FloatGrid, start: Pose) -> float:
+    def _interpolate(self, field: FloatGrid, start: Pose, reach_cells: int = _REACH_CELLS) -> float:
         rows, columns = field.shape
         across = (start.x_m - self.origin_x_m) / RESOLUTION_M
         up = (start.y_m - self.origin_y_m) / RESOLUTION_M
@@ -183,11 +196,11 @@ class FreeSpace:
         if np.isfinite(corners).all():
             v, u = min(max(up - row, 0.0), 1.0), min(max(across - column, 0.0), 1.0)
             return float(np.array([1 - v, v]) @ corners @ np.array([1 - u, u]))
-        top, left = max(row - _REACH_CELLS, 0), max(column - _REACH_CELLS, 0)
-        near = field[top : row + _REACH_CELLS + 1, left : column + _REACH_CELLS + 1]
+        top, left = max(row - reach_cells, 0), max(column - reach_cells, 0)
+        near = field[top : row + reach_cells + 1, left : column + reach_cells + 1]
         at_rows, at_columns = np.indices(near.shape)
         way_there = RESOLUTION_M * np.hypot(at_rows + top - up, at_columns + left - across)
-        within_reach = way_there <= RESOLUTION_M * _REACH_CELLS
+        within_reach = way_there <= RESOLUTION_M * reach_cells
         return float(np.min(np.where(within_reach, near + way_there, np.inf)))
 
 

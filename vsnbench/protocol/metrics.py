@@ -1,4 +1,4 @@
-"""Metrics of navigation: success rate, SPL, SoftSPL, SCT, path length.
+"""Metrics of navigation: success rate, progress, SPL, SoftSPL, SCT, path length, smoothness.
 
 SPL: Anderson et al., "On Evaluation of Embodied Navigation Agents" (2018), Eq. 1. SoftSPL: Datta et al.,
 "Integrating Egocentric Localization for More Realistic Point-Goal Navigation Agents" (2020), Section 4.
@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, wrap_angle
 
 TRIVIAL_M = 0.25
 """Length of one move (paper, Section 4.1); trials with a shorter shortest path do not measure navigation."""
@@ -34,6 +34,29 @@ def spl(success: bool, shortest_m: float, path_m: float) -> float:
     return _path_efficiency(shortest_m, path_m) if success else 0.0
 
 
+def progress(shortest_m: float, remaining_m: float) -> float:
+    """Return how much of the shortest path to the goal was covered, 0 to 1.
+
+    1 - remaining / shortest, and 0 if the robot ended farther away than it began. Without a way to go, 1 if there is
+    still none. Progress is measured from poses, never from a verdict: an episode that reached the goal and did not stop
+    has progress 1 and is a failure.
+
+    Args:
+        shortest_m: geodesic distance from the start to the success region.
+        remaining_m: the same distance from the end of the episode.
+    """
+    if shortest_m <= 0:
+        return 1.0 if remaining_m <= 0 else 0.0
+    return min(1.0, max(0.0, 1.0 - remaining_m / shortest_m))
+
+
+def known_progress(shortest_m: float | None, remaining_m: float | None) -> float | None:
+    """Return `progress` of recorded lengths; None if a length is unknown or not finite."""
+    if shortest_m is None or remaining_m is None or not (math.isfinite(shortest_m) and math.isfinite(remaining_m)):
+        return None
+    return progress(shortest_m, remaining_m)
+
+
 def soft_spl(shortest_m: float, remaining_m: float, path_m: float) -> float:
     """Return SPL with progress instead of success, 0 to 1.
 
@@ -42,11 +65,7 @@ def soft_spl(shortest_m: float, remaining_m: float, path_m: float) -> float:
         remaining_m: the same distance from the end of the episode.
         path_m: length of the robot's path.
     """
-    if shortest_m <= 0:
-        progress = 1.0 if remaining_m <= 0 else 0.0
-    else:
-        progress = min(1.0, max(0.0, 1.0 - remaining_m / shortest_m))
-    return progress * _path_efficiency(shortest_m, path_m)
+    return progress(shortest_m, remaining_m) * _path_efficiency(shortest_m, path_m)
 
 
 def ideal_time_s(shortest_m: float, max_linear_m_s: float) -> float:
@@ -75,3 +94,21 @@ def _path_efficiency(shortest_m: float, path_m: float) -> float:
 def path_length_m(poses: Sequence[Pose]) -> float:
     """Return the length of the polyline through the positions, metres."""
     return sum(before.distance_to(after) for before, after in itertools.pairwise(poses))
+
+
+def heading_change_deg_per_m(poses: Sequence[Pose], path_m: float) -> float | None:
+    """Return the smoothness of a path: change of heading per metre, degrees; lower is smoother.
+
+    Turns are added without their signs, each from one pose to the next the shorter way round.
+
+    Args:
+        poses: poses in order, one after each action.
+        path_m: length of the path.
+
+    Returns:
+        The ratio; None for a path shorter than one move (`TRIVIAL_M`), which has no shape.
+    """
+    if path_m < TRIVIAL_M:
+        return None
+    turned = sum(abs(wrap_angle(b.heading_rad - a.heading_rad)) for a, b in itertools.pairwise(poses))
+    return math.degrees(turned) / path_m

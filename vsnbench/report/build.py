@@ -30,6 +30,7 @@ from vsnbench.text.suggestions import unknown_name
 
 if TYPE_CHECKING:  # a rates-only report does not need them, and importing them is slow
     from vsnbench.report.analysis.activity import ActionCount, Activity
+    from vsnbench.report.analysis.judgements import RaterAgreement
     from vsnbench.report.analysis.operators import OperatorActivity
     from vsnbench.report.comparison.question import Question
 
@@ -88,6 +89,8 @@ class Report:
     """Comparisons of models; empty if only the rates were requested."""
     operator_activity: "OperatorActivity | None" = None
     """None without operators, or with one operator in one session."""
+    raters: "tuple[RaterAgreement, ...]" = ()
+    """Agreement of blind second judgements with the verdicts."""
 
     def tables(self, *, long: bool = False) -> list[ReportTable]:
         """Return the tables in reading order; `long` adds the long ones."""
@@ -113,11 +116,17 @@ class Report:
                 tables.append(paper_stability_table())
             if self.activity.actions:
                 tables.append(action_table(results, self.activity.actions))
+            from vsnbench.report.tables.progress import progress_tables
             from vsnbench.report.tables.sensitivity import failure_table, judgement_table
 
             failures = failure_table(results, self.activity.failures)
             judgements = judgement_table(results, self.activity.judgements)
             tables += [table for table in (failures, judgements) if table]
+            tables += progress_tables(self.record, results, self.activity)
+        if self.raters:
+            from vsnbench.report.tables.second_judgements import second_judgement_tables
+
+            tables += second_judgement_tables(self.raters)
         tables += self._operator_tables(long=long)
         if long:
             from vsnbench.report.tables.sensitivity import sensitivity_tables
@@ -183,13 +192,18 @@ def build(
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
     """
+    from vsnbench.report.analysis.judgements import read_rater_agreements
+
     if not activity:
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             # Most records have no operators: skip the query for them.
             operator_activity = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
-        return Report(record, summarise(record), reference=reference, operator_activity=operator_activity)
+            raters = read_rater_agreements(engine, record)
+        results = summarise(record)
+        return Report(record, results, reference=reference, operator_activity=operator_activity, raters=raters)
     from vsnbench.report.analysis.activity import Activity, read_robots
+    from vsnbench.report.analysis.courses import measure_courses
     from vsnbench.report.analysis.failures import read_failures
     from vsnbench.report.analysis.judgements import read_judgements
     from vsnbench.report.comparison.question import questions
@@ -200,18 +214,21 @@ def build(
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             operator_activity, results = _attended(engine, record), summarise(record)
+            measured, courses = measure_courses(engine, record)
+            record = replace(record, courses=measured)
             report = Report(
                 record,
                 results,
                 reference=reference,
                 questions=questions(record, results),
                 operator_activity=operator_activity,
+                raters=read_rater_agreements(engine, record),
             )
             robots = read_robots(engine, record)
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record), read_judgements(engine, record)
-        return replace(report, activity=Activity(counting.result(), robots, failures, judgements))
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 
 def _attended(engine: Engine, record: ReportData) -> "OperatorActivity | None":

@@ -33,7 +33,7 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         "report.md": markdown(tables).encode(),
         "report.csv": to_csv(report.results).encode(),
         "report.json": to_json(
-            report.results, report.questions, report.activity, report.record, report.operator_activity
+            report.results, report.questions, report.activity, report.record, report.operator_activity, report.raters
         ).encode(),
         "tables.tex": latex(tables).encode(),
         "report.tex": document(tables, figures).encode(),

@@ -29,7 +29,7 @@ class DrivingView:
     """(H, W) newest raw depth image, metres, NaN where invalid."""
     camera: Camera
     age_s: float
-    """Age of the image."""
+    """Time since the capture of the image."""
     linear_m_s: float
     angular_rad_s: float
     remaining_m: float

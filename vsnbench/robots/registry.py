@@ -54,6 +54,18 @@ def is_simulated(name: str) -> bool:
     return name.partition(":")[0] == _SIMULATED
 
 
+def profile_of(name: str) -> RobotProfile | None:
+    """Return the profile that a robot's name stands for; None for a plug-in, which has one once it is opened.
+
+    Raises:
+        UsageError: the profile does not exist.
+        RobotError: its file is invalid.
+    """
+    if is_simulated(name):
+        return _simulated_profile(name)
+    return load_profile(name) if is_profile(name) else None
+
+
 def open_robot(
     name: str,
     site: Site | None,

@@ -20,6 +20,10 @@ FRACTIONS: Floats = np.array([0.15, 0.3, 0.5, 0.7])
 """Fractions of the capital staked on single outcomes; the capital is divided evenly among them."""
 MEAN_FRACTIONS: Floats = np.array([0.7, 0.95])
 """Fractions for bets on means of several outcomes, which vary less."""
+PROGRESS_FRACTIONS: Floats = np.array([0.5, 0.95])
+"""Fractions for bets on progress by block, whose differences are smaller and vary less than those of success."""
+PROGRESS_MEAN_FRACTIONS: Floats = np.array([0.95])
+"""Fractions for bets on mean progress of several outcomes."""
 _LIMIT = 1e200
 """Cap of the capital. A larger capital decides nothing more, and the next product would overflow."""
 
@@ -77,26 +81,30 @@ def p_values(
 
 
 def sequence(
-    values: npt.ArrayLike, size: int | None, alpha: float, steps: int = 2, fractions: Floats = FRACTIONS
+    values: npt.ArrayLike, size: int | None, alpha: float, steps: int | None = 2, fractions: Floats = FRACTIONS
 ) -> tuple[Floats, Floats]:
     """Return the lower and upper ends of the confidence sequence for the mean after each value.
 
     Args:
-        values: (n,) in the order of drawing; multiples of 1 / `steps` if `size` is given.
+        values: (n,) in the order of drawing; multiples of 1 / `steps` if `size` and `steps` are given.
         size: number of values in the plan; None for draws with replacement.
         alpha: probability that the mean is ever outside the sequence.
-        steps: 1 for successes and failures, 2 for differences of two outcomes (mapped from -1, 0, 1 to 0, 1/2, 1).
+        steps: 1 for successes and failures, 2 for differences of two outcomes (mapped from -1, 0, 1 to 0, 1/2, 1),
+            None for any values from 0 to 1.
         fractions: fractions of the capital staked in each bet.
 
     Returns:
-        (n,) and (n,): the smallest and largest mean not rejected. With a plan, both are means that the plan can have.
+        (n,) and (n,): the smallest and largest mean not rejected. With a plan and steps, both are means that the plan
+        can have; without steps they are rounded outwards to 1/2000.
     """
     drawn = np.asarray(values, np.float64)
-    possible = size * steps if size is not None else _FINE
+    possible = size * steps if size is not None and steps is not None else _FINE
     means = np.arange(possible + 1) / possible
     some = np.broadcast_to(drawn, (len(means), len(drawn)))
     low = _ends(capital(some, means, size, fractions) < 2 / alpha, means)
     high = 1 - _ends(capital(1 - some, means, size, fractions) < 2 / alpha, means)
+    if steps is None:
+        return np.maximum(low - 1 / _FINE, 0.0), np.minimum(high + 1 / _FINE, 1.0)
     return low, high
 
 

@@ -70,11 +70,26 @@ def clustered_bootstrap(
         differences = (drawn @ first.totals) / (drawn @ first.counts) - (drawn_second @ second.totals) / (
             drawn_second @ second.counts
         )
-    differences = differences[np.isfinite(differences)]  # a resample may contain no episode of one model
-    if not len(differences) or np.ptp(differences) <= _SAME:
+    return percentile_interval(differences, clusters)
+
+
+def cluster_draws(clusters: int, resamples: int = 10_000, seed: int = 0) -> Floats:
+    """Return the number of times each cluster was drawn, (resamples, clusters)."""
+    return _draws(clusters, None, resamples, seed)[0]
+
+
+def percentile_interval(values: Floats, clusters: int) -> Interval:
+    """Return the expanded percentile interval of a statistic; unknown if every resample gives the same value.
+
+    Args:
+        values: the statistic in each resample; NaN where a resample does not determine it.
+        clusters: number of resampled clusters.
+    """
+    values = values[np.isfinite(values)]
+    if not len(values) or np.ptp(values) <= _SAME:
         return UNKNOWN
     tail = _expanded_tail(clusters, CONFIDENCE)
-    low, high = np.quantile(differences, [tail, 1 - tail])
+    low, high = np.quantile(values, [tail, 1 - tail])
     return Interval(float(low), float(high))
 
 

@@ -29,10 +29,15 @@ _ASSUMED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Successes and trials of one cell, and its cluster; at least one trial."""
+    """Successes and trials of one cell, and its cluster; at least one trial.
+
+    For progress, `successes` is the sum of its values. Of values from 0 to 1 with a given mean, successes and failures
+    vary most, so the intervals for rates are valid for their means, and long rather than short.
+    """
 
     cluster: int
-    successes: int
+    successes: float
+    """An integer for outcomes; any number from 0 to `trials` for values from 0 to 1."""
     trials: int
 
     def __post_init__(self) -> None:
@@ -48,8 +53,8 @@ class Outcomes:
 
     @property
     def proportion(self) -> Proportion:
-        """Successes and trials over all cells."""
-        return Proportion(sum(cell.successes for cell in self.cells), sum(cell.trials for cell in self.cells))
+        """Successes and trials over all cells; only for outcomes, not for sums of other values."""
+        return Proportion(round(sum(cell.successes for cell in self.cells)), sum(cell.trials for cell in self.cells))
 
     @property
     def clusters(self) -> int:

@@ -60,11 +60,14 @@ class Arm(BaseModel):
 
 
 class Difference(BaseModel):
-    """Difference in success between all pairs of arms on the shared goals."""
+    """Difference in success or progress between all pairs of arms on the shared goals."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kind: Literal["difference"] = Field(default="difference", description="paired difference of success, shared goals")
+    kind: Literal["difference"] = Field(default="difference", description="paired difference, shared goals")
+    metric: Literal["success", "progress"] = Field(
+        default="success", description="success, or progress: covered share of the shortest path to the goal"
+    )
 
 
 class Rate(BaseModel):
@@ -137,6 +140,11 @@ class StudyFile(BaseModel):
             raise ValueError(f"unknown protocol {protocol!r}; known are {', '.join(NAMED)}; write others as parameters")
         return NAMED[protocol].parameters
 
+    @field_validator("primary", mode="before")
+    @classmethod
+    def _difference_by_default(cls, primary: object) -> object:
+        return {"kind": "difference", **primary} if isinstance(primary, dict) else primary
+
     @field_validator("arms")
     @classmethod
     def _enough_arms(cls, arms: dict[str, Arm]) -> dict[str, Arm]:
@@ -189,6 +197,11 @@ class StudyFile(BaseModel):
     def by_starting_position(self) -> bool:
         """Whether the study is evaluated after every starting position and generalizes to others."""
         return self.stopping == "decided" and self.about == "cells-like-these"
+
+    @property
+    def of_progress(self) -> bool:
+        """Whether the primary analysis compares progress instead of success."""
+        return isinstance(self.primary, Difference) and self.primary.metric == "progress"
 
     def goals_of(self, arm: str) -> tuple[str, ...]:
         """Return all goals of an arm, shared ones first."""

@@ -14,9 +14,10 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share, capital
+from vsnbench.statistics.betting import as_share, capital
 from vsnbench.statistics.power import Design, Resemblance, common_parts, power
 from vsnbench.study.file import Rate, StudyFile
+from vsnbench.study.units import bet_fractions
 
 Floats = npt.NDArray[np.float64]
 DIFFERENCES = (0.05, 0.10, 0.15, 0.20, 0.30, 0.40)
@@ -106,7 +107,9 @@ def unit_differences(arms: Floats, *, by_start: bool) -> Floats:
     return np.asarray(apart.mean((2, 3)) if by_start else apart.reshape(len(apart), -1), np.float64)
 
 
-def decided_studies(differences: Floats, level: float, margin: float, *, by_start: bool) -> DecidedStudies:
+def decided_studies(
+    differences: Floats, level: float, margin: float, *, by_start: bool, of_progress: bool = False
+) -> DecidedStudies:
     """Simulate the stopping rule of `vsnbench.study.stopping` for two arms, evaluated after every unit.
 
     Args:
@@ -114,9 +117,10 @@ def decided_studies(differences: Floats, level: float, margin: float, *, by_star
         level: alpha divided by the number of comparisons.
         margin: difference that a winner must exceed.
         by_start: units are starting positions from an infinite population; otherwise blocks of this plan.
+        of_progress: the differences are of progress instead of success.
     """
     shares = as_share(differences)
-    size, fractions = (None, MEAN_FRACTIONS) if by_start else (shares.shape[1], FRACTIONS)
+    size, fractions = None if by_start else shares.shape[1], bet_fractions(by_start=by_start, of_progress=of_progress)
     beyond = float(as_share(margin))
     wealth = [capital(share, beyond, size, fractions) for share in (shares, 1 - shares)]
     over = np.maximum(*wealth) >= 2 / level

@@ -34,6 +34,8 @@ class Question:
     """Number of different cells of these blocks, without repetitions."""
     successes: tuple[int, int]
     """Successes in these blocks; the second is 0 for a fixed rate."""
+    means: tuple[float, float]
+    """Mean values of the metric over these blocks; the second is 0 for a fixed rate, both are NaN without units."""
     difference: float
     """Mean over the units of the first minus the second, or of the first's rate; NaN without units."""
     low: float
@@ -186,12 +188,13 @@ def _winner_and_loser(test: _SequentialTest, blocks: int) -> tuple[str | None, s
 def _question(
     study: StudyFile, test: _SequentialTest, rule: UnitRule, found: tuple[str | None, int | None], *, decided: bool
 ) -> Question:
-    series = test.series
+    series, pair = test.series, (test.first, test.second)
     mine = sum(block.succeeded[test.first] for block in series.blocks)
     theirs = sum(block.succeeded[test.second] for block in series.blocks) if test.second else 0
+    means = tuple(_mean([block.values(study)[arm] for block in series.blocks]) if arm else 0.0 for arm in pair)
     difference, low, high = float("nan"), 0.0, 1.0
     if series.values:
-        steps = 2 if test.second else 1
+        steps = None if study.of_progress else 2 if test.second else 1
         lows, highs = sequence(series.values, rule.size, study.alpha, steps, rule.fractions)
         difference, low, high = float(np.mean(series.values)), float(lows[-1]), float(highs[-1])
     if test.second:
@@ -203,6 +206,7 @@ def _question(
         trials=len(series.blocks),
         cells=len({(block.goal, block.start) for block in series.blocks}),
         successes=(mine, theirs),
+        means=(means[0], means[1]),
         difference=difference,
         low=low,
         high=high,
@@ -212,6 +216,10 @@ def _question(
         decided_at=found[1],
         counted=found[1] is not None and test.p_at(found[1]) == 0,
     )
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")
 
 
 def _stop_reason(

@@ -34,7 +34,8 @@ order: blocks           # every arm once per cell, in random order; or shuffled,
 seed: {seed}            # determines schedule, codes and trials
 blind: {blind}          # show codes until `vsnbench study unblind`
 
-primary: {{kind: difference}}   # in success, all pairs of arms; or {{kind: rate, arm: NAME, rate: 0.5}}
+primary: {{kind: difference}}   # in success, all pairs of arms; metric: progress for progress; or
+                              # {{kind: rate, arm: NAME, rate: 0.5}}
 stopping: {stopping}          # plan: all trials; decided: until the primary analysis is decided
 {about}cells-like-these     # scope of decided; these-cells needs fewer trials but does not generalize
 alpha: 0.05             # family-wise error rate over all pairs

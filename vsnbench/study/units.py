@@ -9,13 +9,19 @@ complete. Units are ordered by when the schedule completes them, so that outcome
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share
+from vsnbench.statistics.betting import (
+    FRACTIONS,
+    MEAN_FRACTIONS,
+    PROGRESS_FRACTIONS,
+    PROGRESS_MEAN_FRACTIONS,
+    as_share,
+)
 from vsnbench.study.file import StudyFile
 
 Floats = npt.NDArray[np.float64]
@@ -29,6 +35,12 @@ class Block:
     start: int
     succeeded: Mapping[str, bool]
     """Arm -> success, for the arms with a result."""
+    progress: Mapping[str, float] = field(default_factory=dict)
+    """Arm -> progress from 0 to 1, for the arms with a result whose progress is known."""
+
+    def values(self, study: StudyFile) -> Mapping[str, float]:
+        """Return the values of the study's primary metric by arm."""
+        return self.progress if study.of_progress else self.succeeded
 
 
 class Place(Protocol):
@@ -59,6 +71,10 @@ class ScheduledResult(Protocol):
         """None without a result."""
 
     @property
+    def progress(self) -> float | None:
+        """None without a result, or if it is unknown."""
+
+    @property
     def trial(self) -> Place:
         """Its cell."""
 
@@ -72,13 +88,19 @@ def shared_blocks(results: Iterable[ScheduledResult], goals: Sequence[str]) -> l
     """
     places: dict[int, Place] = {}
     succeeded: dict[int, dict[str, bool]] = {}
+    progress: dict[int, dict[str, float]] = {}
     for result in results:
         if result.trial.goal in goals:
             places[result.block] = result.trial
             known = succeeded.setdefault(result.block, {})
             if result.success is not None:
                 known[result.arm] = result.success
-    return [Block(places[block].goal, places[block].start, succeeded[block]) for block in sorted(places)]
+                if result.progress is not None:
+                    progress.setdefault(result.block, {})[result.arm] = result.progress
+    return [
+        Block(places[block].goal, places[block].start, succeeded[block], progress.get(block, {}))
+        for block in sorted(places)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +131,17 @@ BLOCK, START = "block", "starting position"
 
 def unit_rule(study: StudyFile, blocks: Sequence[Block]) -> UnitRule:
     """Return the kind of unit of a study."""
+    fractions = bet_fractions(by_start=not study.of_these_cells, of_progress=study.of_progress)
     if study.of_these_cells:
-        return UnitRule(BLOCK, len(blocks), len(blocks), FRACTIONS)
-    return UnitRule(START, len({block.start for block in blocks}), None, MEAN_FRACTIONS)
+        return UnitRule(BLOCK, len(blocks), len(blocks), fractions)
+    return UnitRule(START, len({block.start for block in blocks}), None, fractions)
+
+
+def bet_fractions(*, by_start: bool, of_progress: bool) -> Floats:
+    """Return the fractions of the bets for a kind of unit and a metric; they are part of the method, not of a plan."""
+    if of_progress:
+        return PROGRESS_MEAN_FRACTIONS if by_start else PROGRESS_FRACTIONS
+    return MEAN_FRACTIONS if by_start else FRACTIONS
 
 
 def unit_series(study: StudyFile, blocks: Sequence[Block], first: str, second: str | None) -> UnitSeries:
@@ -126,9 +156,10 @@ def unit_series(study: StudyFile, blocks: Sequence[Block], first: str, second: s
     values: list[float] = []
     counted: list[Block] = []
     for unit in _units(study, blocks):
-        if any(arm not in block.succeeded for block in unit for arm in (first, second) if arm is not None):
+        known = [block.values(study) for block in unit]
+        if any(arm not in by_arm for by_arm in known for arm in (first, second) if arm is not None):
             break  # later units would break the random order
-        values.append(float(np.mean([_value(block, first, second) for block in unit])))
+        values.append(float(np.mean([_value(by_arm, first, second) for by_arm in known])))
         counted += unit
     return UnitSeries(tuple(values), tuple(counted))
 
@@ -145,7 +176,7 @@ def _units(study: StudyFile, blocks: Sequence[Block]) -> list[list[Block]]:
     return [units[start] for start in sorted(units, key=lambda start: last[start])]
 
 
-def _value(block: Block, first: str, second: str | None) -> float:
+def _value(by_arm: Mapping[str, float], first: str, second: str | None) -> float:
     if second is None:
-        return float(block.succeeded[first])
-    return float(as_share(float(block.succeeded[first]) - float(block.succeeded[second])))
+        return float(by_arm[first])
+    return float(as_share(float(by_arm[first]) - float(by_arm[second])))

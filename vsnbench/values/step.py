@@ -46,6 +46,9 @@ class StepRecord:
     """Digest of `vsnbench.values.encoding.image_digest`; None if the image was not rendered."""
     depth_digest: str | None = None
     """None without a depth image."""
+    rgb_file_digest: str | None = None
+    """Digest of the bytes of the colour file; None without a file."""
+    depth_file_digest: str | None = None
     timings: StepTimings = field(default_factory=StepTimings)
     probabilities: Mapping[str, float] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)

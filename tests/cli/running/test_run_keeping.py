@@ -10,10 +10,13 @@ from tests.cli.console import vsnbench
 from tests.cli.running.test_run import STORY, rows
 from vsnbench.errors import UsageError
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
+from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.runner.operator.provider import TerminalOperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.values.encoding.image_digest import file_digest
 
+FILE_DIGESTS = "SELECT number, rgb_file_digest, depth_file_digest FROM step ORDER BY number"
 WORDS = ("--model", "oracle", "--goal", "bed", "--starts", "2", "--max-steps", "5", "--workers", "1")
 
 
@@ -38,6 +41,13 @@ def test_what_is_kept_changes_nothing_that_happened(
     *same, rgb_digest, depth_digest = zip(*stories[KeepFiles.ALL], strict=True)
     assert [*same, (None,) * 5, depth_digest] == list(zip(*stories[KeepFiles.NONE], strict=True))
     assert None not in (*rgb_digest, *depth_digest)
+    for kept in KeepFiles:
+        for number, *digests in rows(tmp_path / kept, FILE_DIGESTS):
+            files = (
+                rgb_path(tmp_path / kept / "episodes/000001", number),
+                depth_path(tmp_path / kept / "episodes/000001", number),
+            )
+            assert digests == [file_digest(file.read_bytes()) if kept is not KeepFiles.NONE else None for file in files]
     assert rows(tmp_path / KeepFiles.NONE, "SELECT images_directory FROM episode") == [("",)]
     for kept, told in ((KeepFiles.IMAGES, 0), (KeepFiles.NONE, 1)):
         place = ("--results", str(tmp_path / kept))

@@ -337,7 +337,7 @@ def test_numbers_of_actions_are_compared_only_between_models_of_one_kind(lab: La
     (same,) = comparisons(lab, "turns", "walks")
     (other,) = comparisons(lab, "turns", "aims")
     assert [effect.measure for effect in same.effects[:2]] == ["actions", "actions of successful episodes"]
-    assert [effect.measure for effect in other.effects] == ["SPL", "SoftSPL", "SCT"]
+    assert [e.measure for e in other.effects] == ["progress", "SPL", "SoftSPL", "SCT", "driving time (s)"]
     assert [comparison_fields(each)["actions_compared"] for each in (same, other)] == [True, False]
     notes = [comparison_tables(each)[1].notes for each in (same, other)]
     assert [len(each) for each in notes] == [1, 2]

@@ -14,6 +14,7 @@ from tests.runner.stand_ins import APARTMENT
 from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner, store_bundle
@@ -22,6 +23,7 @@ from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.loop.session_context import RecordingOptions
 from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.trial_setup import TrialSetup, TrialSetupSpec, open_trial_setup
+from vsnbench.values.encoding.image_digest import file_digest
 
 PARAMETERS = ProtocolParameters(max_actions=3)
 PLAN = TrialSetupSpec(APARTMENT, "random", ("chair",), parameters=PARAMETERS)
@@ -91,6 +93,12 @@ def test_every_trial_is_stored_once_and_a_lost_one_runs_again(setup: TrialSetup,
         assert len(list((tmp_path / directory / "rgb").glob("*.jpg"))) == actions
         assert len(list((tmp_path / directory / "depth").glob("*.png"))) == actions
         assert (tmp_path / directory / "trajectory.tum").is_file()
+    for directory, number, rgb, depth in rows(
+        results,
+        "SELECT images_directory, number, rgb_file_digest, depth_file_digest FROM step JOIN episode ON id = episode_id",
+    ):
+        assert rgb == file_digest(rgb_path(tmp_path / directory, number).read_bytes())
+        assert depth == file_digest(depth_path(tmp_path / directory, number).read_bytes())
 
 
 def test_a_closed_claim_stores_nothing(setup: TrialSetup, tmp_path: Path) -> None:

@@ -4,7 +4,9 @@ import pytest
 
 from tests.study.studies import small_study
 from vsnbench.errors import StudyError
-from vsnbench.runner.study.arms import StudyPlace
+from vsnbench.runner.study.arms import StudyPlace, check_progress
+from vsnbench.settings.yaml_text import dump_yaml
+from vsnbench.sites.site import load_site
 from vsnbench.study.schedule import draw_schedule
 
 LIKE = {"stopping": "decided", "about": "cells-like-these"}
@@ -28,3 +30,17 @@ def test_a_study_with_too_few_starting_positions_is_refused() -> None:
 def test_a_locked_study_with_too_few_positions_can_be_read() -> None:
     study = small_study(**LIKE, starting_positions="1-6")
     assert len(StudyPlace.of(study, Path(), "locked").schedule.trials) == 24
+
+
+def test_progress_to_a_goal_that_the_map_has_no_path_to_is_refused(tmp_path: Path) -> None:
+    content = load_site("apartment").model_dump(mode="json")
+    for door in content["doors"]:
+        door["closed"] = door["closed"] or door["name"] == "bedroom door"
+    (tmp_path / "flat.yaml").write_text(dump_yaml(content))
+    fields = {"site": "flat.yaml", "goals": ["bed"], "starting_positions": "1-15"}
+    radius_m = 0.177
+    with pytest.raises(StudyError, match="no path there") as refused:
+        check_progress(StudyPlace.of(small_study(**fields, primary={"metric": "progress"}), tmp_path), radius_m)
+    assert refused.value.code == "no-progress"
+    check_progress(StudyPlace.of(small_study(**fields), tmp_path), radius_m)
+    check_progress(StudyPlace.of(small_study(primary={"metric": "progress"}), tmp_path), radius_m)

@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from vsnbench.cli.models.cards import card_json, card_rows
+from vsnbench.cli.models.cards import card_json, card_rows, comparison_json, comparison_rows
 from vsnbench.cli.models.fetching import fetch
 from vsnbench.cli.models.serving import check_against_contract, check_served, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Protocol
 from vsnbench.cli.support.output import Json, print_files, print_json
 from vsnbench.cli.support.terminal import safe
-from vsnbench.config import BUILT_IN_PROTOCOL
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, VARIABLE_OF
 from vsnbench.text.terminal import Console
 
 if TYPE_CHECKING:
     from vsnbench.models.contract import ModelCard, ModelCheck
     from vsnbench.models.description import ModelDescription
+    from vsnbench.values.robot_profile import RobotProfile
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -142,6 +143,16 @@ def check(
     ] = None,
     device: Annotated[str, typer.Option("--device", help="Device: auto, cpu, cuda or mps.")] = "auto",
     protocol: Protocol = BUILT_IN_PROTOCOL,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="Robot whose camera is compared with the one that the model was trained with.",
+        ),
+    ] = BUILT_IN_ROBOT,
     as_json: Json = False,
 ) -> None:
     """Check a model: the weights of a built-in model, or the behaviour of a class or server.
@@ -149,7 +160,7 @@ def check(
     Weights are compared with plain PyTorch. No code in the file runs; damaged or hostile files are refused.
     Classes and servers must be deterministic for a seed, independent of earlier episodes, accept unusual images, and
     answer in time (docs/models.md, docs/wire.md). Exit code 1 if a check fails.
-    A model whose card assumes other step sizes than the protocol's gets a warning.
+    A model whose card assumes other step sizes than the protocol's, or another camera than the robot's, gets a warning.
 
     [bold]Examples[/bold]
 
@@ -157,20 +168,22 @@ def check(
         vsnbench models check pirlnav --weights objectnav_rl_ft_hd.ckpt
         vsnbench models check pirlnav --device cpu --json
         vsnbench models check ws://127.0.0.1:8765
+        vsnbench models check vlv --robot turtlebot4
     """
     from vsnbench.models.description import describe_model
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
+    from vsnbench.robots.registry import profile_of
     from vsnbench.runner.setup.trial_setup import warn_of_assumptions
 
-    parameters = load_protocol(protocol)
+    parameters, profile = load_protocol(protocol), profile_of(robot)
     if name.startswith(("ws://", "wss://")):
-        check_served(name, model_config, parameters, as_json=as_json)
+        check_served(name, model_config, parameters, profile, as_json=as_json)
         return
     if not describe_model(name).can_check:
         given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
         options = {option: value for option, value in given.items() if value is not None}
-        check_against_contract(name, options, parameters, as_json=as_json)
+        check_against_contract(name, options, parameters, profile, as_json=as_json)
         return
     _, factory = locate(name)
     report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
@@ -178,9 +191,9 @@ def check(
     if card is not None:
         warn_of_assumptions(card, parameters)
     if as_json:
-        print_json({**_check_json(report), **card_json(card)})
+        print_json({**_check_json(report), **card_json(card), **comparison_json(card, profile)})
     else:
-        _print_check(report, card)
+        _print_check(report, card, profile)
 
 
 app.command("fetch")(fetch)
@@ -254,7 +267,7 @@ def _check_json(report: "ModelCheck") -> dict[str, Any]:
     }
 
 
-def _print_check(report: "ModelCheck", card: "ModelCard | None") -> None:
+def _print_check(report: "ModelCheck", card: "ModelCard | None", profile: "RobotProfile | None") -> None:
     console = Console()
     console.print(f"[bold]{report.weights}[/bold]", highlight=False, soft_wrap=True)
     grid = Table.grid(padding=(0, 2))
@@ -262,7 +275,7 @@ def _print_check(report: "ModelCheck", card: "ModelCard | None") -> None:
     grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
     for fact, value in report.facts.items():
         grid.add_row(fact.replace("_", " "), _fact_text(value))
-    for row in card_rows(card):
+    for row in (*card_rows(card), *comparison_rows(card, profile)):
         grid.add_row(*row)
     grid.add_row("engine", report.chosen_engine)
     grid.add_row("parity", _parity_text(report))

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vsnbench.report.analysis.summary import ConditionSummary
     from vsnbench.report.comparison.compare import Comparison
     from vsnbench.report.comparison.ranking import Ranking
+    from vsnbench.results.files.directory import ResultsDirectory
 
 
 class Format(StrEnum):
@@ -58,7 +59,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     flipped; exact McNemar if each cell was tried once. Independent samples:
     permutation of whole starting positions, or Fisher's exact test.
     Intervals: Newcombe for rates, paired if the test is; bootstrap of
-    starting positions for actions and SPL. Several questions are corrected
+    starting positions for actions, progress, SPL and courses. Several questions are corrected
     after Holm. Seeds and repetitions do not count as new positions. Below
     95 % of the planned trials no winner is named.
     """
@@ -70,7 +71,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.report.comparison.ranking import ranking_of
     from vsnbench.results.files.directory import ResultsDirectory
 
-    published = published_results()
+    published, place = published_results(), None
     if all(name.startswith("paper:") for name in models):
         from vsnbench.report.analysis.episodes_frame import empty_report_data
 
@@ -85,10 +86,32 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         )
         record = read(place.database_url, selection, place.path)
     summarised = summarise(record)
+    if place is not None:
+        record = _with_courses(record, [find_condition(name, summarised, published) for name in models], place)
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
     form = Format.JSON if as_json else form
     _print_comparisons(form.value, found, ranking_of(summaries, found), summaries, record)
+
+
+def _with_courses(
+    record: "ReportData", chosen: "Sequence[ConditionSummary]", place: "ResultsDirectory"
+) -> "ReportData":
+    """Return the record with the courses of the chosen conditions measured."""
+    from dataclasses import replace
+
+    from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.report.analysis.courses import measure_courses
+    from vsnbench.results.schema.migrate import open_record
+
+    conditions = tuple(summary.condition for summary in chosen if not summary.condition.published)
+    with ProgressBars() as progress, open_record(place.database_url) as engine:
+        measured, _ = measure_courses(
+            engine,
+            replace(record, conditions=conditions),
+            lambda done, of: progress.show("measuring courses", done, of),
+        )
+    return replace(record, courses=measured)
 
 
 def _print_comparisons(

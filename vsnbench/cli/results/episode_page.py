@@ -9,6 +9,7 @@ from vsnbench.cli.support.terminal import safe
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from vsnbench.report.analysis.courses import CourseMeasures
     from vsnbench.results.goals import RecordedGoal
     from vsnbench.results.reading.rows import EpisodeDetails
     from vsnbench.text.terminal import Console
@@ -22,12 +23,13 @@ def print_page(
     console: "Console",
     details: "EpisodeDetails",
     steps: "tuple[StepRecord, ...]",
+    measures: "CourseMeasures",
     directory: Path | None,
     *,
     every_step: bool,
 ) -> None:
     """Print an episode; `directory` holds its images, or is None without images."""
-    _print_summary(console, details, directory)
+    _print_summary(console, details, measures, directory)
     _print_actions(console, steps)
     if every_step:
         _print_steps(console, steps)
@@ -52,7 +54,24 @@ def fixed(value: float, places: int, unit: str = "") -> str:
     return f"{value:z.{places}f}{unit}" if math.isfinite(value) else ""
 
 
-def _print_summary(console: "Console", details: "EpisodeDetails", directory: Path | None) -> None:
+def _course_rows(progress: float | None, measures: "CourseMeasures") -> list[tuple[str, str]]:
+    """Return how far the robot came, and how; nothing of what is unknown."""
+    parts = {
+        "progress": "" if progress is None else f"{100 * progress:.0f} % of the shortest path",
+        "furthest stage": measures.stage.value if measures.stage else "",
+        "clearance": ""
+        if measures.clearance_min_m is None
+        else f"at least {measures.clearance_min_m:.2f} m, 5th percentile {measures.clearance_p5_m:.2f} m",
+        "turning": ""
+        if measures.heading_change_deg_per_m is None
+        else f"{measures.heading_change_deg_per_m:.0f}° per metre",
+    }
+    return [(name, text) for name, text in parts.items() if text]
+
+
+def _print_summary(
+    console: "Console", details: "EpisodeDetails", measures: "CourseMeasures", directory: Path | None
+) -> None:
     episode = details.summary
     color = COLORS[episode.outcome]
     note = "" if details.counts or episode.outcome == "running" else "; it does not count for its trial"
@@ -75,6 +94,7 @@ def _print_summary(console: "Console", details: "EpisodeDetails", directory: Pat
         ),
         ("actions", str(episode.actions)),
         ("distance to goal", (metres(episode.distance_to_goal_m, episode.success_distance_m) or "unknown") + source),
+        *_course_rows(episode.progress, measures),
         (
             "path",
             f"{metres(episode.path_length_m) or 'unknown'} (shortest {metres(episode.geodesic_start_m) or 'unknown'})",

@@ -12,6 +12,7 @@ from vsnbench.cli.support.output import Json, print_json
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
+    from vsnbench.report.analysis.courses import CourseMeasures
     from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
     from vsnbench.values.step import StepRecord
 
@@ -160,6 +161,7 @@ def show(
     """
     from vsnbench.cli.results.episode_page import print_page
     from vsnbench.cli.support.terminal import page
+    from vsnbench.report.analysis.courses import measures_of
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_details, episode_steps
     from vsnbench.results.schema.migrate import open_record
@@ -167,11 +169,12 @@ def show(
     place = ResultsDirectory.locate(results, db)
     with open_record(place.database_url) as engine:
         details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
+        measures = measures_of(engine, details)
     directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
     if as_json:
-        print_json(_details_object(details, recorded_steps, directory))
+        print_json(_details_object(details, recorded_steps, measures, directory))
         return
-    print_page(page(), details, recorded_steps, directory, every_step=steps)
+    print_page(page(), details, recorded_steps, measures, directory, every_step=steps)
 
 
 def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
@@ -198,6 +201,8 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
         "collision": episode.collision,
         "path_length_m": episode.path_length_m,
         "shortest_path_m": episode.geodesic_start_m,
+        "geodesic_end_m": episode.geodesic_end_m,
+        "progress": episode.progress,
         "duration_s": episode.duration_s,
         "started_at": episode.started_at.isoformat(),
         "ended_at": episode.ended_at.isoformat() if episode.ended_at else None,
@@ -207,7 +212,7 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 
 
 def _details_object(
-    details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", directory: Path | None
+    details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
 ) -> dict[str, object]:
     from dataclasses import asdict
 
@@ -216,9 +221,17 @@ def _details_object(
     return {
         **_summary_object(details.summary),
         **fields,
+        **asdict(measures),
+        "thinking_s": _thinking_s(steps),
         "directory": str(directory) if directory else None,
         "steps": [_step_object(step) for step in steps],
     }
+
+
+def _thinking_s(steps: "tuple[StepRecord, ...]") -> float | None:
+    """Return the inference time of an episode; None unless every step has one."""
+    times = [step.timings.infer_s for step in steps]
+    return sum(time for time in times if time is not None) if times and None not in times else None
 
 
 def _step_object(step: "StepRecord") -> dict[str, object]:
@@ -250,6 +263,8 @@ def _step_object(step: "StepRecord") -> dict[str, object]:
         "collision_touched": collision.touched if collision else None,
         "rgb_digest": step.rgb_digest,
         "depth_digest": step.depth_digest,
+        "rgb_file_digest": step.rgb_file_digest,
+        "depth_file_digest": step.depth_file_digest,
         **asdict(step.timings),
         "movement": movement_to_json(step.movement) if step.movement else None,
         "path_m": number(result.path_m) if result and result.path_m is not None else None,

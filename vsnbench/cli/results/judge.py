@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vsnbench.runner.operator.contract import Judgement
 
 _ANSWER = "Judgement (one of these)"
+_SECOND = "Blind second judgement"
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -51,6 +52,32 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         ),
     ] = False,
     pending: Annotated[bool, typer.Option("--pending", help="List episodes that await judgement.")] = False,
+    second: Annotated[
+        str | None,
+        typer.Option(
+            "--second",
+            metavar="RATER",
+            help="Judge as a second person, without the first verdict and the model's name. Without an episode: in a "
+            "browser.",
+            rich_help_panel=_SECOND,
+        ),
+    ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(
+            "--sample", min=1, show_default="all", help="Number of episodes, drawn at random.", rich_help_panel=_SECOND
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of sample and order.", rich_help_panel=_SECOND)] = 0,
+    port: Annotated[
+        int,
+        typer.Option(
+            "--port", min=0, max=65535, help="Port of the page; 0 for any free port.", rich_help_panel=_SECOND
+        ),
+    ] = 8730,
+    retract: Annotated[
+        bool, typer.Option("--retract", help="Retract the rater's answer.", rich_help_panel=_SECOND)
+    ] = False,
     as_json: Json = False,
     results: Results = None,
     db: Database = None,
@@ -67,6 +94,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench judge 17 --distance 0.84
         vsnbench judge 17 --collision "leg of the table"
         vsnbench judge 17 --void "a visitor moved the chair" --yes
+        vsnbench judge --second Grace --sample 40
     """
     from vsnbench.errors import UsageError
     from vsnbench.results.files.directory import ResultsDirectory
@@ -80,6 +108,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         "--confirm": (AnswerKind.CONFIRM, "" if confirm else None),
     }
     answers = {option: Answer(kind, text, note) for option, (kind, text) in given.items() if text is not None}
+    if second is not None:
+        from vsnbench.cli.results.second_judge import SecondOptions, judge_second
+
+        if pending or yes:
+            raise UsageError(f"--second does not go with {'--pending' if pending else '--yes'}", advice="leave it out")
+        options = SecondOptions(sample, seed, port, retract)
+        judge_second(place, second, number, answers, options, as_json=as_json)
+        return
+    if sample is not None or retract:
+        raise UsageError(f"{'--retract' if retract else '--sample'} goes with --second RATER")
     if pending:
         if number is not None or answers:
             raise UsageError("--pending lists episodes", advice="judge one of them with `vsnbench judge N`")

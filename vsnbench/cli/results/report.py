@@ -164,7 +164,8 @@ def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
         from vsnbench.report.formats.json import to_json
 
         typer.echo(
-            to_json(results, report.questions, report.activity, report.record, report.operator_activity), nl=False
+            to_json(results, report.questions, report.activity, report.record, report.operator_activity, report.raters),
+            nl=False,
         )
         return
     _print_tables_as(form, report.tables(long=long), results)

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Results, RobotOrProfile
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.config import CHECKED_ROBOT
@@ -21,6 +22,12 @@ _STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 def command(
     robot: RobotOrProfile = CHECKED_ROBOT,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--model", "-m", metavar="A,B", help="Models whose training camera is compared with the robot's camera."
+        ),
+    ] = None,
     move: Annotated[
         bool,
         typer.Option(
@@ -45,16 +52,21 @@ def command(
         vsnbench doctor --robot turtlebot4@robot1
 
         vsnbench doctor --robot simulated
+
+        vsnbench doctor --robot turtlebot2 --model pirlnav
     """
     from dataclasses import asdict
 
     from rich.markup import escape
     from rich.table import Table
 
+    from vsnbench.models.description import describe_model
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.robots.checkup.check_up import check_up
     from vsnbench.robots.checkup.result import CheckResult, Health
+    from vsnbench.robots.checkup.trained_camera import trained_camera_result
     from vsnbench.robots.profiles import load_profile
+    from vsnbench.robots.registry import profile_of
     from vsnbench.text.terminal import Console
 
     simulated = robot.partition(":")[0] == "simulated"
@@ -62,6 +74,11 @@ def command(
     checks: list[CheckResult] = list(_check_machine(ResultsDirectory.locate(results, db)))
     if profile is not None:
         checks += check_up(profile, move=move)
+    checks += [
+        trained_camera_result(name, describe_model(name).card, seen.camera)
+        for name in split_list(model)
+        if (seen := profile or profile_of(robot)) is not None
+    ]
     failed = sum(check.health is Health.FAILED for check in checks)
     if as_json:
         print_json([asdict(check) for check in checks])

@@ -16,6 +16,7 @@ from vsnbench.cli.support.options import (
     Rehearse,
     Results,
     Unattended,
+    fit_of,
     operator_page,
     requested_workers,
     sites_of,
@@ -128,6 +129,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         bool,
         typer.Option("--noise", help="Add noise to simulated depth and odometry.", rich_help_panel=EXECUTION_PANEL),
     ] = False,
+    fit: Annotated[
+        str,
+        typer.Option(
+            "--fit",
+            metavar="full|crop",
+            help="Images for the model: the robot's (full), or cropped to the field of view that the model was trained "
+            "with (crop).",
+            rich_help_panel=_MODEL,
+        ),
+    ] = "full",
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
@@ -252,6 +263,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         shuffle=shuffle,
         noise=noise,
         rehearsal=rehearse,
+        fit=fit_of(fit),
         model_options={name: value for name, value in options.items() if value is not None},
         act_timeout_s=None if remote else act_timeout_s,
         isolation=None if isolate is None else _isolation(isolate),

@@ -74,6 +74,8 @@ def power_table(place: "StudyPlace", rate: float) -> "ReportTable":
         f"{size}; mean rate {rate:.0%}; {level}. Each line is from hundreds of simulated studies.",
         "Assumed: cells differ in difficulty (correlation 0.3; 0.1 across goals), half of it shared by both models.",
     ]
+    if study.of_progress:
+        notes.append("The power is that of success alone; the primary analysis is of progress.")
     if study.margin:
         notes.append(f"A difference counts if it is larger than the margin of {study.margin:.0%}.")
     smallest = next((power.difference for power in powers if power.power >= study.power), None)

@@ -199,8 +199,10 @@ def plan(
 
     [bold]vsnbench study plan study.yaml --rate 0.6[/bold]
     """
+    from vsnbench.cli.study.pilot import no_pairs_line, pilot_fields, recorded_pairs
     from vsnbench.cli.study.text import duration_line, power_table
     from vsnbench.cli.support.terminal import page
+    from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.tables.report_table import print_tables
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.study.arms import StudyPlace
@@ -208,14 +210,18 @@ def plan(
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    table = power_table(place, rate)
-    pace = duration_line(place, ResultsDirectory.locate(results, db), seconds)
+    table, directory = power_table(place, rate), ResultsDirectory.locate(results, db)
+    pace = duration_line(place, directory, seconds)
+    pairs = recorded_pairs(place, directory)
     if as_json:
         names = ("difference_percent", "power_percent", "blocks")
         rows = [dict(zip(names, (cell.key for cell in line.cells), strict=True)) for line in table.rows]
-        print_json({"rate": rate, "power": rows, "notes": list(table.notes), "pace": pace})
+        fields = {"rate": rate, "power": rows, "notes": list(table.notes), "pace": pace}
+        print_json(fields | ({"pilot": pilot_fields(pairs)} if study.of_progress else {}))
         return
-    print_tables([table], page())
+    print_tables([table, *([pilot_table(pairs, study)] if pairs else [])], page())
+    if study.of_progress and not pairs:
+        typer.echo(no_pairs_line(place))
     typer.echo(pace)
 
 

@@ -15,6 +15,7 @@ from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
+    from vsnbench.models.camera_fit import Fit
     from vsnbench.results.files.directory import KeepFiles
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.web.operator.page import OperatorPage
@@ -162,6 +163,19 @@ def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
     if live and given != KeepFiles.ALL:
         raise UsageError(f"--live shows an episode from its Rerun copy, which --keep {given} does not make")
     return KeepFiles(given)
+
+
+def fit_of(given: str) -> "Fit":
+    """Return the value of `--fit`.
+
+    Raises:
+        UsageError: the value is unknown.
+    """
+    from vsnbench.models.camera_fit import Fit
+
+    if given not in list(Fit):
+        raise UsageError(f"--fit {given}: unknown value", advice=f"give {' or '.join(Fit)}", code="unknown-value")
+    return Fit(given)
 
 
 def requested_workers(given: str) -> "WorkerOptions":

@@ -5,7 +5,7 @@ Camera image and odometry in, one of the protocol's actions out.
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
@@ -22,6 +22,7 @@ from vsnbench.models.pirlnav.engine import StepInput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
@@ -50,12 +51,20 @@ ACTIONS: Final = (
 """In the order of the network's logits; the camera of these robots cannot tilt (paper, Section 3.2.2)."""
 
 
+HABITAT_CAMERA = TrainedCamera(mount_height_m=0.88, tilt_deg=0, horizontal_fov_deg=79, width=640, height=480)
+"""Of the published checkpoints: `configs/tasks/objectnav_hm3d.yaml` of github.com/Ram81/pirlnav."""
+DEMONSTRATION_CAMERA = TrainedCamera(
+    mount_height_m=(0.5, 0.75), tilt_deg=(-5, 5), horizontal_fov_deg=(55, 68), width=640, height=480
+)
+"""Of the embedded demonstration weights: `training/recipe.py`."""
+
+
 class PIRLNav(Policy):
     """The first model of the paper."""
 
     known_goals: ClassVar = tuple(GOALS)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.ODOMETRY)
-    default_card: ClassVar = ModelCard("pirlnav", forward_m=0.25, turn_deg=30.0)
+    default_card: ClassVar = ModelCard("pirlnav", forward_m=0.25, turn_deg=30.0, camera=HABITAT_CAMERA)
     weights_file: ClassVar = "pirlnav.ckpt"
     settings_class: ClassVar = PIRLNavSettings
 
@@ -110,6 +119,7 @@ class PIRLNav(Policy):
             settings=self._record_of(settings, checkpoint),
             forward_m=self.default_card.forward_m,
             turn_deg=self.default_card.turn_deg,
+            camera=trained_camera(checkpoint),
             runs_on={
                 "device": self.chosen.device,
                 "runtime": self.chosen.runtime.value,
@@ -134,7 +144,9 @@ class PIRLNav(Policy):
         require_torch()
         from vsnbench.models.pirlnav.checking import check_checkpoint
 
-        return check_checkpoint(_checkpoint_at(weights), _settings_from(model_config), device)
+        checkpoint = _checkpoint_at(weights)
+        checked = check_checkpoint(checkpoint, _settings_from(model_config), device)
+        return replace(checked, card=replace(cls.default_card, camera=trained_camera(checkpoint)))
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
@@ -222,6 +234,11 @@ def _checkpoint_at(weights: str | Path | None) -> Checkpoint:
             f"actions and HM3D's {len(GOALS)} goals are supported"
         )
     return checkpoint
+
+
+def trained_camera(checkpoint: Checkpoint) -> TrainedCamera:
+    """Return the camera that a checkpoint was trained with."""
+    return DEMONSTRATION_CAMERA if checkpoint.demonstration else HABITAT_CAMERA
 
 
 def describe_weights(checkpoint: Checkpoint) -> str:

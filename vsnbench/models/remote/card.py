@@ -4,9 +4,12 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any, TypeVar
 
+from pydantic import ValidationError
+
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.remote.vsnbench_policy import SENSORS
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.action import Action, can_replace
 from vsnbench.values.goal import GoalKind
@@ -20,8 +23,8 @@ _MAX_ENTRIES = 50
 _MAX_NAME = 100
 _MAX_TEXT = 300
 _LARGEST_STEP = 360.0
-_SINCE_VERSION_2 = ("goal_kinds", "action_kinds", "action_map", "forward_m", "turn_deg")
-_NOT_IDENTITY = ("runs_on", "forward_m", "turn_deg")
+_SINCE_VERSION_2 = ("goal_kinds", "action_kinds", "action_map", "forward_m", "turn_deg", "camera")
+_NOT_IDENTITY = ("runs_on", "forward_m", "turn_deg", "camera")
 
 
 def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
@@ -64,6 +67,7 @@ def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
         action_map=_action_map(card.get("action_map")),
         forward_m=_step_size(card, "forward_m"),
         turn_deg=_step_size(card, "turn_deg"),
+        camera=_camera(card.get("camera")),
     )
 
 
@@ -114,6 +118,18 @@ def _step_size(card: Mapping[str, Any], name: str) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _LARGEST_STEP:
         raise ModelError(f"its card's {name} is not a number above 0")
     return float(value)
+
+
+def _camera(given: object) -> TrainedCamera | None:
+    """Return the camera that the model was trained with; None if the card has none."""
+    if given is None:
+        return None
+    try:
+        return TrainedCamera.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(["camera", *(str(part) for part in first["loc"][:1])])
+        raise ModelError(f"its card's {where} is invalid: {sanitize(first['msg'])[:_MAX_TEXT]}") from error
 
 
 def _are_strings(value: object) -> bool:

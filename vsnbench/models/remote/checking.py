@@ -8,6 +8,7 @@ from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import (
     SEED,
     ContractFinding,
+    camera_findings,
     card_summary,
     episode,
     known_goal,
@@ -21,14 +22,18 @@ from vsnbench.models.remote.connection import Connection
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
 
 
 def check_server(
-    url: str, model_config: Path | None = None, parameters: ProtocolParameters | None = None
+    url: str,
+    model_config: Path | None = None,
+    parameters: ProtocolParameters | None = None,
+    profile: RobotProfile | None = None,
 ) -> tuple[ContractFinding, ...]:
-    """Run every check of the wire protocol.
+    """Run every check of the wire protocol, and compare the trained camera with that of a robot's profile.
 
     Raises:
         UsageError: the address is invalid.
@@ -42,6 +47,7 @@ def check_server(
         goal = known_goal(policy)
         return (
             ContractFinding("hello", True, card_summary(policy)),
+            *camera_findings(policy, profile),
             *try_each(
                 {
                     "reset twice": lambda: reset_twice(policy, goal),

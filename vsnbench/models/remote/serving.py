@@ -60,6 +60,7 @@ class ServedPolicy:
             "goal_kinds": sorted(card.goal_kinds),
             "action_map": {action.value: replaced.value for action, replaced in card.action_map.items()},
             **{name: size for name in ("forward_m", "turn_deg") if (size := getattr(card, name)) is not None},
+            **({} if card.camera is None else {"camera": card.camera.model_dump(mode="json", exclude_none=True)}),
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
             "runs_on": dict(card.runs_on),

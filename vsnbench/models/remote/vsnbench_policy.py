@@ -325,13 +325,19 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "goal_kinds": _kinds(given.get("goal_kinds"), GOAL_KINDS, "goal kinds"),
         "action_map": _action_map(given.get("action_map")),
         **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
+        **({} if given.get("camera") is None else {"camera": plain(_camera(given["camera"]))}),
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
-    *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg"),
+    *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
 )
+
+
+def _camera(given: Any) -> Any:
+    """Return the camera of a card: a mapping, or an object of vsnbench."""
+    return given if isinstance(given, dict) else given.model_dump(mode="json", exclude_none=True)
 
 
 def _kinds(given: Any, known: tuple[str, ...], name: str) -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.checkpoints.torch_runtime import require_torch
 from vsnbench.models.contract import ModelCard, ModelCheck, Policy
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
@@ -28,10 +29,17 @@ from vsnbench.values.observation import Observation, Sensor
 logger = logging.getLogger(__name__)
 
 
+HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_deg=90, width=224, height=224)
+"""Camera that the published navigation ran with, in github.com/MatthewChang/video-dqn: image size and height in
+`configs/tasks/pointnav_rgbd.yaml` and `map_and_plan_agent/slam.py`, the rest Habitat's default. The value network was
+trained on videos of unknown cameras."""
+
+
 class ModularPolicy(Policy):
     """A policy of map, planner and detector; a subclass chooses where to look for the goal."""
 
     name: ClassVar[str]
+    default_card: ClassVar[ModelCard]
     known_goals: ClassVar = tuple(CLASS_OF_GOAL)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY)
     settings_class: ClassVar = VLVSettings
@@ -60,6 +68,7 @@ class ModularPolicy(Policy):
             settings=self._record(),
             forward_m=self.settings.forward_m,
             turn_deg=self.settings.turn_deg,
+            camera=self.default_card.camera,
             runs_on={"device": device},
         )
 
@@ -126,7 +135,9 @@ class VLV(ModularPolicy):
     """The second model of the paper."""
 
     name: ClassVar = "vlv"
-    default_card: ClassVar = ModelCard("vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
+    default_card: ClassVar = ModelCard(
+        "vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg, camera=HABITAT_CAMERA
+    )
     weights_file: ClassVar = "vlv_model.torch"
 
     def __init__(
@@ -167,7 +178,8 @@ class VLV(ModularPolicy):
 
         settings = _settings_from(model_config)
         checked = check_weights(Path(weights) if weights is not None else None, settings, device)
-        return replace(checked, card=ModelCard("vlv", forward_m=settings.forward_m, turn_deg=settings.turn_deg))
+        card = replace(cls.default_card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
+        return replace(checked, card=card)
 
     def _make_search(self, seed: int) -> Search:
         return Search(self.settings, self._planner, seed, self._reliability, with_value=bool(self._value.sha256))

@@ -9,6 +9,7 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Selection, read_conditions
+from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
 from vsnbench.report.analysis.failures import Failures
 from vsnbench.report.analysis.judgements import Judgements
@@ -77,6 +78,7 @@ class Activity:
     robots: tuple[RobotActivity, ...]
     failures: tuple[Failures, ...] = ()
     judgements: tuple[Judgements, ...] = ()
+    courses: tuple[CourseSummary, ...] = ()
 
 
 def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:

@@ -1,4 +1,4 @@
-"""SPL, SoftSPL and SCT of every episode of a DataFrame; `vsnbench.protocol.metrics` defines them."""
+"""Progress, SPL, SoftSPL and SCT of every episode of a DataFrame; `vsnbench.protocol.metrics` defines them."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -18,13 +18,17 @@ def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
     return efficiency.where(frame["success"], 0.0)
 
 
-def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.soft_spl` of every row."""
+def progress_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.progress` of every row; NaN if a length is unknown."""
     shortest, remaining = frame["shortest_m"], frame["remaining_m"]
     moved = (1.0 - remaining / shortest.where(shortest > 0)).clip(0.0, 1.0)
     there = (remaining <= 0).astype(float)  # the start was at the goal
-    progress = moved.where(shortest > 0, there).where(remaining.notna() & shortest.notna())
-    return progress * _efficiency(frame)
+    return moved.where(shortest > 0, there).where(remaining.notna() & shortest.notna())
+
+
+def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
+    """Return `vsnbench.protocol.metrics.soft_spl` of every row."""
+    return progress_of(frame) * _efficiency(frame)
 
 
 def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
 
 from vsnbench.report.analysis.conditions import Condition, Selection, read_conditions
-from vsnbench.report.analysis.efficiency import add_times, soft_spl_of, spl_of
+from vsnbench.report.analysis.efficiency import add_times, progress_of, soft_spl_of, spl_of
 from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, site_contents
 from vsnbench.results.reading.read_model import (
     COUNTED,
@@ -62,6 +62,7 @@ COLUMNS: dict[str, str] = {
     "duration_s": "on the robot's clock; NaN if unknown",
     "thinking_s": "wall time of the model's inference, on a real robot; NaN in simulation and if unknown",
     "wall_duration_s": "wall time; NaN if unknown",
+    "progress": "share of the shortest path that was covered, 0 to 1; NaN if a length is unknown",
     "spl": "success weighted by path length: 0 for a failure, NaN for a success of unknown length",
     "soft_spl": "SPL with progress instead of success; NaN if a length is unknown",
     "sct": "success weighted by completion time: 0 for a failure, NaN for a success of unknown time",
@@ -86,6 +87,8 @@ class ReportData:
     results_directory: Path | None = None
     goals: Mapping[str, RecordedGoal] = field(default_factory=dict)
     """Definitions of the goals that are not categories, by the name in the column `goal`."""
+    courses: "pd.DataFrame | None" = None
+    """Measures of the examined episodes (`courses.measure_courses`); None until they are measured."""
 
     def of(self, condition: Condition) -> "pd.DataFrame":
         """Return the episodes of one condition."""
@@ -132,6 +135,7 @@ class EpisodeColumns:
     actions: "Integers"
     spl: "Floats"
     soft_spl: "Floats"
+    progress: "Floats"
     sct: "Floats"
     duration_s: "Floats"
     thinking_s: "Floats"
@@ -283,6 +287,7 @@ def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFr
         frame[name] = frame[name].astype("category")
     frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
     frame.insert(1, "condition", frame["campaign"].map(dict(condition_of)).astype(np.int64))
+    frame["progress"] = progress_of(frame)
     frame["spl"] = spl_of(frame)
     frame["soft_spl"] = soft_spl_of(frame)
     return frame

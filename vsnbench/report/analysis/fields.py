@@ -31,6 +31,8 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
         "soft_spl": summary.soft_spl,
         "spl_episodes": summary.spl_episodes,
         "soft_spl_episodes": summary.soft_spl_episodes,
+        "progress": summary.progress,
+        "progress_episodes": summary.progress_episodes,
         "sct": summary.sct,
         "sct_episodes": summary.sct_episodes,
         "mean_driving_s": summary.mean_driving_s,

@@ -138,6 +138,8 @@ def _summary(
         soft_spl=math.nan,
         spl_episodes=0,
         soft_spl_episodes=0,
+        progress=math.nan,
+        progress_episodes=0,
         sct=math.nan,
         sct_episodes=0,
         mean_driving_s=math.nan,

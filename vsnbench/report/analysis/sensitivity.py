@@ -174,7 +174,7 @@ class Grid:
 def grid(summary: ConditionSummary) -> Grid:
     """Return all cells of a condition with a known starting position."""
     cells = {
-        (goal.goal, cell.cluster): Proportion(cell.successes, cell.trials)
+        (goal.goal, cell.cluster): Proportion(round(cell.successes), cell.trials)
         for goal in summary.goals
         for cell in goal.summary.outcomes.cells
         if cell.cluster > 0

@@ -51,6 +51,10 @@ class Summary:
     """Number of episodes in `spl`."""
     soft_spl_episodes: int
     """Number of episodes in `soft_spl`."""
+    progress: float
+    """Mean over the episodes with known shortest paths."""
+    progress_episodes: int
+    """Number of episodes in `progress`."""
     sct: float
     """Mean over failures (0) and successes with known time; NaN if no success has a known time."""
     sct_episodes: int
@@ -284,9 +288,9 @@ def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summ
     """Return the statistics of episodes of any state; `outcomes` covers the counted ones."""
     import numpy as np
 
-    state = episodes.state
-    counted = episodes[state.of(COUNTED)]
+    counted = episodes[episodes.state.of(COUNTED)]
     spl, soft_spl, sct = _known(counted.spl), _known(counted.soft_spl), _known(counted.sct)
+    progress, distance_m = _known(counted.progress), _known(counted.distance_m)
     # The zeros of the failures alone would be misleading.
     if counted.success.any() and np.isnan(counted.spl[counted.success]).all():
         spl = spl[:0]
@@ -296,19 +300,21 @@ def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summ
         successes=int(counted.success.sum()),
         episodes=len(counted.success),
         planned=planned,
-        void=int(state.of(VOID).sum()),
-        unjudged=int(state.of(UNJUDGED).sum()),
+        void=int(episodes.state.of(VOID).sum()),
+        unjudged=int(episodes.state.of(UNJUDGED).sum()),
         mean_actions=_mean(counted.actions),
         mean_actions_successful=_mean(counted.actions[counted.success]),
         spl=_mean(spl),
         soft_spl=_mean(soft_spl),
         spl_episodes=len(spl),
         soft_spl_episodes=len(soft_spl),
+        progress=_mean(progress),
+        progress_episodes=len(progress),
         sct=_mean(sct),
         sct_episodes=len(sct),
         mean_driving_s=_mean(_known(counted.duration_s)),
         mean_thinking_s=_mean(_known(counted.thinking_s)),
-        median_distance_m=_median(_known(counted.distance_m)),
+        median_distance_m=float(np.median(distance_m)) if len(distance_m) else math.nan,
         collisions=int(counted.end_reason.of(EndReason.COLLISION.value).sum()),
         step_limits=int(counted.end_reason.of(EndReason.STEP_LIMIT.value).sum()),
         time_limits=int(counted.end_reason.of(EndReason.TIME_LIMIT.value).sum()),
@@ -341,9 +347,3 @@ def _mean(numbers: "NDArray[Any]") -> float:
     import numpy as np
 
     return float(np.sort(numbers).mean()) if len(numbers) else math.nan
-
-
-def _median(numbers: "NDArray[np.float64]") -> float:
-    import numpy as np
-
-    return float(np.median(numbers)) if len(numbers) else math.nan

@@ -3,13 +3,11 @@
 import math
 from dataclasses import dataclass
 
-from sqlalchemy import Engine, select
+from sqlalchemy import Engine
 
 from vsnbench.report.analysis.conditions import Condition
+from vsnbench.report.analysis.courses import read_courses
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Episode, Step
-from vsnbench.values.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,27 +38,13 @@ def read_tracks(engine: Engine, record: ReportData, condition: Condition, max_pe
     rank = rows.groupby("goal", observed=True).cumcount()
     chosen = rows[(rank % rows["goal"].astype(str).map(strides).astype(int)) == 0]
     numbers = [int(number) for number in chosen["episode"]]
-    with record_errors(engine), engine.connect() as connection:
-        found = connection.execute(
-            select(
-                *(Episode.id, Episode.start_x_m, Episode.start_y_m, Episode.start_heading_rad),
-                *(Step.world_x_m, Step.world_y_m, Step.after_x_m, Step.after_y_m),
-            )
-            .join(Step, Step.episode_id == Episode.id)
-            .where(Episode.id.in_(numbers))
-            .order_by(Step.episode_id, Step.number)
-        ).all()
-    points: dict[int, list[tuple[float, float]]] = {}
-    for number, x, y, heading, world_x, world_y, after_x, after_y in found:
-        start = None if x is None or y is None or heading is None else Pose(x, y, heading)
-        track = points.setdefault(number, [start.position] if start else [])
-        if world_x is not None and world_y is not None:
-            track.append((world_x, world_y))
-        elif start and after_x is not None and after_y is not None:
-            track.append(start.compose(Pose(after_x, after_y)).position)
+    courses = read_courses(engine, numbers)
     columns = (chosen["goal"], chosen["start"], chosen["success"], chosen["end_reason"])
     return tuple(
-        Track(number, str(goal), int(start), bool(success), str(reason), tuple(points[number]))
+        Track(
+            *(number, str(goal), int(start), bool(success), str(reason)),
+            tuple(pose.position for pose in courses[number].poses),
+        )
         for number, goal, start, success, reason in zip(numbers, *columns, strict=True)
-        if points.get(number)
+        if number in courses and courses[number].poses
     )

@@ -221,7 +221,11 @@ class _Side:
 def _side(record: ReportData, summary: ConditionSummary) -> _Side:
     if summary.condition.published:
         record = empty_report_data()
-    rows = record.counted(summary.condition)[["goal", "start", "campaign", "repetition", "success", *MEASURED]]
+    rows = record.counted(summary.condition)[
+        ["episode", "goal", "start", "campaign", "repetition", "success", *MEASURED]
+    ]
+    if record.courses is not None:
+        rows = rows.merge(record.courses.drop(columns="stage"), on="episode", how="left")
     return _Side(summary, rows, seeded(rows, summary.condition))
 
 

@@ -1,9 +1,10 @@
-"""Differences in actions and path efficiency, with intervals clustered by starting position."""
+"""Differences in actions, progress, paths, times and courses, with intervals clustered by starting position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from vsnbench.report.analysis import courses
 from vsnbench.statistics.bootstrap import ClusterSums, clustered_bootstrap
 from vsnbench.statistics.rates import Interval
 
@@ -35,19 +36,28 @@ class EffectComparison:
 MEASURES = {
     "actions": "actions",
     "actions of successful episodes": "actions",
+    "progress": "progress",
     "SPL": "spl",
     "SoftSPL": "soft_spl",
     "SCT": "sct",
+    "driving time (s)": "duration_s",
+    "thinking time (s)": "thinking_s",
+    "minimum clearance (m)": "clearance_min_m",
+    "clearance, 5th percentile (m)": "clearance_p5_m",
+    "heading change (°/m)": "heading_change_deg_per_m",
 }
-"""Measure -> column of the episodes."""
+"""Measure -> column of the episodes, or of `ReportData.courses`."""
 
-MEASURED = tuple(dict.fromkeys(MEASURES.values()))
+MEASURED = tuple(column for column in dict.fromkeys(MEASURES.values()) if column not in courses.MEASURES)
+"""Those that every record has."""
+OPTIONAL = ("progress", "duration_s", "thinking_s", *courses.MEASURES)
+"""Those that are left out where no episode of a model has them."""
 
 
 def effects(
     first: "pd.DataFrame", second: "pd.DataFrame", goals: Sequence[str], *, together: bool
 ) -> tuple[EffectComparison, ...]:
-    """Compare every measure on some goals.
+    """Compare every measure on some goals; without those of which both models lack values.
 
     Args:
         first: counted episodes of the first condition.
@@ -59,9 +69,13 @@ def effects(
     starts = sorted(set(sides[0]["start"]) | set(sides[1]["start"])) if together else None
     found = []
     for measure, column in MEASURES.items():
+        if any(column not in rows for rows in sides):
+            continue
         chosen = [rows[rows["success"]] if "successful" in measure else rows for rows in sides]
         a, b = (_by_start(rows, column, starts) for rows in chosen)
         interval = clustered_bootstrap(a, b, shared_clusters=together)
+        if column in OPTIONAL and not (a.counts.any() and b.counts.any()):
+            continue
         found.append(EffectComparison(measure, a.mean, b.mean, interval))
     return tuple(found)
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsnbench.errors import SiteError
 from vsnbench.report.analysis.conditions import Condition, Selection
+from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.published import published_results
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.analysis.trajectories import Track, read_tracks
@@ -18,8 +18,10 @@ from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.cells import success_by_cell
 from vsnbench.report.figures.cumulative import mileage, outcomes_over_actions
 from vsnbench.report.figures.differences import differences
+from vsnbench.report.figures.failure_map import failure_maps
 from vsnbench.report.figures.plans import success_maps, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
+from vsnbench.report.figures.stages import stage_bars
 from vsnbench.report.figures.style import Drawing
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.runtime.child_process import end_with_parent
@@ -38,8 +40,10 @@ _ORDER = (
     "differences",
     "success-by-goal",
     "success-by-cell",
+    "stages",
     "outcomes-over-actions",
     "success-map",
+    "failure-map",
     "trajectories",
     "actions",
     "mileage",
@@ -136,7 +140,14 @@ def _charts(report: Report) -> Iterator[Drawing]:
 
 def _histograms(report: Report) -> Iterator[Drawing]:
     if report.activity:
+        by_number = {summary.condition.number: summary for summary in report.results.conditions}
         yield from action_histogram(report.results, report.activity.actions)
+        yield from stage_bars(report.results, report.activity.courses)
+        yield from failure_maps(
+            (site, by_number[failures.condition], failures.places)
+            for failures in report.activity.failures
+            if (site := _site(report, by_number[failures.condition].condition)) is not None
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,11 +188,4 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
 
 
 def _site(report: Report, condition: Condition) -> Site | None:
-    """Return the recorded site; None for an import without a usable site."""
-    content = report.record.sites.get(condition.site_sha256)
-    if not content:
-        return None
-    try:
-        return Site.model_validate(content)
-    except (ValueError, SiteError):
-        return None
+    return site_of(report.record, condition)

@@ -66,13 +66,13 @@ def trajectory_plan(
     width = COLUMN_IN if columns == 1 else PAGE_IN
     with styled():
         title = wrapped(summary.condition.name, width - 0.4, 7.5)
-        height = lines * width / columns * _shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
+        height = lines * width / columns * plan_shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
         figure = new_figure(width, height)
         grid = figure.subplots(lines, columns, squeeze=False)
         for axes in grid.flat[len(goals) :]:
             axes.set_axis_off()
         for axes, goal in zip(grid.flat, goals, strict=False):
-            _bare_plan(site, axes, goal, summary.condition)
+            bare_plan(site, axes, goal, summary.condition)
             mine = [track for track in tracks if track.goal == goal]
             _draw_tracks(axes, mine)
             whole = next((of_goal.summary for of_goal in summary.goals if of_goal.goal == goal), None)
@@ -116,7 +116,7 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         titles = [wrapped(summary.condition.name, room_in, 7.5) for _, summary in plans]
         below = [wrapped(f"no success from: {label}", room_in, 6.0) for label in never]
         letters = max(title.count("\n") + label.count("\n") for title, label in zip(titles, below, strict=True))
-        tallest = max(_shape(site) for site, _ in plans)
+        tallest = max(plan_shape(site) for site, _ in plans)
         lines = -(-len(plans) // columns)
         height = lines * ((room_in + 0.25) * tallest + 0.35 + 0.12 * letters)
         figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, height)
@@ -124,7 +124,7 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         for axes in grid.flat[len(plans) :]:
             axes.set_axis_off()
         for axes, (site, summary), title, label in zip(grid.flat, plans, titles, below, strict=False):
-            _bare_plan(site, axes, None, summary.condition)
+            bare_plan(site, axes, None, summary.condition)
             _draw_shares(axes, site, summary, room_in + 0.25)
             axes.set_title(title, pad=3)
             axes.text(0.5, -0.01, label, transform=axes.transAxes, ha="center", va="top", fontsize=6)
@@ -236,7 +236,7 @@ def _legend_samples() -> "tuple[list[Line2D], list[str]]":
     return [*samples, start, success_outline([], [])], [*_OUTCOME_STYLES, "start", "STOP succeeds within"]
 
 
-def _bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition) -> None:
+def bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition) -> None:
     """Draw the plan; for a goal, outline where STOP succeeds under the recorded protocol."""
     rules = ProtocolParameters.from_record(condition.protocol) if goal and condition.protocol else None
     style = PlanStyle(
@@ -251,7 +251,7 @@ def _bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition)
     draw_floor_plan(site, axes, style)
 
 
-def _shape(site: Site) -> float:
+def plan_shape(site: Site) -> float:
     """Return the plan's height divided by its width."""
     x_min, y_min, x_max, y_max = bounds_of(site)
     return float((y_max - y_min + 0.3) / (x_max - x_min + 0.3))

@@ -142,9 +142,18 @@ def html_page(
         lead += f" {without} episodes have no images."
     from markupsafe import Markup
 
+    listed_here = {episode.number for episode in episodes}
+
+    def address(episode: int) -> str:
+        """Return the address of an episode; empty if no page shows it."""
+        if episodes_page:
+            return f"{episodes_page}#/episode/{episode}"
+        return f"#episode-{episode}" if episode in listed_here else ""
+
     planned = sum(summary.total.planned for summary in results.conditions)
     return template.render(
         render_table=page_environment().get_template("table.html.j2").module.render_table,  # type: ignore[attr-defined]
+        address=address,
         version=__version__,
         title="vsnbench report",
         lead=f"{results.episodes} of {planned} planned trials completed; "

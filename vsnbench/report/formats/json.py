@@ -9,12 +9,14 @@ from typing import Any
 from vsnbench.report.analysis.activity import Activity, RobotActivity
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.fields import condition_fields, summary_fields
+from vsnbench.report.analysis.judgements import RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
 from vsnbench.report.analysis.published import published
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.formats.sensitivity_json import (
+    course_fields,
     failure_fields,
     judgement_fields,
     sensitivity_fields,
@@ -22,6 +24,7 @@ from vsnbench.report.formats.sensitivity_json import (
 )
 from vsnbench.report.tables.comparison import comparison_fields, ranking_fields
 from vsnbench.report.tables.operators import operator_fields
+from vsnbench.report.tables.second_judgements import second_judgement_fields
 
 
 def to_json(
@@ -30,14 +33,16 @@ def to_json(
     activity: Activity | None = None,
     record: ReportData | None = None,
     operator_activity: OperatorActivity | None = None,
+    raters: Sequence[RaterAgreement] = (),
 ) -> str:
     """Return the results as one JSON object.
 
     `models`: each condition with its settings, protocol, campaigns, seeds, `goals`, `goal_kinds` (totals; empty with
-    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures` and `judgements`; `questions`:
-    comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and distance of
-    each robot; `published_stability`: that of the paper, null unless its models are included; `operator_activity`:
-    operators and sessions, null with one operator in one session.
+    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`;
+    `questions`: comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and
+    distance of each robot; `published_stability`: that of the paper, null unless its models are included;
+    `operator_activity`: operators and sessions, null with one operator in one session; `second_judgements`: agreement
+    of each rater.
     """
     content = {
         "confidence": 0.95,
@@ -50,6 +55,7 @@ def to_json(
         if any(summary.condition.published for summary in results.conditions)
         else None,
         "operator_activity": operator_fields(operator_activity),
+        "second_judgements": second_judgement_fields(raters),
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -73,9 +79,10 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
     """
     condition, number = summary.condition, summary.condition.number
     counted = activity is not None and not condition.published
-    failures = judgements = None
+    failures = judgements = courses = None
     if activity and counted:
         failures = next((failure for failure in activity.failures if failure.condition == number), None)
+        courses = next((course for course in activity.courses if course.condition == number), None)
         judgements = next((judgement for judgement in activity.judgements if judgement.condition == number), None)
     return {
         **condition_fields(condition),
@@ -106,6 +113,7 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         "sensitivity": sensitivity_fields(record, summary) if record and not condition.published else None,
         "failures": failure_fields(failures),
         "judgements": judgement_fields(judgements),
+        "courses": course_fields(courses),
     }
 
 

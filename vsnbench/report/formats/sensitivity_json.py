@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from vsnbench.report.analysis.courses import MEASURES, CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import Failures
 from vsnbench.report.analysis.fields import finite
@@ -84,6 +85,21 @@ def failure_fields(failures: Failures | None) -> dict[str, Any] | None:
         "kinds": {kind.value: number for kind, number in failures.kinds},
         "never_in_view": failures.never_in_view,
         "touched": dict(failures.touched),
+        "places": [
+            {"kind": place.kind.value, "x_m": place.x_m, "y_m": place.y_m, "episodes": list(place.episodes)}
+            for place in failures.places
+        ],
+    }
+
+
+def course_fields(courses: CourseSummary | None) -> dict[str, Any] | None:
+    """Return stages and courses of a condition; None without counted episodes."""
+    if courses is None:
+        return None
+    return {
+        "examined": courses.examined,
+        "stages": {stage.value: number for stage, number in courses.stages},
+        **{f"mean_{name}": finite(getattr(courses, name)) for name in MEASURES},
     }
 
 

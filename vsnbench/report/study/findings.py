@@ -15,6 +15,7 @@ from vsnbench.results.studies.entries import StudyTrialProgress as Standing
 from vsnbench.results.studies.queries import trials_of
 from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import JUDGING
+from vsnbench.text.sanitize import counted
 from vsnbench.values.goal import GoalKind
 
 
@@ -128,6 +129,10 @@ def _deviations(
     for arm, name in shown.items():
         if voids := sum(trial.voids for trial in progress if trial.arm == arm):
             yield Deviation("void attempts", f"{name}: {voids}, each repeated")
+    if plan.of_progress and (unknown := [t for t in progress if t.success is not None and t.progress is None]):
+        episodes = ", ".join(str(trial.episode_id) for trial in unknown[:5]) + (", …" if len(unknown) > 5 else "")
+        effect = "left out" if plan.stopping == "plan" else "later units wait; amend `primary` to success"
+        yield Deviation("progress unknown", f"{counted(len(unknown), 'trial')} (episodes {episodes}): {effect}")
     if twice := sum(trial.results > 1 for trial in progress):
         yield Deviation("repeated trials", f"{twice} trials have results from several records; the first counts")
     began = sorted(

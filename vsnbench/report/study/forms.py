@@ -86,6 +86,7 @@ def to_json(found: StudyFindings) -> str:
                 "repetition": trial.trial.repetition,
                 "episode": trial.episode_id,
                 "success": trial.success,
+                "progress": trial.progress,
             }
             for trial in found.progress
         ],

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
+from vsnbench.report.study.progress import ProgressFinding, mean_progress, progress_of_pair, progress_sentence
 from vsnbench.report.wording import caution, compared, interval_words, trial_count
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
@@ -47,6 +49,10 @@ class Answer:
     """Complete units (blocks or starting positions) evaluated by `decided`; 0 for a whole plan."""
     conclusion: Conclusion = Conclusion.NOT_SHOWN
     """Conclusion of `vsnbench.statistics.conclusion`."""
+    metric: str = "success"
+    """Metric of `difference`, `low` and `high`: success or progress."""
+    means: tuple[float, float] | None = None
+    """Mean progress of each arm; None for success."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +95,9 @@ def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
         "every block" if study.of_these_cells else "every starting position, whose goals and repetitions are one value"
     )
     cells, trials = _planned(shared)
+    of = "progress: " if study.of_progress else ""
     return Primary(
-        method=f"betting confidence sequence {replacement} replacement, at {what}; Holm over all pairs",
+        method=f"{of}betting confidence sequence {replacement} replacement, at {what}; Holm over all pairs",
         about=THESE if study.of_these_cells else LIKE_THESE,
         answers=tuple(answers),
         cells=cells,
@@ -125,6 +132,7 @@ def _of_question(study: StudyFile, asked: Question, *, over: bool) -> Answer:
         open=not asked.decided and not over,
         units=asked.units,
         conclusion=found,
+        **_metric(study, asked.means),
     )
 
 
@@ -149,25 +157,48 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Prima
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = list(combinations(study.arms, 2))
-    paired = [_paired(shared, first, second) for first, second in pairs]
-    adjusted = holm([paired_test(outcomes) for outcomes in paired])
+    found = [_compared(study, shared, pair, 1 - study.alpha / len(pairs)) for pair in pairs]
+    adjusted = holm([compared_pair.p for compared_pair in found])
     answers = [
-        _of_pair(study, pair, outcomes, p, 1 - study.alpha / len(pairs), complete=complete)
-        for pair, outcomes, p in zip(pairs, paired, adjusted, strict=True)
+        _of_pair(study, pair, replace(compared_pair, p=p), complete=complete)
+        for pair, compared_pair, p in zip(pairs, found, adjusted, strict=True)
     ]
     method = (
-        "paired difference of success; sign-flip test over starting positions, and the interval must exclude "
-        f"{'the margin' if study.margin else '0'}; Holm over all pairs"
+        f"paired difference of {'progress' if study.of_progress else 'success'}; sign-flip test over starting "
+        f"positions, and the interval must exclude {'the margin' if study.margin else '0'}; Holm over all pairs"
     )
     return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
 
 
-def _of_pair(
-    study: StudyFile, pair: tuple[str, str], outcomes: PairedOutcomes, p: float, confidence: float, *, complete: bool
-) -> Answer:
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Two arms on their shared cells: outcomes, and the difference in the primary metric."""
+
+    outcomes: PairedOutcomes
+    difference: float
+    interval: Interval
+    p: float
+    means: tuple[float, float]
+
+
+def _compared(
+    study: StudyFile, shared: Sequence[StudyTrialProgress], pair: tuple[str, str], confidence: float
+) -> _Compared:
+    outcomes = _paired(shared, *pair)
+    values = progress_of_pair(shared, pair) if study.of_progress else outcomes
+    interval, p = paired_interval(values, confidence), paired_test(values)
+    return _Compared(outcomes, values.difference, interval, p, mean_progress(values))
+
+
+def _metric(study: StudyFile, means: tuple[float, float]) -> dict[str, Any]:
+    """Return the fields of an answer about the metric."""
+    return {"metric": "progress", "means": means} if study.of_progress else {}
+
+
+def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, complete: bool) -> Answer:
     first, second = pair
-    interval = paired_interval(outcomes, confidence)
-    found = conclude(Evidence(outcomes.difference, interval, p, study.alpha, study.margin, complete))
+    outcomes, interval = seen.outcomes, seen.interval
+    found = conclude(Evidence(seen.difference, interval, seen.p, study.alpha, study.margin, complete))
     ahead, behind = _sides(first, second, found)
     return Answer(
         first=first,
@@ -175,14 +206,15 @@ def _of_pair(
         cells=len(outcomes.cells),
         trials=outcomes.first.proportion.trials,
         successes=(outcomes.first.proportion.successes, outcomes.second.proportion.successes),
-        difference=outcomes.difference,
+        difference=seen.difference,
         low=interval.low,
         high=interval.high,
-        p=p,
+        p=seen.p,
         winner=ahead,
         loser=behind,
         open=not complete,
         conclusion=found,
+        **_metric(study, seen.means),
     )
 
 
@@ -240,6 +272,7 @@ def in_order(primary: Primary, code: Mapping[str, str]) -> Primary:
             low=-answer.high,
             high=-answer.low,
             conclusion=answer.conclusion.reversed,
+            means=answer.means[::-1] if answer.means else None,
         )
         if answer.second is not None and code[answer.first] > code[answer.second]
         else answer
@@ -289,17 +322,24 @@ def _of(study: StudyFile, answer: Answer, shown: Mapping[str, str], where: str) 
         if answer.loser:
             return f"{text} {where}, less than {rate:.0%}"
         return f"{text} {where}: neither above nor below {rate:.0%} was shown"
+    if answer.means is not None:
+        names = (shown[answer.first], shown[answer.second])
+        interval = Interval(answer.low, answer.high)
+        finding = ProgressFinding(
+            names, answer.means, (k, m), interval, answer.p, answer.conclusion, answer.counted, study.margin
+        )
+        return progress_sentence(finding, tried, where)
     if answer.winner:
         ahead, behind = (k, m) if answer.winner == answer.first else (m, k)
         better, worse = shown[answer.winner], shown[answer.loser or ""]
         return f"{better} is better than {worse} {where}: {ahead} against {behind} of {tried}"
-    names = f"{shown[answer.first]} and {shown[answer.second]}"
+    named = f"{shown[answer.first]} and {shown[answer.second]}"
     if answer.counted:
         return (
-            f"{names} succeeded in {k} and {m} of {tried}; the remaining trials cannot reverse this lead, but no test "
+            f"{named} succeeded in {k} and {m} of {tried}; the remaining trials cannot reverse this lead, but no test "
             "showed a difference"
         )
-    interval = f"{100 * answer.difference:+.0f} points {interval_words(Interval(answer.low, answer.high))}"
+    seen = f"{100 * answer.difference:+.0f} points {interval_words(Interval(answer.low, answer.high))}"
     if doubt := caution(answer.conclusion, study.margin):
-        interval += f"; {doubt}" + (f", p {compared(answer.p)}" if answer.p is not None else "")
-    return f"no difference was shown between {names} {where} ({interval}); this does not show that they are equal"
+        seen += f"; {doubt}" + (f", p {compared(answer.p)}" if answer.p is not None else "")
+    return f"no difference was shown between {named} {where} ({seen}); this does not show that they are equal"

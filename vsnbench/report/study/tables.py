@@ -34,7 +34,7 @@ def _primary(found: StudyFindings) -> ReportTable:
         Column("cells", note="combinations of goal and starting position"),
         Column("trials", note="per arm: cells x repetitions"),
         Column("successes"),
-        Column("rate" if versus else "difference"),
+        Column("rate" if versus else "progress, points" if found.plan.of_progress else "difference"),
         Column("interval"),
         Column("p", note="two-sided, adjusted for all pairs"),
     )
@@ -64,9 +64,9 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
     else:
         question = f"{shown[result.first]} – {shown[result.second]}"
         k = f"{result.successes[0]} : {result.successes[1]}"
-        answer = (
-            f"{shown[result.winner]} better" if result.winner else "counted only" if result.counted else "not shown"
-        )
+        better = "more progress" if result.means else "better"
+        undecided = "counted only" if result.counted else "not shown"
+        answer = f"{shown[result.winner]} {better}" if result.winner else undecided
     sign = "" if result.second is None else "+"
     return row(
         word(question),

@@ -276,7 +276,7 @@ def p_cell(value: float) -> Cell:
 
 
 def _places(measure: str) -> int:
-    return 1 if measure.startswith("actions") else 3
+    return 1 if measure.startswith(("actions", "driving", "thinking", "heading")) else 3
 
 
 def _plain_interval(low: float, high: float, places: int) -> Cell:

@@ -37,6 +37,8 @@ class Cell:
 
     text: str
     value: float | str | None = None
+    links: tuple[int, ...] = ()
+    """Numbers of the episodes that the text lists, which the page links."""
 
     @property
     def key(self) -> float | str:

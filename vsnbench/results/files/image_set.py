@@ -1,7 +1,7 @@
 """Compares an episode's image files with the digests of its step rows.
 
-Depth files are lossless, so their pixels must match the digest. Colour files are JPEG, and the digest is of the pixels
-before compression: a colour file must be complete and must decode.
+The digest of a file finds every changed byte. Steps from before schema 0009 have none: then the pixels of a depth file,
+which is lossless, must match their digest, and a colour file must be complete and decode.
 """
 
 import os
@@ -15,7 +15,7 @@ import numpy as np
 
 from vsnbench.results.files.confined_paths import LARGEST_FILE_BYTES
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.values.encoding.image_digest import StepDigests, is_digest_of_depth
+from vsnbench.values.encoding.image_digest import StepDigests, file_digest, is_digest_of_depth
 from vsnbench.values.encoding.images import decode_picture
 
 _ENDS = {".jpg": b"\xff\xd9", ".png": b"IEND\xaeB`\x82"}
@@ -31,6 +31,7 @@ class Damage(StrEnum):
     INCOMPLETE = "is incomplete"
     UNREADABLE = "cannot be read"
     UNDECODABLE = "is not an image"
+    OTHER_BYTES = "does not have the bytes that were written"
     OTHER_PIXELS = "does not match its digest"
 
 
@@ -52,26 +53,38 @@ def image_faults(directory: Path, steps: Sequence[StepDigests], *, decode: bool)
     Args:
         directory: directory of the episode; it is not trusted, and links in it are not followed.
         steps: digests of the episode's step rows.
-        decode: also decode every image and compare depth pixels with their digest (about 5 ms per step at 640 x 480).
+        decode: also read every image, compare it with its digests and decode it (about 5 ms per step at 640 x 480).
             Otherwise only existence, type, size and the last bytes of each file are checked.
     """
     return [
-        ImageFault(file, damage)
-        for file, depth_digest in _expected(steps)
-        if (damage := _damage(directory / file, depth_digest, decode=decode)) is not None
+        ImageFault(image.file, damage)
+        for image in expected_images(steps)
+        if (damage := _damage(directory / image.file, image, decode=decode)) is not None
     ]
 
 
-def _expected(steps: Sequence[StepDigests]) -> Iterator[tuple[Path, str | None]]:
-    """Yield each expected file, with the digest for depth images."""
+@dataclass(frozen=True, slots=True)
+class ExpectedImage:
+    """An image file that a step row describes."""
+
+    file: Path
+    """Relative to the episode's directory."""
+    depth_digest: str | None
+    """Digest of the pixels of a depth file; None for a colour file."""
+    file_digest: str | None
+    """Digest of the bytes; None for steps from before schema 0009."""
+
+
+def expected_images(steps: Sequence[StepDigests]) -> Iterator[ExpectedImage]:
+    """Yield the image files of an episode's steps."""
     for step in steps:
         if step.rgb is not None:
-            yield rgb_path(Path(), step.number), None
+            yield ExpectedImage(rgb_path(Path(), step.number), None, step.rgb_file)
         if step.depth is not None:
-            yield depth_path(Path(), step.number), step.depth
+            yield ExpectedImage(depth_path(Path(), step.number), step.depth, step.depth_file)
 
 
-def _damage(file: Path, depth_digest: str | None, *, decode: bool) -> Damage | None:
+def _damage(file: Path, image: ExpectedImage, *, decode: bool) -> Damage | None:
     end = _ENDS[file.suffix]
     try:
         descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
@@ -92,16 +105,19 @@ def _damage(file: Path, depth_digest: str | None, *, decode: bool) -> Damage | N
         if not decode:
             return None
         with open(descriptor, "rb", closefd=False) as opened:
-            return _damage_of_pixels(opened.read(), depth_digest)
+            return _damage_of_content(opened.read(), image)
     except OSError:
         return Damage.UNREADABLE
     finally:
         os.close(descriptor)
 
 
-def _damage_of_pixels(content: bytes, depth_digest: str | None) -> Damage | None:
+def _damage_of_content(content: bytes, image: ExpectedImage) -> Damage | None:
     import cv2
 
+    if image.file_digest is not None and file_digest(content) != image.file_digest:
+        return Damage.OTHER_BYTES
+    depth_digest = image.depth_digest
     pixels = decode_picture(content, cv2.IMREAD_COLOR if depth_digest is None else cv2.IMREAD_UNCHANGED)
     if pixels is None:
         return Damage.UNDECODABLE

@@ -12,7 +12,7 @@ import numpy as np
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.results.files.staged_import import clear_unfinished
-from vsnbench.values.encoding.image_digest import depth_digest, rgb_digest
+from vsnbench.values.encoding.image_digest import depth_digest, file_digest, rgb_digest
 from vsnbench.values.encoding.images import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
@@ -29,6 +29,12 @@ class WrittenImages:
     rgb_jpeg: bytes | None
     """Content of the file, for viewers; None without a file."""
     depth_png: bytes | None
+
+    @property
+    def file_digests(self) -> tuple[str | None, str | None]:
+        """Digests of the bytes of the colour file and the depth file; None without a file."""
+        rgb, depth = self.rgb_jpeg, self.depth_png
+        return None if rgb is None else file_digest(rgb), None if depth is None else file_digest(depth)
 
 
 def hash_images(observation: Observation) -> WrittenImages:
@@ -100,11 +106,16 @@ class EpisodeImages:
 
 
 def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
-    """Write `timestamp tx ty tz qx qy qz qw` lines, the TUM format of evo and other tools.
+    """Write a trajectory in the TUM format.
 
     Raises:
         RecordError: it cannot be written.
     """
+    write_atomic(path, trajectory_text(poses).encode())
+
+
+def trajectory_text(poses: Iterable[StampedPose]) -> str:
+    """Return `timestamp tx ty tz qx qy qz qw` lines, the TUM format of evo and other tools."""
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
     for moment in poses:
         half = moment.pose.heading_rad / 2
@@ -112,7 +123,7 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
             f"{moment.stamp_s:.6f} {moment.pose.x_m:.6f} {moment.pose.y_m:.6f} 0 "
             f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
         )
-    write_atomic(path, "".join(lines).encode())
+    return "".join(lines)
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordError:

@@ -98,8 +98,9 @@ def _rows(connection: Connection, columns: Sequence[Column[Any]], where: Any, or
 
 def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
     """Return the image digests of an episode's steps, in order."""
-    query = select(Step.number, Step.rgb_digest, Step.depth_digest).where(Step.episode_id == episode_id)
-    return [StepDigests(*row) for row in connection.execute(query.order_by(Step.number))]
+    columns = (Step.number, Step.rgb_digest, Step.depth_digest, Step.rgb_file_digest, Step.depth_file_digest)
+    query = select(*columns).where(Step.episode_id == episode_id).order_by(Step.number)
+    return [StepDigests(*row) for row in connection.execute(query)]
 
 
 def attach_images(connection: Connection, episode_id: int) -> str:

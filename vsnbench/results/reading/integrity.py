@@ -55,7 +55,7 @@ from vsnbench.values.robot_profile import RobotProfile
 LARGEST_NUMBER: Final = 1e12
 """Limit for lengths in metres, angles in radians and times in seconds."""
 YEARS: Final = range(1970, 2200)
-_UNREADABLE: Final = (sqlite3.Error, ValueError, TypeError, ArithmeticError, AttributeError, RecursionError)
+UNREADABLE: Final = (sqlite3.Error, ValueError, TypeError, ArithmeticError, AttributeError, RecursionError)
 """Further errors of SQLite's driver and SQLAlchemy for damaged files; UnicodeDecodeError is one."""
 
 _WORDS: dict[str, type[StrEnum]] = {
@@ -104,16 +104,17 @@ def record_fault(url: str) -> str:
     engine = open_engine(url, read_only=True)
     try:
         with engine.connect() as connection:
-            return next(_faults(connection), "")
+            return next(record_faults(connection), "")
     except SQLAlchemyError as error:
         return error_line(getattr(error, "orig", None) or error, named=False)
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         return f"it cannot be read ({error_line(error)})"
     finally:
         engine.dispose()
 
 
-def _faults(connection: Connection) -> Iterator[str]:
+def record_faults(connection: Connection) -> Iterator[str]:
+    """Yield every invalid value of a record, with its table, row and column."""
     there = set(inspect(connection).get_table_names())
     for table in Base.metadata.sorted_tables:
         if table.name not in there:

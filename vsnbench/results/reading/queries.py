@@ -119,7 +119,6 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             goal_definition=goal_of_trial(connection, episode.trial_id),
             goal_instance=goal_instance,
             wall_duration_s=episode.wall_duration_s,
-            geodesic_end_m=episode.geodesic_end_m,
             placement=fix_of_columns(
                 episode.start_x_m,
                 episode.start_y_m,
@@ -265,7 +264,7 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
         DISTANCE_SOURCE,
         COLLISION,
         Episode.path_length_m,
-        Episode.geodesic_start_m,
+        *(Episode.geodesic_start_m, Episode.geodesic_end_m),
         Episode.duration_s,
         Episode.started_at,
         Episode.ended_at,

@@ -5,8 +5,9 @@ from datetime import datetime
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.goals import RecordedGoal
-from vsnbench.results.writing.lifecycle import EpisodeState
+from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession
 from vsnbench.values.fix import Fix
 
@@ -60,6 +61,7 @@ class EpisodeSummary:
     collision: bool
     path_length_m: float | None
     geodesic_start_m: float | None
+    geodesic_end_m: float | None
     duration_s: float | None
     started_at: datetime
     ended_at: datetime | None
@@ -68,6 +70,11 @@ class EpisodeSummary:
     """Success distance of the campaign's protocol; None if it has none."""
     tags: tuple[str, ...] = ()
     """In alphabetical order."""
+
+    @property
+    def progress(self) -> float | None:
+        """Share of the shortest path that was covered, 0 to 1; None if a length is unknown or without a result."""
+        return known_progress(self.geodesic_start_m, self.geodesic_end_m) if self.state in RESULTS else None
 
     @property
     def outcome(self) -> str:
@@ -154,7 +161,6 @@ class EpisodeDetails:
     """Definition of a goal of the site file; None for a category."""
     goal_instance: str | None
     wall_duration_s: float | None
-    geodesic_end_m: float | None
     placement: Fix | None
     """Start pose and its source."""
     measured: RecordedPlacement | None

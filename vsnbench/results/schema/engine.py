@@ -31,6 +31,8 @@ _opened: dict[str, None] = {}
 
 BUSY_TIMEOUT_S = 1.0
 """Seconds that SQLite waits for another writer; after each period the wait is logged and continues."""
+LONGEST_CELL_BYTES = 64 * 2**20
+"""Longest text or image that is read; a longer one comes from a record that was made to exhaust the memory."""
 _SAY_AGAIN_S = 30.0
 _READER_TIMEOUT_S = 30.0
 """Seconds that a reader waits; only for files that are recovered or not in WAL mode."""
@@ -144,6 +146,7 @@ def _set_up_sqlite(engine: Engine, patience: LockWait, *, read_only: bool) -> No
         connection.execute("PRAGMA trusted_schema = OFF")  # untrusted schemas cannot call functions with side effects
         connection.execute("PRAGMA cell_size_check = ON")
         if read_only:
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_CELL_BYTES)
             refuse_foreign_schema(connection, database_label(engine))
             connection.execute("PRAGMA query_only = ON")
             return
@@ -243,11 +246,12 @@ def _raise_record_error(error: SQLAlchemyError, engine: Engine) -> NoReturn:
     for words, advice in _ADVICE.items():
         if words in cause.lower():
             raise RecordError(f"cannot use the database {where}: {cause}", advice=advice) from error
-    if error.connection_invalidated or type(error.orig).__name__ in ("OperationalError", "DatabaseError"):
+    if error.connection_invalidated or type(error.orig).__name__ in _UNUSABLE:
         raise RecordError(f"cannot use the database {where}: {cause}") from error
     raise error
 
 
+_UNUSABLE = ("OperationalError", "DatabaseError", "DataError")
 _DAMAGED = "the file is damaged; `vsnbench db restore` replaces it by a backup"
 _ADVICE = {
     "disk is full": "the disk is full: free some space and repeat the command",

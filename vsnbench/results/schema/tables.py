@@ -6,16 +6,7 @@ Times are aware and in UTC; poses follow REP-103 (metres, radians); unknown numb
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    CheckConstraint,
-    ForeignKey,
-    Index,
-    Integer,
-    LargeBinary,
-    UniqueConstraint,
-    text,
-)
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, Integer, LargeBinary, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from vsnbench.results.schema.base import Base
@@ -95,7 +86,7 @@ class Process(Base):
     packages: Mapped[dict[str, Any]]
     """Installed package -> version."""
     platform: Mapped[dict[str, Any]]
-    """Operating system, interpreter and processor."""
+    """Operating system, interpreter and processor; of a process that runs trials also `package_hashes`."""
 
 
 class Campaign(Base):
@@ -291,7 +282,7 @@ class Step(Base):
     collision_source: Mapped[str | None]
     collision_touched: Mapped[str | None]
     rgb_digest: Mapped[str | None]
-    """Digest of the RGB image that the policy received (`vsnbench.values.encoding.image_digest`); NULL without one."""
+    """Digest of the robot's RGB image, uncropped (`vsnbench.values.encoding.image_digest`); NULL without one."""
     depth_digest: Mapped[str | None]
     """Digest of the depth in 16-bit millimetres, little-endian; NULL without depth."""
     sense_s: Mapped[float | None]
@@ -303,6 +294,9 @@ class Step(Base):
     movement: Mapped[dict[str, Any] | None]
     """Parameters of an action that has some (`vsnbench.values.movement`), `path_m` of what was driven, and `part`
     [number, count] of a chunk; NULL for a discrete action."""
+    rgb_file_digest: Mapped[str | None]
+    """Digest of the bytes of the colour file; NULL without a file, and for steps from before schema 0009."""
+    depth_file_digest: Mapped[str | None]
 
 
 class Event(Base):

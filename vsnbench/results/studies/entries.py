@@ -158,6 +158,8 @@ class StudyTrialProgress:
     """Number of results; merged records can have several, of which the first counts."""
     started_at: datetime | None = None
     operator: str = ""
+    progress: float | None = None
+    """Progress of the result; None without one, or if a length is unknown."""
 
     @property
     def left(self) -> bool:

@@ -5,6 +5,7 @@ from statistics import median
 
 from sqlalchemy import Connection, Engine, func, select
 
+from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id
 from vsnbench.results.schema.engine import reading, record_errors
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
@@ -108,6 +109,7 @@ def study_progress(
             *(Trial.id, Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
             *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, results),
             *(Episode.started_at, func.coalesce(Session.operator, Process.operator)),
+            *(Episode.geodesic_start_m, Episode.geodesic_end_m),
         )
         .select_from(StudyTrial)
         .join(Trial, Trial.id == StudyTrial.trial_id)
@@ -133,6 +135,7 @@ def study_progress(
             results=row[13],
             started_at=row[14],
             operator=row[15] or "",
+            progress=known_progress(row[16], row[17]) if row[9] in RESULTS else None,
         )
         for row in rows
     )

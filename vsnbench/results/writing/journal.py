@@ -16,6 +16,7 @@ from vsnbench.results.schema.engine import LockWait, open_engine, reading, trans
 from vsnbench.results.schema.migrate import create_record, upgrade
 from vsnbench.results.schema.row_encoding import insert_row, process_row, text
 from vsnbench.results.schema.tables import Event, Process
+from vsnbench.results.second_judgements import Outcome, add_second_judgement, retract_second_judgement
 from vsnbench.results.studies import writing
 from vsnbench.results.studies.entries import RecordedStudy, StudyChange, StudyLock, StudyTrialProgress
 from vsnbench.results.studies.log import log_outcome
@@ -199,6 +200,24 @@ class Journal(CampaignWriter, EpisodeWriter):
         """
         with transaction(self.engine) as connection:
             annotate(connection, episode_ids, annotation, author)
+
+    def judge_second(self, episode_id: int, rater: str, outcome: Outcome, words: str) -> None:
+        """Record a rater's second judgement of an episode. No verdict changes.
+
+        Raises:
+            UsageError: the episode is unknown or has no first judgement, or the rater has judged or attended it.
+        """
+        with transaction(self.engine) as connection:
+            add_second_judgement(connection, episode_id, rater, outcome, words)
+
+    def retract_second(self, episode_id: int, rater: str) -> None:
+        """Retract a rater's second judgement of an episode.
+
+        Raises:
+            UsageError: there is none.
+        """
+        with transaction(self.engine) as connection:
+            retract_second_judgement(connection, episode_id, rater)
 
     def set_operator(self, episode_id: int, operator: str) -> None:
         """Set the operator of an episode that is about to run, and start a session if needed."""

@@ -1,8 +1,10 @@
 """Description of the writing process, and checks whether a process is alive."""
 
 import getpass
+import hashlib
 import os
 import platform
+import re
 import shlex
 import socket
 import sys
@@ -12,6 +14,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -60,15 +63,17 @@ class Provenance:
     git_commit: str = ""
     git_dirty: bool = False
     packages: Mapping[str, str] = field(default_factory=dict)
-    platform: Mapping[str, str] = field(default_factory=dict)
+    platform: Mapping[str, Any] = field(default_factory=dict)
 
 
-def gather_provenance(operator: str | None = None) -> Provenance:
+def gather_provenance(operator: str | None = None, *, of_run: bool = False) -> Provenance:
     """Describe this process.
 
     Args:
         operator: name of the operator. Default: $VSNBENCH_OPERATOR, then the login name.
+        of_run: the process runs trials, so that the files of its packages matter as well as their versions.
     """
+    hashes = {"package_hashes": package_hashes()} if of_run else {}
     code = checkout_of(Path(__file__))
     return Provenance(
         identity=this_process(),
@@ -84,6 +89,7 @@ def gather_provenance(operator: str | None = None) -> Provenance:
             "python": platform.python_version(),
             "machine": platform.machine(),
             "processor": _processor(),
+            **hashes,
         },
     )
 
@@ -135,6 +141,25 @@ def login_name() -> str:
 def _packages() -> dict[str, str]:
     found = dict(_name_and_version(package) for package in metadata.distributions())
     return {name: found[name] for name in sorted(found) if name}
+
+
+_OF_THIS_INSTALLATION = re.compile(
+    r"^(?:\.\./|[^,\n]*(?:__pycache__/|\.dist-info/(?:RECORD|INSTALLER|REQUESTED|direct_url\.json),)).*\n?",
+    re.MULTILINE,
+)
+"""Lines of a package's list of files that the installer added."""
+
+
+@cache
+def package_hashes() -> dict[str, str]:
+    """Return the SHA-256 of each package's list of files with their hashes, as it is in the wheel, sorted."""
+    found = {}
+    for package in metadata.distributions():
+        name, listed = _name_and_version(package)[0], package.read_text("RECORD")
+        if name and listed:
+            lines = sorted(_OF_THIS_INSTALLATION.sub("", listed.replace("\r\n", "\n")).splitlines())
+            found[name] = hashlib.sha256("\n".join(lines).encode()).hexdigest()
+    return {name: found[name] for name in sorted(found)}
 
 
 def _name_and_version(package: metadata.Distribution) -> tuple[str, str]:

@@ -86,7 +86,7 @@ class MovementRunner:
         try:
             self._check(watch, looks)
             if looks is not None and isinstance(requested, RequestedDrive) and requested.goes_forward:
-                looks.require_sight(self._link.snapshot())
+                looks.require_sight(self._link)
             answered = call(lambda: self._check(watch, looks))
             # The outcome is on another topic than the answer.
             self._link.wait_for(lambda now: now.outcome is not None, 0.1 if self._link.reports_outcomes else 0.0)

@@ -2,10 +2,16 @@
 
 import math
 import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from vsnbench.errors import ImageError
 from vsnbench.robots.contract import DrivingView, PathCheck
 from vsnbench.robots.ros.camera import RosCamera
+from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.images.intrinsics import CalibrationError
 from vsnbench.sensing.movement_check import MovementAlarmError
 from vsnbench.sensing.odometry.odometry import OdometryReading
@@ -17,7 +23,11 @@ _SPEED_PERIOD_S = 0.12
 _DRIVING_M_S = 0.015
 """A slower robot stands, or turns on the spot, and needs no free way."""
 _LONGEST_AGE_S = 0.3
-"""No movement forward begins with an older depth image."""
+"""No movement forward goes on if the last depth image arrived longer ago."""
+_LONGEST_DELAY_S = 0.5
+"""No movement forward begins if the last depth image was captured longer ago, as over a slow network."""
+_SIGHT_TIMEOUT_S = 1.0
+"""Longest wait for such an image before a movement."""
 
 
 class PathLooks:
@@ -28,15 +38,19 @@ class PathLooks:
         self._check = check
         self._last_arrival_s = -math.inf
 
-    def require_sight(self, now: RobotSnapshot) -> None:
-        """Make sure that depth images arrive, before a movement forward begins.
+    def require_sight(self, link: RobotLink) -> None:
+        """Wait for a depth image that was captured just now, before a movement forward begins.
+
+        The check runs once while the robot is at rest: loading its compiled code takes longer than a look may take.
 
         Raises:
             MovementAlarmError: no depth image is new.
         """
-        age_s = time.monotonic() - now.depths[-1].arrival_s if now.depths else math.inf
-        if age_s > _LONGEST_AGE_S:
-            since = f" for {age_s:.1f} s" if now.depths else ""
+        if depths := link.snapshot().depths:
+            self._check(DrivingView(self._depth_of(depths[-1]), self._camera.model, 0.0, 0.0, 0.0, math.inf))
+        if not link.wait_for(_sees_now, _SIGHT_TIMEOUT_S):
+            now = link.snapshot()
+            since = f" captured in the last {captured_ago_s(now.depths[-1], now):.1f} s" if now.depths else ""
             raise MovementAlarmError(f"no depth image{since}", blocked=True)
 
     def look(self, now: RobotSnapshot, remaining_m: float) -> None:
@@ -58,15 +72,35 @@ class PathLooks:
         age_s = time.monotonic() - newest.arrival_s
         if newest.arrival_s == self._last_arrival_s and age_s < _SPEED_PERIOD_S:
             return
+        if age_s > _LONGEST_AGE_S:
+            raise MovementAlarmError(f"no depth image for {age_s:.1f} s", blocked=True)
         self._last_arrival_s = newest.arrival_s
-        try:
-            depth_m = self._camera.depth_of(newest)
-        except (ImageError, CalibrationError, ValueError) as error:
-            raise MovementAlarmError(f"a depth image cannot be read: {error}", sensor_lost=True) from error
-        camera = self._camera.model
-        view = DrivingView(depth_m, camera, age_s, linear_m_s, angular_rad_s, remaining_m)
+        depth_m, age_s = self._depth_of(newest), captured_ago_s(newest, now)
+        view = DrivingView(depth_m, self._camera.model, age_s, linear_m_s, angular_rad_s, remaining_m)
         if reason := self._check(view):
             raise MovementAlarmError(reason, blocked=True)
+
+    def _depth_of(self, image: Stamped[Any]) -> npt.NDArray[np.float32]:
+        try:
+            return self._camera.depth_of(image)
+        except (ImageError, CalibrationError, ValueError) as error:
+            raise MovementAlarmError(f"a depth image cannot be read: {error}", sensor_lost=True) from error
+
+
+def _sees_now(now: RobotSnapshot) -> bool:
+    return bool(now.depths) and captured_ago_s(now.depths[-1], now) <= _LONGEST_DELAY_S
+
+
+def captured_ago_s(image: Stamped[Any], now: RobotSnapshot) -> float:
+    """Return the time since the capture of an image, by the stamps of image and odometry, which share a clock.
+
+    A busy camera or network delivers an image late: the robot is then nearer to what the image shows.
+    """
+    since_arrival_s = time.monotonic() - image.arrival_s
+    if now.latest is None:
+        return since_arrival_s
+    since_odometry_s = time.monotonic() - now.latest.arrival_s
+    return max(since_arrival_s, now.latest.stamp_s - image.stamp_s + since_odometry_s)
 
 
 def velocity_of(readings: tuple[OdometryReading, ...]) -> tuple[float, float]:

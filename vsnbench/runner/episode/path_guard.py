@@ -9,8 +9,8 @@ from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
 from vsnbench.values.observation import observation_of
 from vsnbench.values.robot_profile import RobotProfile
 
-MAX_AGE_S = 0.3
-"""An older depth image says nothing about where the robot drives now."""
+MAX_AGE_S = 0.6
+"""An image captured longer ago says too little about where the robot drives now."""
 REACTION_S = 0.15
 """Time from an image to zero velocity at the wheels: half a camera period at 10 Hz, a check, a message."""
 _STEP_M = 0.05
@@ -39,7 +39,7 @@ class PathGuard:
             return ""
         if view.age_s > MAX_AGE_S:
             self.last = GuardReading()
-            return f"no depth image for {view.age_s:.1f} s"
+            return f"the newest depth image was captured {view.age_s:.1f} s ago"
         self.last = look_ahead(
             observation_of(0.0, view.camera, depth_m=view.depth_m), self._base, self._guard_for(view)
         )

@@ -182,7 +182,7 @@ class EpisodeRecorderFanOut:
                 proposed=outcome.proposed,
                 error=outcome.error,
                 path_length_m=length_m,
-                geodesic_m=self._geodesic_m(outcome.final.pose) if outcome.final else None,
+                geodesic_m=self._geodesic_m(outcome.final.pose, ended=True) if outcome.final else None,
                 duration_s=self._robot_time_s,
                 wall_duration_s=outcome.wall_s,
                 final=outcome.final,
@@ -206,6 +206,7 @@ class EpisodeRecorderFanOut:
     def _write(self, step: Step) -> None:
         observation, decision = step.observation, step.decision
         images = self._images.write(step.index, observation) if self._images else hash_images(observation)
+        rgb_file_digest, depth_file_digest = images.file_digests
         record = StepRecord(
             number=step.index,
             action=decision.action,
@@ -216,6 +217,8 @@ class EpisodeRecorderFanOut:
             world=step.after,
             rgb_digest=images.rgb_digest,
             depth_digest=images.depth_digest,
+            rgb_file_digest=rgb_file_digest,
+            depth_file_digest=depth_file_digest,
             timings=step.timings,
             probabilities=decision.diagnostics.probabilities,
             details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
@@ -229,12 +232,13 @@ class EpisodeRecorderFanOut:
         if self._sink is not None:
             self._sink.add(entry)
 
-    def _geodesic_m(self, pose: Pose) -> float | None:
+    def _geodesic_m(self, pose: Pose, *, ended: bool = False) -> float | None:
         if self._plan is None:
             return None
         base, parameters = self._target.robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)
-        return space.geodesic_to_goal_m(pose, self._plan.goal, parameters)
+        measure = space.remaining_m if ended else space.geodesic_to_goal_m
+        return measure(pose, self._plan.goal, parameters)
 
 
 def sensing_details(observation: Observation) -> dict[str, Any]:

@@ -34,7 +34,7 @@ class Backend(ABC):
 
     def provenance(self) -> Provenance:
         """Describe this process as far as results depend on it."""
-        return gather_provenance()
+        return gather_provenance(of_run=True)
 
     @abstractmethod
     def halt(self) -> None:

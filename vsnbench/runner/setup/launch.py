@@ -36,7 +36,12 @@ from vsnbench.runner.setup.selection import (
     present_goals,
     resolve_goals,
 )
-from vsnbench.runner.setup.trial_setup import SetupDescription, warn_of_assumptions, warn_of_default_weights
+from vsnbench.runner.setup.trial_setup import (
+    SetupDescription,
+    warn_of_assumptions,
+    warn_of_camera,
+    warn_of_default_weights,
+)
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime.child_process import hide_memory
 from vsnbench.site_checks.check import layout_findings
@@ -106,6 +111,7 @@ def launch(
         description = backend.description
         warn_of_default_weights(description)
         warn_of_assumptions(description.card, parameters)
+        warn_of_camera(description)
         _check_keep(request, description)
         if surveyed:
             check_survey(request.site, site, description.robot.profile.base.radius_m, parameters)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from vsnbench.config import BUILT_IN_SITE
+from vsnbench.models.camera_fit import Fit
 from vsnbench.models.names import is_third_party
 from vsnbench.models.registry import keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
@@ -33,6 +34,8 @@ class RunRequest:
     noise: bool = False
     rehearsal: bool = False
     """A rehearsal: a simulated robot is treated as a real one."""
+    fit: Fit = Fit.FULL
+    """Images that the model receives: the robot's, or cropped to the trained field of view."""
     model_options: Mapping[str, Any] = field(default_factory=dict)
     act_timeout_s: float | None = None
     """Time limit for an action; None for 10 s with a remote model and no limit otherwise."""
@@ -77,6 +80,7 @@ class RunRequest:
             model_options={**self.model_options, **remote_options},
             act_timeout_s=None if is_remote else self.act_timeout_s,
             isolation=self.isolation,
+            fit=self.fit,
             keep=self.files_to_keep,
         )
         if self.device is None or not self._model_takes_device(spec):

@@ -14,6 +14,7 @@ from os import _exit as end_process_now
 from typing import Any
 
 from vsnbench.errors import ExitCode, UsageError
+from vsnbench.models.camera_fit import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
 from vsnbench.models.checkpoints.torch_runtime import DEVICES
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.identity import code_of, files_handed_over
@@ -34,6 +35,7 @@ from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
 from vsnbench.runtime.time_limits import call_interrupted
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
+from vsnbench.values.camera import Camera
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import RobotIdentity
@@ -64,6 +66,8 @@ class TrialSetupSpec:
     """Time limit for an action of a model in this process; None for none."""
     isolation: Isolation | None = None
     """Runs the model in a separate process."""
+    fit: Fit = Fit.FULL
+    """Images that the model receives."""
     keep: KeepFiles = KeepFiles.ALL
     """What is stored of the episodes; results do not depend on it."""
 
@@ -93,6 +97,8 @@ class SetupDescription:
     goals: tuple[str, ...]
     """Requested categories that the site has and the model knows."""
     needs_operator: bool = False
+    seen_camera: Camera | None = None
+    """Camera of the images that the model receives; None if unknown."""
 
     @property
     def title(self) -> str:
@@ -128,7 +134,7 @@ class TrialSetup:
         Args:
             command: command line of the driver, if this is a worker.
         """
-        here = gather_provenance()
+        here = gather_provenance(of_run=True)
         runs_on = {f"model_{name}": str(value) for name, value in self.policy.card.runs_on.items()}
         threads = {"compute_threads": str(COMPUTE_THREADS)} if self.description.robot.simulated else {}
         return replace(
@@ -184,21 +190,25 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     """Combine a policy and a robot, and check that they fit together.
 
     Raises:
-        UsageError: the model does not know a goal, or the robot lacks a sensor.
+        UsageError: the model does not know a goal, the robot lacks a sensor, or its images cannot be cropped.
     """
+    identity = identity_of(robot)
+    camera = identity.profile.camera.without_roll
+    crop = crop_for(policy.card, identity.profile.name, camera) if spec.fit is Fit.CROP else None
     description = SetupDescription(
-        robot=identity_of(robot),
+        robot=identity,
         sensors=robot.sensors,
-        conditions=dict(robot.conditions),
+        conditions={**robot.conditions, **({} if crop is None else crop_condition(crop))},
         card=policy.card,
         model=_identity(spec, policy),
         goals=choose_goals(spec.goals, spec.site, policy.card),
         needs_operator=robot.needs_operator,
+        seen_camera=crop or camera,
     )
     _check_sensors(description)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
-    return TrialSetup(robot, policy, description)
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
 
 
 def close_policy(policy: Policy) -> None:
@@ -296,6 +306,13 @@ def warn_of_assumptions(card: ModelCard, parameters: ProtocolParameters) -> None
     """Log a warning for each step size that a model assumes and the protocol does not have."""
     for difference in wrong_assumptions(card, parameters):
         logger.warning("%s", difference)
+
+
+def warn_of_camera(description: SetupDescription) -> None:
+    """Log a warning where the camera is not the one that the model was trained with."""
+    camera = description.seen_camera or description.robot.profile.camera
+    if text := difference_text(description.card, description.robot.profile.name, camera):
+        logger.warning("%s", text)
 
 
 def warn_of_default_weights(description: SetupDescription) -> None:

@@ -1,6 +1,7 @@
 """The arms of a study as campaigns: each model with the study's robot, site and protocol."""
 
 import logging
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 
 from vsnbench.errors import StudyError, UsageError
 from vsnbench.models.process_exit import process_exit_refused
+from vsnbench.protocol.free_space import free_space
 from vsnbench.results.studies.entries import RecordedStudy
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.robots.contract import Robot
@@ -162,6 +164,25 @@ class StudyPlace:
             trials=self.trials(arm),
             conditions=description.conditions,
         )
+
+
+def check_progress(place: StudyPlace, radius_m: float) -> None:
+    """Refuse progress as the primary metric where the site's map gives a shared cell no shortest path.
+
+    Raises:
+        StudyError: a cell has none; the message names the first.
+    """
+    if not place.study.of_progress:
+        return
+    space, starts = free_space(place.site, radius_m), {start.number: start for start in place.site.starts}
+    for block in place.shared_blocks:
+        if not math.isfinite(space.geodesic_to_goal_m(starts[block.start].pose, block.goal, place.study.protocol)):
+            raise StudyError(
+                f"primary: progress to {block.goal} is unknown from starting position {block.start}: the map of site "
+                f"{place.site.name} has no path there",
+                advice="exclude that cell in the site file, or set primary: {metric: success}",
+                code="no-progress",
+            )
 
 
 def _shared_blocks(study: StudyFile, schedule: Schedule) -> tuple[Block, ...]:

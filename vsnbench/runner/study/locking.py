@@ -5,7 +5,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.studies.entries import LockedArm, LockedTrial, RecordedStudy, StudyLock
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.setup.trial_setup import close_policy
-from vsnbench.runner.study.arms import StudyPlace
+from vsnbench.runner.study.arms import StudyPlace, check_progress
 from vsnbench.study.lock import sha256_of
 
 
@@ -18,6 +18,7 @@ def locked_arms(place: StudyPlace) -> tuple[LockedArm, ...]:
     """
     arms: list[LockedArm] = []
     with place.robot() as robot:
+        check_progress(place, robot.identity.profile.base.radius_m)
         for name in place.study.arms:
             setup = place.load(name, robot)
             try:

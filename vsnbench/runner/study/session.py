@@ -40,7 +40,7 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
         redaction = OutputRedaction(revealing_words(place, recorded)) if recorded.is_blind else None
         if redaction is not None:
             stack.enter_context(redaction)
-        provenance = gather_provenance()
+        provenance = gather_provenance(of_run=True)
         journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
         robot = _open_robot(stack, request, journal, operators)
         request.results.prepare()

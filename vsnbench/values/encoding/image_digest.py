@@ -1,8 +1,8 @@
 """Digests of images and their comparison.
 
-A digest is text, `ALGORITHM:hex`, of pixels rather than of a file, so that it does not depend on an encoder. New
-digests use BLAKE3, which takes at most a quarter of the time of SHA-256; records from before schema 0005 have SHA-256
-of the same bytes.
+A digest is text, `ALGORITHM:hex`. A digest of pixels does not depend on an encoder, so that two runs can be compared; a
+digest of a file's bytes finds every change of the file. New digests use BLAKE3, which takes at most a quarter of the
+time of SHA-256; records from before schema 0005 have SHA-256 of the same pixels.
 """
 
 import hashlib
@@ -36,6 +36,9 @@ class StepDigests:
     """Step number, from 1."""
     rgb: str | None
     depth: str | None
+    rgb_file: str | None = None
+    """Digest of the bytes of the colour file; None without a file and in records from before schema 0009."""
+    depth_file: str | None = None
 
 
 def rgb_digest(rgb: npt.NDArray[np.uint8]) -> str:
@@ -46,6 +49,11 @@ def rgb_digest(rgb: npt.NDArray[np.uint8]) -> str:
 def depth_digest(millimetres: npt.NDArray[np.uint16]) -> str:
     """Return the digest of a depth image (H, W) in millimetres: of its numbers, row by row, low byte first."""
     return _digest(np.ascontiguousarray(millimetres, "<u2"))
+
+
+def file_digest(content: bytes) -> str:
+    """Return the digest of a file's bytes."""
+    return f"{ALGORITHM}:{blake3(content).hexdigest()}"
 
 
 def is_digest_of_depth(digest: str, millimetres: npt.NDArray[np.uint16]) -> bool:

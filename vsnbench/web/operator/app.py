@@ -45,7 +45,7 @@ from vsnbench.web_server.session_key import MAX_NAME_LENGTH, Visitor
 
 ANSWER_SOURCE: Final = "the page"
 STOP_SOURCE: Final = "the page's STOP button"
-_ASSETS = Path(__file__).parent / "assets"
+ASSETS: Final = Path(__file__).parent / "assets"
 _MIN_INTERVAL_S = 0.1
 """Time between two states sent to a page, at least."""
 _MAX_INTERVAL_S = 1.0
@@ -73,7 +73,7 @@ class OperatorApp:
         """Return the application to serve."""
         return Starlette(
             routes=[
-                *page_routes(_ASSETS, "operator.html"),
+                *page_routes(ASSETS, "operator.html"),
                 Route("/state", self._state),
                 Route("/plan.svg", self._floor_plan),
                 Route("/picture", self._camera_image),

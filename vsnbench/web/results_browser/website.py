@@ -80,7 +80,8 @@ def write_website(
     page = html_page(report, report.tables(long=True), drawings, episodes_page=EPISODES_PAGE)
     write_atomic(directory / "index.html", page.encode())
     write_atomic(
-        directory / "report.json", to_json(report.results, report.questions, report.activity, report.record).encode()
+        directory / "report.json",
+        to_json(report.results, report.questions, report.activity, report.record, raters=report.raters).encode(),
     )
     write_atomic(directory / HEADLINE, _json(_headline(report)))
     front = (ASSETS / "browse.html").read_text(encoding="utf-8").replace("<title>", f"{_POLICY}\n<title>")

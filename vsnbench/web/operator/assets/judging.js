@@ -47,7 +47,7 @@ export function frameStrip(episode, actions) {
 // Storage key of the draft for an episode that awaits a judgement.
 export const draftKeyOf = (episode) => `draft-${episode}`;
 
-// options: {draftKey, isCorrection: a note is required, showGoal, send(form), postpone() or null}
+// options: {draftKey, isCorrection: a note is required, isSecond: a rater judges from the images, showGoal, send(form), postpone() or null}
 export function judgingForm(theCase, options) {
   const draft = { touched: "", what: "", distance: "", note: "", tags: [], void: "", ...readDraft(options.draftKey) };
   const form = element("form", { action: "#", class: "judging-form", tabindex: -1, "aria-label": `judge episode ${theCase.episode}` });
@@ -87,9 +87,10 @@ export function judgingForm(theCase, options) {
   if (isStop) {
     const sight = theCase.in_sight === false ? ", not in line of sight" : "";
     const estimate = theCase.estimate_m == null ? "" : `Estimate: ${theCase.estimate_m} m${sight}. `;
+    const advice = options.isSecond ? "Judge it from the images." : `${estimate}Leave empty to use the estimate.`;
     tape.append(
-      ...field("distance", `Measured distance to the ${theCase.measured_to}, in line of sight, m`, { placeholder: "0.84", inputmode: "decimal" }),
-      element("p", { class: "dim small" }, `${estimate}Leave empty to use the estimate. Success: under ${theCase.success_m} m.`),
+      ...field("distance", `${options.isSecond ? "Distance" : "Measured distance"} to the ${theCase.measured_to}, in line of sight, m`, { placeholder: "0.84", inputmode: "decimal" }),
+      element("p", { class: "dim small" }, `${advice} Success: under ${theCase.success_m} m.`),
     );
     parts.push(tape);
   }
@@ -106,8 +107,8 @@ export function judgingForm(theCase, options) {
   const confirm = element("button", { class: "button go" }, "Confirm");
   parts.push(confirm);
   const voidDetails = element("details", { open: !!draft.void }, element("summary", {}, "Declare void"),
-    ...field("void", "Reason. The trial runs again.", { placeholder: "a visitor moved the chair" }),
-    element("button", { type: "button", class: "button", "data-void": true, onclick: () => send({ void: draft.void || "" }, true) }, "Void and run again"));
+    ...field("void", options.isSecond ? "Reason" : "Reason. The trial runs again.", { placeholder: "a visitor moved the chair" }),
+    element("button", { type: "button", class: "button", "data-void": true, onclick: () => send({ void: draft.void || "" }, true) }, options.isSecond ? "Void" : "Void and run again"));
   parts.push(voidDetails);
   if (options.postpone) parts.push(element("button", { type: "button", class: "button", "data-later": true, onclick: () => options.postpone() }, "Judge later"));
   form.append(...parts);

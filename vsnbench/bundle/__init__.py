@@ -1,0 +1,1 @@
+"""Bundles: results in one archive that another person can check."""

@@ -1,0 +1,269 @@
+"""Courses of the counted episodes: poses from the record, and the measures of `vsnbench.protocol.course` from them."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Engine, select
+
+from vsnbench.errors import SiteError
+from vsnbench.report.analysis.conditions import Condition
+from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step
+from vsnbench.sites.site import Site
+from vsnbench.values.pose import Pose
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from vsnbench.protocol.course import CourseMap, Stage
+
+MAX_EXAMINED = 2000
+"""Maximum number of episodes examined in a report; each takes some milliseconds."""
+MIN_EXAMINED = 100
+"""Number of episodes examined of a condition even where there are many conditions."""
+_PART = 100
+"""Courses in memory at a time."""
+MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m")
+"""Numeric columns of `measure_courses`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Poses of one episode in the site's frame: at the start, and after each action with a known pose."""
+
+    poses: tuple[Pose, ...]
+    blocked: tuple[bool, ...]
+    """Whether the guard blocked the action, for every action."""
+    touched: str
+    """What the robot collided with; empty for nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class CourseMeasures:
+    """Measures of one course; None if unknown."""
+
+    stage: "Stage | None"
+    """Furthest stage."""
+    clearance_min_m: float | None
+    """Smallest distance from the base's edge to a solid of the map."""
+    clearance_p5_m: float | None
+    """5th percentile of that distance over the path."""
+    heading_change_deg_per_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CourseSummary:
+    """Measures of one condition's courses; means are NaN where nothing is known."""
+
+    condition: int
+    counted: int
+    examined: int
+    """Number of examined episodes, evenly sampled."""
+    stages: tuple[tuple["Stage", int], ...]
+    """Number of examined episodes by furthest stage, in order; episodes of unknown stage are in none."""
+    clearance_min_m: float
+    """Mean of the episodes' minimum clearances."""
+    clearance_p5_m: float
+    heading_change_deg_per_m: float
+
+
+def site_of(record: ReportData, condition: Condition) -> Site | None:
+    """Return the recorded site of a condition; None for an import without a usable site."""
+    content = record.sites.get(condition.site_sha256)
+    if not content:
+        return None
+    try:
+        return Site.model_validate(content)
+    except (ValueError, SiteError):
+        return None
+
+
+def course_map(engine: Engine, record: ReportData, condition: Condition) -> "CourseMap | None":
+    """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        profile = connection.execute(
+            select(Robot.profile)
+            .join(Campaign, Campaign.robot_id == Robot.id)
+            .where(Campaign.id == condition.campaigns[0])
+        ).scalar()
+    return _map_of(record.sites.get(condition.site_sha256), profile, condition.protocol)
+
+
+def _map_of(
+    site: Mapping[str, Any] | None, profile: Mapping[str, Any] | None, protocol: Mapping[str, Any] | None
+) -> "CourseMap | None":
+    from vsnbench.protocol.course import CourseMap
+    from vsnbench.protocol.parameters import ProtocolParameters
+
+    radius_m = _positive((profile or {}).get("base"), "radius_m")
+    if not site or radius_m is None or not protocol:
+        return None
+    field_of_view_deg = _positive((profile or {}).get("camera"), "horizontal_fov_deg")
+    try:
+        rules = ProtocolParameters.from_record(protocol)
+        return CourseMap(Site.model_validate(site), radius_m, field_of_view_deg, rules)
+    except (ValueError, SiteError):  # another writer's
+        return None
+
+
+def _positive(part: Any, name: str) -> float | None:
+    """Return a positive number of a recorded profile; None where it is missing."""
+    value = part.get(name) if isinstance(part, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:
+        return None
+    return float(value)
+
+
+def measure_courses(
+    engine: Engine, record: ReportData, report: Callable[[int, int], object] = lambda _done, _of: None
+) -> tuple["pd.DataFrame", tuple[CourseSummary, ...]]:
+    """Measure the courses of the counted episodes, evenly sampled above `MAX_EXAMINED` in all.
+
+    Args:
+        engine: the record.
+        record: its episodes.
+        report: called with the number of measured episodes and of all that will be.
+
+    Returns:
+        One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a summary of
+        each condition with counted episodes.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    import pandas as pd
+
+    limit = max(MIN_EXAMINED, MAX_EXAMINED // max(1, len(record.conditions)))
+    chosen = []
+    for condition in record.conditions:
+        rows = record.counted(condition)
+        if len(rows):
+            chosen.append((condition, len(rows), rows.iloc[:: max(1, math.ceil(len(rows) / limit))]))
+    whole, done = sum(len(rows) for _, _, rows in chosen), 0
+    found, summaries = [], []
+    for condition, counted, rows in chosen:
+        own = []
+        for line in _measured(engine, record, condition, rows):
+            own.append(line)
+            done += 1
+            report(done, whole)
+        found += own
+        summaries.append(_summary(condition, counted, own))
+    return pd.DataFrame(found, columns=["episode", "stage", *MEASURES]), tuple(summaries)
+
+
+def _measured(
+    engine: Engine, record: ReportData, condition: Condition, rows: "pd.DataFrame"
+) -> Iterator[tuple[Any, ...]]:
+    ground = course_map(engine, record, condition)
+    for row, course in courses_of(engine, rows):
+        known = _measure(ground, str(row["goal"]), course, float(row["path_length_m"]), bool(row["success"]))
+        yield int(row["episode"]), *astuple(known)
+
+
+def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
+    """Return the measures of one episode's course.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    episode, origin = details.summary, details.provenance
+    course = read_courses(engine, [episode.id]).get(episode.id)
+    ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
+    path_m = math.nan if episode.path_length_m is None else episode.path_length_m
+    return _measure(ground, episode.goal, course, path_m, episode.success is True)
+
+
+def _measure(
+    ground: "CourseMap | None", goal: str, course: Course | None, path_m: float, succeeded: bool
+) -> CourseMeasures:
+    from vsnbench.protocol.course import Stage
+    from vsnbench.protocol.metrics import heading_change_deg_per_m
+
+    poses = course.poses if course else ()
+    approach = ground.approach(goal, poses) if ground else None
+    clearance = ground.clearance(poses) if ground else None
+    return CourseMeasures(
+        stage=approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None,
+        clearance_min_m=clearance.minimum_m if clearance else None,
+        clearance_p5_m=clearance.low_m if clearance else None,
+        heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
+    )
+
+
+def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> CourseSummary:
+    from vsnbench.protocol.course import Stage
+
+    stages = Counter(line[1] for line in lines)
+    means = []
+    for column in range(2, 2 + len(MEASURES)):
+        known = [line[column] for line in lines if line[column] is not None]
+        means.append(math.fsum(known) / len(known) if known else math.nan)
+    return CourseSummary(
+        condition.number, counted, len(lines), tuple((stage, stages[stage]) for stage in Stage if stages[stage]), *means
+    )
+
+
+def courses_of(engine: Engine, rows: "pd.DataFrame") -> Iterator[tuple[dict[str, Any], Course | None]]:
+    """Yield each row of episodes with its course; None without steps.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    for first in range(0, len(rows), _PART):
+        part = rows.iloc[first : first + _PART].to_dict("records")
+        courses = read_courses(engine, [int(row["episode"]) for row in part])
+        for row in part:
+            yield {str(name): value for name, value in row.items()}, courses.get(int(row["episode"]))
+
+
+def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
+    """Return the courses of some episodes, by number; none without steps.
+
+    Poses in the site are used as recorded; without them odometry is added to the start pose.
+
+    Raises:
+        RecordError: the database cannot be used.
+    """
+    with record_errors(engine), engine.connect() as connection:
+        found = connection.execute(
+            select(
+                *(Step.episode_id, Episode.start_x_m, Episode.start_y_m, Episode.start_heading_rad),
+                *(Step.world_x_m, Step.world_y_m, Step.world_heading_rad),
+                *(Step.after_x_m, Step.after_y_m, Step.after_heading_rad, Step.blocked, Step.collision_touched),
+            )
+            .join(Episode, Episode.id == Step.episode_id)
+            .where(Step.episode_id.in_(numbers))
+            .order_by(Step.episode_id, Step.number)
+        ).all()
+    grouped: dict[int, list[Any]] = {}
+    for row in found:
+        grouped.setdefault(row[0], []).append(row)
+    return {number: _course(rows) for number, rows in grouped.items()}
+
+
+def _course(rows: Sequence[Any]) -> Course:
+    start = _pose(rows[0][1:4])
+    poses = [start] if start else []
+    for row in rows:
+        if world := _pose(row[4:7]):
+            poses.append(world)
+        elif start and (after := _pose(row[7:10])):
+            poses.append(start.compose(after))
+    touched = next((row[11] for row in reversed(rows) if row[11]), "")
+    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched)
+
+
+def _pose(values: Sequence[float | None]) -> Pose | None:
+    """Return a recorded pose; None if a number is missing or, from another writer, infinite."""
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    return Pose(*known) if len(known) == len(values) else None

@@ -1,0 +1,222 @@
+"""Judges recorded episodes again, from their poses, actions and site, and compares the verdicts.
+
+Columns that follow from the steps (number of actions, duration, path, distances) are computed again as well.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sqlalchemy import Row
+
+from vsnbench import __version__
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, end_after, judge
+from vsnbench.protocol.limits import Spent
+from vsnbench.protocol.metrics import path_length_m
+from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
+from vsnbench.results.writing.campaigns import trial_seed
+from vsnbench.results.writing.imports import IMPORTED
+from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
+from vsnbench.sites.targets import targets_of
+from vsnbench.values.pose import Pose
+from vsnbench.values.step import StepRecord
+from vsnbench.verification.checks import Check, Finding, Progress, cell
+from vsnbench.verification.record import RecordedCondition, VerifiedRecord
+
+_TOLERANCE = 1e-6
+"""Metres and seconds; the same computation on another machine can differ in the last digits."""
+_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
+
+
+def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check, dict[str, int]]:
+    """Judge every episode again.
+
+    Returns:
+        The check, and the number of verdicts of each person.
+    """
+    check = Check("verdicts", "episodes")
+    people: Counter[str] = Counter()
+    episodes = record.episodes()
+    for done, episode in enumerate(episodes, start=1):
+        with check.failing(f"episode {episode.id}"):
+            verdicts = record.verdicts(episode.id)
+            people.update(verdict.author for verdict in verdicts if verdict.source == "person")
+            if episode.state not in ENDED:
+                check.skip("not ended")
+            elif episode.origin == IMPORTED:
+                check.skip("imported from another tool: no poses to judge")
+            else:
+                found = _EpisodeCheck(record, episode, verdicts)
+                check.add(list(found.findings()))
+                if found.other_wording:
+                    check.not_checked["wording of a verdict: written by another version"] += 1
+        progress("judging episodes", done, len(episodes))
+    return check, dict(people)
+
+
+class _EpisodeCheck:
+    """Checks of one ended episode."""
+
+    def __init__(self, record: VerifiedRecord, episode: Row[Any], verdicts: Sequence[Row[Any]]) -> None:
+        self.episode, self.verdicts = episode, verdicts
+        self.condition: RecordedCondition = record.condition(episode.campaign_id)
+        self.parameters = self.condition.parameters
+        self.steps = record.steps(episode.id)
+        self.is_recovered = any(verdict.source == "recovery" for verdict in verdicts)
+        self.was_retracted = record.was_retracted(episode.id)
+        self.other_wording = False
+        self.start = pose_of_columns(episode.start_x_m, episode.start_y_m, episode.start_heading_rad)
+        self.final = fix_of_columns(
+            episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source
+        )
+
+    def findings(self) -> Iterator[Finding]:
+        yield from self._counts()
+        yield from self._end()
+        yield from self._derived()
+        yield from self._verdict()
+        yield from self._state()
+
+    def _cell(self, column: str, text: str) -> Finding:
+        return cell("episode", self.episode.id, column, text)
+
+    def _counts(self) -> Iterator[Finding]:
+        numbers = [step.number for step in self.steps]
+        if numbers != list(range(1, len(numbers) + 1)):
+            yield cell("step", self.episode.id, "number", "the steps are not numbered from 1 without gaps")
+        if self.episode.actions != len(numbers):
+            yield self._cell("actions", f"{self.episode.actions}, and there are {len(numbers)} steps")
+        expected = trial_seed(self.condition.row.seed, self.episode.goal, self.episode.start, self.episode.repetition)
+        if self.episode.seed != expected:
+            yield self._cell("seed", f"{self.episode.seed}, and its trial has {expected}")
+
+    def _end(self) -> Iterator[Finding]:
+        """Apply the rules for the end of an episode to every step."""
+        spent, reason, before = Spent(), None, self.start
+        for step in self.steps:
+            if reason is not None:
+                yield cell("step", f"{self.episode.id}/{step.number}", "number", f"follows the end ({reason})")
+                return
+            spent, before = self._after(spent, step, before), self._world(step) or before
+            reason = end_after(spent, step.action, step.result, self.parameters)
+        recorded = EndReason(self.episode.end_reason)
+        if recorded == reason or recorded is EndReason.INTERRUPTED:
+            return
+        if reason is None:
+            if recorded.is_result:
+                yield self._cell("end_reason", f"{recorded}, and no step ends the episode")
+        elif not (reason in _FAILURES and recorded in _FAILURES) and not (
+            reason is EndReason.STOP and recorded is EndReason.SENSOR_LOST and self.final is None
+        ):
+            yield self._cell("end_reason", f"{recorded}, and the steps end with {reason}")
+
+    def _after(self, spent: Spent, step: StepRecord, before: Pose | None) -> Spent:
+        result, world = step.result, self._world(step)
+        path_m = before.distance_to(world) if before is not None and world is not None else 0.0
+        driving_s = result.duration_s if result is not None else 0.0
+        thinking_s = 0.0 if self.condition.row.simulated else step.timings.infer_s or 0.0
+        if result is not None and result.path_m is not None:
+            path_m = max(path_m, result.path_m)
+        return spent.after(driving_s=0.0 if math.isnan(driving_s) else driving_s, thinking_s=thinking_s, path_m=path_m)
+
+    @staticmethod
+    def _world(step: StepRecord) -> Pose | None:
+        return step.world.pose if step.world is not None else None
+
+    def _derived(self) -> Iterator[Finding]:
+        """Compute the lengths and times of the episode again."""
+        driving = [step.result.duration_s for step in self.steps if step.result is not None]
+        yield from self._number("duration_s", math.fsum(driving))
+        worlds = [self._world(step) for step in self.steps]
+        poses = [pose for pose in (self.start, *worlds) if pose is not None]
+        if len(poses) != len(worlds) + 1 or self.is_recovered or self.episode.path_length_m is None:
+            return
+        detour_m = 0.0
+        for step, before, after in zip(self.steps, poses, poses[1:], strict=False):
+            if step.result is not None and step.result.path_m is not None:
+                detour_m += max(step.result.path_m - before.distance_to(after), 0.0)
+        yield from self._number("path_length_m", path_length_m(poses) + detour_m)
+        if self.condition.is_simulated_here and self.final is not None and self.final.pose != poses[-1]:
+            yield self._cell("final_x_m", "the final pose is not that after the last step")
+        site, profile = self.condition.site, self.condition.profile
+        if site is None or profile is None or not targets_of(site, self.episode.goal):
+            return
+        space = free_space(site, profile.base.radius_m)
+        for column, pose in (
+            ("geodesic_start_m", self.start),
+            ("geodesic_end_m", self.final.pose if self.final else None),
+        ):
+            if pose is not None and getattr(self.episode, column) is not None:
+                expected = space.geodesic_to_goal_m(pose, self.episode.goal, self.parameters)
+                yield from self._number(column, expected)
+
+    def _number(self, column: str, expected: float | None) -> Iterator[Finding]:
+        recorded = getattr(self.episode, column)
+        if recorded is None or expected is None or not math.isfinite(expected):
+            return
+        if not math.isclose(recorded, expected, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE):
+            yield self._cell(column, f"{recorded:.6g}, and the steps give {expected:.6g}")
+
+    def _verdict(self) -> Iterator[Finding]:
+        own = [verdict for verdict in self.verdicts if verdict.source in ("protocol", "recovery")]
+        if not own:
+            yield cell("verdict", f"of episode {self.episode.id}", "source", "the protocol's verdict is missing")
+            return
+        given, reason = own[0], EndReason(self.episode.end_reason)
+        distance: GoalDistance | None = None
+        if self.final is not None:
+            if self.condition.site is None:
+                raise ValueError("its site is invalid")
+            distance = distance_to_goal(self.condition.site, self.episode.goal, self.final, self.parameters)
+            recorded = self._distance(self.episode, "distance_to_goal_m")
+            yield from self._distances("episode", self.episode.id, distance, recorded, "distance_to_goal_m")
+        expected = judge(reason, self.episode.actions, distance, self.parameters)
+        yield from self._against(given, expected)
+        if self.condition.is_simulated_here and given.source == "protocol" and given.proposed:
+            yield cell("verdict", given.id, "proposed", "a simulated episode needs no confirmation")
+
+    def _against(self, given: Row[Any], expected: Verdict) -> Iterator[Finding]:
+        if given.success != expected.success:
+            yield cell("verdict", given.id, "success", f"{given.success}, and the judge gives {expected.success}")
+        if given.end_reason != expected.end_reason:
+            yield cell(
+                "verdict", given.id, "end_reason", f"{given.end_reason}, and the judge gives {expected.end_reason}"
+            )
+        if expected.distance is not None:
+            recorded = self._distance(given, "distance_m")
+            yield from self._distances("verdict", given.id, expected.distance, recorded, "distance_m")
+        if given.reason != expected.text and given.source == "protocol":
+            if self.episode.vsnbench_version == __version__:
+                yield cell("verdict", given.id, "reason", f"{given.reason!r}, and the judge gives {expected.text!r}")
+            else:
+                self.other_wording = True
+
+    @staticmethod
+    def _distance(row: Row[Any], column: str) -> tuple[Any, ...]:
+        return getattr(row, column), row.distance_source, row.goal_instance, row.goal_in_sight
+
+    def _distances(
+        self, table: str, number: int, expected: GoalDistance, recorded: tuple[Any, ...], column: str
+    ) -> Iterator[Finding]:
+        distance_m, source, instance, in_sight = recorded
+        if distance_m is None or not math.isclose(distance_m, expected.distance_m, abs_tol=_TOLERANCE):
+            yield cell(table, number, column, f"{distance_m}, and the poses give {expected.distance_m:.6f} m")
+        if source != expected.source:
+            yield cell(table, number, "distance_source", f"{source}, and the final pose is {expected.source}")
+        if instance != expected.instance:
+            yield cell(table, number, "goal_instance", f"{instance}, and the nearest is {expected.instance}")
+        # Records of the first protocol have no value.
+        if in_sight is not None and in_sight != expected.in_sight:
+            yield cell(table, number, "goal_in_sight", f"{in_sight}, and the site gives {expected.in_sight}")
+
+    def _state(self) -> Iterator[Finding]:
+        judged = [verdict for verdict in self.verdicts if not verdict.proposed]
+        state = EpisodeState.AWAITING
+        if judged:
+            state = EpisodeState.VOID if judged[-1].success is None else EpisodeState.JUDGED
+        if self.episode.state == EpisodeState.AWAITING and self.was_retracted:
+            return
+        if self.episode.state != state:
+            yield self._cell("state", f"{self.episode.state}, and its latest verdict makes it {state}")

@@ -1,0 +1,160 @@
+"""The record that is verified: a private copy of its database with the current schema, opened for reading."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from sqlalchemy import Connection, Row, select
+
+from vsnbench.errors import RecordError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.files.directory import DATABASE_NAME
+from vsnbench.results.goals import with_goals
+from vsnbench.results.schema.engine import open_engine, record_errors
+from vsnbench.results.schema.migrate import backup, schema_state, upgrade
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
+from vsnbench.results.writing.judging import RETRACTED
+from vsnbench.results.writing.steps import step_of_row
+from vsnbench.sites.site import Site as SurveyedSite
+from vsnbench.values.robot_identity import REHEARSAL_KEY, SIMULATED
+from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.step import StepRecord
+
+Parsed = TypeVar("Parsed", SurveyedSite, RobotProfile)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedCondition:
+    """A campaign with what its trials ran under."""
+
+    id: int
+    row: Row[Any]
+    """Columns of the campaign, with those of its robot and model."""
+    site: SurveyedSite | None
+    """None for an import that names its site only."""
+    profile: RobotProfile | None
+    """None for an imported robot."""
+    parameters: ProtocolParameters
+
+    @property
+    def is_simulated_here(self) -> bool:
+        """Whether the robot was the simulated one, without a person who places it."""
+        return bool(self.row.kind == SIMULATED and self.row.simulated and not self.row.conditions.get(REHEARSAL_KEY))
+
+
+class VerifiedRecord:
+    """An untrusted record that is open for reading."""
+
+    def __init__(self, results: Path, database: Path, connection: Connection) -> None:
+        self.results = results
+        """Results directory with the images; nothing is written there."""
+        self.url = sqlite_url(database)
+        """The private copy."""
+        self.connection = connection
+        self._conditions: dict[int, RecordedCondition] = {}
+
+    @cached_property
+    def versions(self) -> tuple[str, ...]:
+        """Versions of vsnbench that wrote the record."""
+        return tuple(sorted(set(self.connection.scalars(select(Process.vsnbench_version)))))
+
+    def episodes(self) -> list[Row[Any]]:
+        """Return all episodes with their trial and the version that recorded them, by number."""
+        query = (
+            select(
+                Episode.__table__,
+                *(Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
+                Process.vsnbench_version,
+            )
+            .join(Trial, Trial.id == Episode.trial_id)
+            .join(Process, Process.id == Episode.process_id)
+            .order_by(Episode.id)
+        )
+        return list(self.connection.execute(query))
+
+    def condition(self, campaign_id: int) -> RecordedCondition:
+        """Return the condition of a campaign.
+
+        Raises:
+            ValueError: its protocol is invalid.
+        """
+        if campaign_id not in self._conditions:
+            self._conditions[campaign_id] = self._read_condition(campaign_id)
+        return self._conditions[campaign_id]
+
+    def _read_condition(self, campaign_id: int) -> RecordedCondition:
+        row = self.connection.execute(
+            select(
+                *(Campaign.key, Campaign.seed, Campaign.protocol, Campaign.conditions),
+                *(Robot.kind, Robot.simulated, Robot.profile, Site.content),
+                *(Model.name, Model.weights_sha256, Model.code, Model.files, Model.sha256.label("model_sha256")),
+            )
+            .join(Robot, Robot.id == Campaign.robot_id)
+            .join(Model, Model.id == Campaign.model_id)
+            .join(Site, Site.id == Campaign.site_id)
+            .where(Campaign.id == campaign_id)
+        ).one()
+        content = with_goals(self.connection, row.content, [campaign_id])
+        site, profile = _parsed(SurveyedSite, content), _parsed(RobotProfile, row.profile)
+        return RecordedCondition(campaign_id, row, site, profile, ProtocolParameters.from_record(row.protocol))
+
+    def steps(self, episode_id: int) -> list[StepRecord]:
+        """Return the steps of an episode in order.
+
+        Raises:
+            ValueError: a step is invalid.
+        """
+        query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
+        return [step_of_row(row) for row in self.connection.execute(query)]
+
+    def verdicts(self, episode_id: int) -> list[Row[Any]]:
+        """Return the verdicts of an episode, oldest first."""
+        query = select(Verdict.__table__).where(Verdict.episode_id == episode_id).order_by(Verdict.id)
+        return list(self.connection.execute(query))
+
+    def was_retracted(self, episode_id: int) -> bool:
+        """Return whether a judgement of an episode was retracted."""
+        query = select(Event.id).where(Event.episode_id == episode_id, Event.kind == RETRACTED).limit(1)
+        return self.connection.scalar(query) is not None
+
+
+def _parsed(model: type[Parsed], content: object) -> Parsed | None:
+    """Return None for what an import names only; other invalid content is found in the check of the values."""
+    try:
+        return model.model_validate(content)
+    except ValidationError:
+        return None
+
+
+@contextmanager
+def open_copy(results: Path, scratch: Path) -> Iterator[VerifiedRecord]:
+    """Copy the database of a results directory, upgrade the copy, and open it for reading.
+
+    Raises:
+        RecordError: there is no record, it is damaged, it has views or triggers, or its schema is newer.
+    """
+    source, copy = results / DATABASE_NAME, scratch / DATABASE_NAME
+    if source.is_symlink():
+        raise RecordError(f"{source} is a link", advice="name the results directory with the file itself")
+    backup(sqlite_url(source), copy)
+    url = sqlite_url(copy)
+    engine = open_engine(url)
+    try:
+        if schema_state(engine).current is None:
+            raise RecordError(f"{results} contains no record")
+        upgrade(engine, is_copy=True)
+    except RecordError as error:
+        raise RecordError(error.statement.replace(str(copy), str(source)), advice=error.advice) from error
+    finally:
+        engine.dispose()
+    engine = open_engine(url, read_only=True)
+    try:
+        with record_errors(engine), engine.connect() as connection, connection.begin():
+            yield VerifiedRecord(results, copy, connection)
+    finally:
+        engine.dispose()

@@ -1,0 +1,143 @@
+"""Verifies a bundle or a results directory: all checks in order.
+
+Nothing is written there, nothing in it is executed, and no network is used.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsnbench import __version__
+from vsnbench.bundle.archive import FORMAT_FILE, OpenBundle, open_bundle
+from vsnbench.bundle.row_digests import ROW_DIGESTS, changed_rows
+from vsnbench.bundle.signatures import check_signatures
+from vsnbench.errors import RecordError, VsnbenchError
+from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.results.files.directory import DATABASE_NAME
+from vsnbench.study.lock import LockNote, read_note
+from vsnbench.verification.checks import Check, Progress, Verification, finding
+from vsnbench.verification.derived import check_derived_files, study_note_path
+from vsnbench.verification.files import check_files
+from vsnbench.verification.judgements import check_judgements
+from vsnbench.verification.record import VerifiedRecord, open_copy
+from vsnbench.verification.replay import check_replay
+from vsnbench.verification.studies import check_studies
+from vsnbench.verification.values import check_values
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyOptions:
+    """What to verify beyond what is always checked."""
+
+    replay: int | None = 0
+    """Number of simulated episodes to drive again; None for all."""
+    signers: Path | None = None
+    """File of principals and public keys whose signatures are trusted."""
+
+
+def verify(path: Path, progress: Progress, options: VerifyOptions | None = None) -> Verification:
+    """Verify a bundle or a results directory.
+
+    Args:
+        path: the bundle, as a file or unpacked, or the results directory.
+        progress: called with the kind of work, the amount done and the total.
+        options: further checks.
+
+    Raises:
+        RecordError: it is neither, or cannot be opened at all.
+        UsageError: the file of the signers does not exist.
+    """
+    options = options or VerifyOptions()
+    if not path.exists():
+        raise RecordError(f"{path} does not exist")
+    with ScratchDirectory("verify") as scratch, ExitStack() as stack:
+        if path.is_dir() and not (path / FORMAT_FILE).exists():
+            record = stack.enter_context(open_copy(path, scratch.path))
+            return _verification(path, [], record, _record_checks(record, None, options, progress))
+        progress("comparing hashes", 0, 1)
+        bundle = open_bundle(path, scratch.path / "bundle")
+        progress("comparing hashes", 1, 1)
+        checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
+        try:
+            record = stack.enter_context(open_copy(bundle.results, scratch.path))
+        except VsnbenchError as error:
+            broken = Check("record", "databases")
+            broken.fail("results/vsnbench.db", str(error))
+            return _verification(path, [*checks, broken], None)
+        note = _note(bundle, checks[0])
+        own = _record_checks(record, note, options, progress)
+        own[0].append(check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress))
+        return _verification(path, checks, record, own)
+
+
+def _verification(
+    path: Path,
+    checks: Sequence[Check],
+    record: VerifiedRecord | None,
+    own: tuple[Sequence[Check], dict[str, int]] = ((), {}),
+) -> Verification:
+    versions = record.versions if record is not None else ()
+    return Verification(str(path), __version__, versions, (*checks, *own[0]), own[1])
+
+
+def _record_checks(
+    record: VerifiedRecord, note: LockNote | None, options: VerifyOptions, progress: Progress
+) -> tuple[list[Check], dict[str, int]]:
+    judgements, people = check_judgements(record, progress)
+    checks = [
+        check_values(record, progress),
+        check_files(record, progress),
+        judgements,
+        check_studies(record, note, progress),
+    ]
+    if options.replay != 0:
+        checks.append(check_replay(record, options.replay, progress))
+    return checks, people
+
+
+def _hash_checks(bundle: OpenBundle) -> list[Check]:
+    """Compare every file with the manifest, and every row with its digest."""
+    files = Check("hashes", "files", checked=len(bundle.files))
+    for problem in bundle.problems:
+        files.findings.append(finding(problem.path or "the end of the archive", str(problem.mismatch)))
+        files.failed += 1
+    rows, digests = Check("row hashes", "rows"), bundle.directory / ROW_DIGESTS
+    if not digests.is_file():
+        rows.skip(f"the bundle has no {ROW_DIGESTS}")
+        return [files, rows]
+    with rows.failing(f"results/{DATABASE_NAME}"):
+        changed = list(changed_rows(digests, bundle.results / DATABASE_NAME))
+        rows.findings += [finding(difference.where, difference.text) for difference in changed]
+        with digests.open(encoding="utf-8") as lines:
+            rows.checked, rows.failed = sum(line.startswith("[") for line in lines), len(changed)
+    return [files, rows]
+
+
+def _signature_checks(bundle: OpenBundle, signers: Path | None) -> list[Check]:
+    if not bundle.signatures and signers is None:
+        return []
+    check = Check("signatures", "signatures")
+    if signers is None:
+        check.skip("name the keys that you trust with --signers", len(bundle.signatures))
+        return [check]
+    for signature in check_signatures(bundle, signers):
+        name = signature.file.name
+        if signature.is_valid:
+            check.add([])
+            check.notes.append(f"signed by {signature.signer} with {signature.key}")
+        else:
+            check.fail(
+                name, f"not by a signer of {signers}" if signature.key else "is not a signature of this manifest"
+            )
+    if not bundle.signatures:
+        check.fail("signatures", "the bundle is not signed")
+    return [check]
+
+
+def _note(bundle: OpenBundle, hashes: Check) -> LockNote | None:
+    try:
+        return read_note(study_note_path(bundle.directory))
+    except VsnbenchError as error:
+        hashes.findings.append(finding("study", str(error)))
+        return None
