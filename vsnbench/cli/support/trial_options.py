@@ -23,7 +23,7 @@ Model = Annotated[
         "--model",
         "-m",
         metavar="A,B",
-        help="Models: random, forward, oracle, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
+        help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
         rich_help_panel=TRIALS_PANEL,
     ),
 ]
