@@ -1,6 +1,6 @@
 """Random damages of a bundle: does `vsnbench verify` find every one, and does it name the file or the cell?
 
-    python benchmarks/verify_flips.py [--damages 200] [--forged 100] [--seed 0]
+    python benchmarks/verify_flips.py [--bytes 100] [--cells 100] [--forged 100] [--seed 0]
 
 Runs, bundles and verifies a study of two arms with 60 simulated trials each. Then it makes damages, each of them alone:
 
@@ -222,8 +222,8 @@ def show(title: str, found: dict[str, list[Outcome]]) -> None:
 def main() -> None:
     """Run the study and make the damages."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--damages", type=int, default=200, help="bytes and cells together")
-    parser.add_argument("--forged", type=int, default=100)
+    for kind in ("bytes", "cells", "forged"):
+        parser.add_argument(f"--{kind}", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     chance = random.Random(options.seed)
@@ -242,11 +242,11 @@ def main() -> None:
                 sep="\n",
                 flush=True,
             )
-        show("a byte flipped", flip_bytes(bundle, options.damages // 2, chance))
+        show("a byte flipped", flip_bytes(bundle, options.bytes, chance))
         opened = open_bundle(bundle, at / "unpacked")
         show(
             "a cell changed",
-            change_cells(opened.directory, options.damages - options.damages // 2, chance, forge=False),
+            change_cells(opened.directory, options.cells, chance, forge=False),
         )
         show(
             "a cell changed and all hashes made again",

@@ -24,7 +24,7 @@ from vsnbench.results.reading.queries import campaign_states, episode_details, e
 from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.journal import Journal
-from vsnbench.values.encoding.image_digest import depth_digest
+from vsnbench.values.encoding.image_digest import depth_digest, file_digest
 from vsnbench.values.encoding.images import encode_depth_png, encode_jpeg
 
 GOALS = ("chair", "sofa", "bed", "toilet")
@@ -41,10 +41,11 @@ def image(uuid: str, number: int) -> bytes:
 
 
 def draw(results: Path) -> None:
-    """Give every episode of a record the files that it names, and its steps the digest of the depth."""
+    """Give every episode of a record the files that it names, and its steps the digests of depth and colour files."""
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         for episode in list_episodes(journal.engine, EpisodeFilter()):
             draw_episode(results / episode.images_directory, episode.uuid, episode.actions)
+            set_file_digests(journal, episode.id, episode.uuid, episode.actions)
         set_depth_digests(journal)
 
 
@@ -57,6 +58,14 @@ def draw_episode(directory: Path, uuid: str, actions: int) -> None:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(content)
     (directory / "trajectory.tum").write_text(uuid)
+
+
+def set_file_digests(journal: Journal, number: int, uuid: str, actions: int) -> None:
+    digests = [{"step": step, "digest": file_digest(image(uuid, step))} for step in range(1, actions + 1)]
+    statement = text(f"UPDATE step SET rgb_file_digest = :digest WHERE episode_id = {number} AND number = :step")
+    with journal.engine.begin() as connection:
+        for values in digests:
+            connection.execute(statement, values)
 
 
 def set_depth_digests(journal: Journal) -> None:

@@ -11,6 +11,7 @@ from vsnbench.bundle.archive import open_bundle
 from vsnbench.errors import RecordError
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.second_judgements import Outcome
 from vsnbench.results.writing.journal import Journal
 from vsnbench.verification.checks import Verification
 
@@ -73,6 +74,8 @@ CELLS = {
     "UPDATE campaign SET conditions = '{}' WHERE id = 1": "campaign 1: key",
     "UPDATE campaign SET protocol = replace(protocol, '150', '250') WHERE id = 1": "campaign 1: protocol",
     "UPDATE campaign SET seed = 7 WHERE id = 1": "campaign 1: key",
+    "UPDATE episode SET started_at = '2026-13-41' WHERE id = 2": "episode 2: started_at",
+    "UPDATE process SET vsnbench_version = x'00'": "process 1: vsnbench_version",
     "UPDATE process SET started_at = 'yesterday'": "process 1: started_at",
 }
 
@@ -137,6 +140,10 @@ def test_verdicts_of_people_are_counted_by_author(results: Path) -> None:
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         journal.judge(1, Verdict(EndReason.ABORTED, None, "void: a door was open"), author="ada")
         journal.judge(1, Verdict(EndReason.STOP, True, "success"), author="grace")
+        journal.judge_second(1, "eve", Outcome.FAILURE, "too far")
     found = verified(results)
     assert found.holds
     assert found.people == {"ada": 1, "grace": 1}
+    assert [note for check in found.checks for note in check.notes] == [
+        "judged a second time, by a person: 1 episode by eve"
+    ]

@@ -27,12 +27,13 @@ from vsnbench.text.streams import sanitized_output
 
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
+    "stress": ("vsnbench.cli.running.stress", "Measure what disturbances of camera and odometry cost a model."),
     "study": ("vsnbench.cli.study.verbs", "Run a blinded comparison of several models from a locked plan."),
     "report": ("vsnbench.cli.results.report", "Report success rates with confidence intervals."),
     "compare": ("vsnbench.cli.results.compare", "Compare the success rates of models."),
     "browse": ("vsnbench.cli.results.browse", "Look at the results in a browser: filter, compare, tag."),
     "view": ("vsnbench.cli.results.view", "Open an episode in Rerun."),
-    "judge": ("vsnbench.cli.results.judge", "Judge an episode: confirm, measure, amend or void."),
+    "judge": ("vsnbench.cli.judging.judge", "Judge an episode: confirm, measure, amend or void."),
     "note": ("vsnbench.cli.results.note", "Add notes and tags to episodes; no verdict changes."),
     "episodes": ("vsnbench.cli.results.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check, draw and edit sites."),
@@ -42,9 +43,9 @@ VERBS: dict[str, tuple[str, str]] = {
     "doctor": ("vsnbench.cli.robots.doctor", "Check a robot and this machine before a session."),
     "place": ("vsnbench.cli.running.place", "Measure how far a robot is from its starting position."),
     "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
-    "bundle": ("vsnbench.cli.results.bundle", "Pack results into one file that another person can check."),
+    "bundle": ("vsnbench.cli.evidence.bundle", "Pack results into one file that another person can check."),
     "import": ("vsnbench.cli.results.import_", "Import results of other tools."),
-    "verify": ("vsnbench.cli.results.verify", "Verify results: hashes, images, verdicts, report, studies."),
+    "verify": ("vsnbench.cli.evidence.verify", "Verify results: hashes, images, verdicts, report, studies."),
     "init": ("vsnbench.cli.init", "Create a directory with a configuration and a site to edit."),
     "config": ("vsnbench.cli.config", "Show the configuration and where each value comes from."),
     "db": ("vsnbench.cli.results.db", "Inspect, upgrade, back up and merge the results database."),
@@ -56,6 +57,7 @@ A module has either `app` (a Typer with subcommands) or `command` (the function 
 
 _PRINTED_DEFAULTS = {
     ("run",): ("site", "robot", "protocol"),
+    ("stress",): ("site", "robot", "protocol"),
     ("doctor",): ("robot",),
     ("place",): ("site", "robot"),
     ("study", "new"): ("site", "robot"),

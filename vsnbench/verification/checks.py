@@ -1,22 +1,18 @@
 """Results of a verification: what was checked, what failed, and what could not be checked."""
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from pydantic import ValidationError
-from sqlalchemy.exc import SQLAlchemyError
-
 from vsnbench.errors import VsnbenchError
-from vsnbench.results.reading.integrity import UNREADABLE
 from vsnbench.text.sanitize import error_line, sanitize
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of a check, the amount done and the total."""
 _LONGEST = 300
-_INVALID = (VsnbenchError, SQLAlchemyError, ValidationError, KeyError, OSError, *UNREADABLE)
-"""Errors that invalid content of a record can cause in a check."""
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +59,15 @@ class Check:
 
     @contextmanager
     def failing(self, where: str) -> Iterator[None]:
-        """Count an item as failed if invalid content of the record ends its check."""
+        """Count an item as failed if content of the record ends its check with an error.
+
+        The record is not trusted: no value of it may end the other checks, whatever the error is.
+        """
         try:
             yield
-        except _INVALID as error:
-            self.fail(where, f"cannot be checked: {error_line(error, named=False) or type(error).__name__}")
+        except Exception as error:
+            logger.debug("%s of %s", self.name, where, exc_info=True)
+            self.fail(where, f"cannot be checked: {error_line(error, named=not isinstance(error, VsnbenchError))}")
 
 
 def finding(where: str, text: str) -> Finding:

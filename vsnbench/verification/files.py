@@ -28,6 +28,12 @@ _OWN = frozenset({DATABASE_NAME, f"{DATABASE_NAME}-wal", f"{DATABASE_NAME}-shm"}
 def check_files(record: VerifiedRecord, progress: Progress) -> Check:
     """Compare every image and trajectory with its row, and find files that no row describes."""
     check = Check("files", "files")
+    with check.failing("the record"):
+        _check_all(record, check, progress)
+    return check
+
+
+def _check_all(record: VerifiedRecord, check: Check, progress: Progress) -> None:
     episodes = record.episodes()
     known: set[str] = set()
     for done, episode in enumerate(episodes, start=1):
@@ -42,7 +48,6 @@ def check_files(record: VerifiedRecord, progress: Progress) -> Check:
                 _check_episode(record, episode, check)
         progress("reading images", done, len(episodes))
     _check_others(record.results, known, check)
-    return check
 
 
 def _check_episode(record: VerifiedRecord, episode: Row[Any], check: Check) -> None:

@@ -16,10 +16,12 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_t
 from vsnbench.protocol.limits import Spent
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
+from vsnbench.results.second_judgements import second_judgements
 from vsnbench.results.writing.campaigns import trial_seed
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.sites.targets import targets_of
+from vsnbench.text.sanitize import counted
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 from vsnbench.verification.checks import Check, Finding, Progress, cell
@@ -38,6 +40,12 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
     """
     check = Check("verdicts", "episodes")
     people: Counter[str] = Counter()
+    with check.failing("the record"):
+        _judge_all(record, check, people, progress)
+    return check, dict(people)
+
+
+def _judge_all(record: VerifiedRecord, check: Check, people: Counter[str], progress: Progress) -> None:
     episodes = record.episodes()
     for done, episode in enumerate(episodes, start=1):
         with check.failing(f"episode {episode.id}"):
@@ -53,7 +61,10 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
                 if found.other_wording:
                     check.not_checked["wording of a verdict: written by another version"] += 1
         progress("judging episodes", done, len(episodes))
-    return check, dict(people)
+    seconds = Counter(second.rater for second in second_judgements(record.connection))
+    check.notes += [
+        f"judged a second time, by a person: {counted(n, 'episode')} by {rater}" for rater, n in sorted(seconds.items())
+    ]
 
 
 class _EpisodeCheck:

@@ -61,7 +61,7 @@ class VerifiedRecord:
     @cached_property
     def versions(self) -> tuple[str, ...]:
         """Versions of vsnbench that wrote the record."""
-        return tuple(sorted(set(self.connection.scalars(select(Process.vsnbench_version)))))
+        return tuple(sorted(map(str, set(self.connection.scalars(select(Process.vsnbench_version))))))
 
     def episodes(self) -> list[Row[Any]]:
         """Return all episodes with their trial and the version that recorded them, by number."""

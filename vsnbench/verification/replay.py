@@ -53,6 +53,12 @@ def check_replay(record: VerifiedRecord, limit: int | None, progress: Progress) 
         progress: receives the progress.
     """
     check = Check("replay", "episodes")
+    with check.failing("the record"):
+        _replay_all(record, check, limit, progress)
+    return check
+
+
+def _replay_all(record: VerifiedRecord, check: Check, limit: int | None, progress: Progress) -> None:
     candidates = []
     for episode in record.episodes():
         with check.failing(f"episode {episode.id}"):
@@ -73,7 +79,6 @@ def check_replay(record: VerifiedRecord, limit: int | None, progress: Progress) 
                 robots = {condition.id: _robot(condition)}
             check.add(list(_replay(robots[condition.id], condition, episode, record.steps(episode.id))))
         progress("driving episodes again", done, len(chosen))
-    return check
 
 
 def _spread(candidates: Sequence[Row[Any]], limit: int | None) -> list[Row[Any]]:

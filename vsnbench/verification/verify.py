@@ -59,12 +59,13 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
         bundle = open_bundle(path, scratch.path / "bundle")
         progress("comparing hashes", 1, 1)
         checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
-        try:
-            record = stack.enter_context(open_copy(bundle.results, scratch.path))
-        except VsnbenchError as error:
-            broken = Check("record", "databases")
-            broken.fail("results/vsnbench.db", str(error))
+        opened: list[VerifiedRecord] = []
+        broken = Check("record", "databases")
+        with broken.failing(f"results/{DATABASE_NAME}"):
+            opened.append(stack.enter_context(open_copy(bundle.results, scratch.path)))
+        if not opened:
             return _verification(path, [*checks, broken], None)
+        record = opened[0]
         note = _note(bundle, checks[0])
         own = _record_checks(record, note, options, progress)
         own[0].append(check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress))

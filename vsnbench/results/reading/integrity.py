@@ -55,7 +55,7 @@ from vsnbench.values.robot_profile import RobotProfile
 LARGEST_NUMBER: Final = 1e12
 """Limit for lengths in metres, angles in radians and times in seconds."""
 YEARS: Final = range(1970, 2200)
-UNREADABLE: Final = (sqlite3.Error, ValueError, TypeError, ArithmeticError, AttributeError, RecursionError)
+_UNREADABLE: Final = (sqlite3.Error, ValueError, TypeError, ArithmeticError, AttributeError, RecursionError)
 """Further errors of SQLite's driver and SQLAlchemy for damaged files; UnicodeDecodeError is one."""
 
 _WORDS: dict[str, type[StrEnum]] = {
@@ -107,7 +107,7 @@ def record_fault(url: str) -> str:
             return next(record_faults(connection), "")
     except SQLAlchemyError as error:
         return error_line(getattr(error, "orig", None) or error, named=False)
-    except UNREADABLE as error:
+    except _UNREADABLE as error:
         return f"it cannot be read ({error_line(error)})"
     finally:
         engine.dispose()

@@ -1,0 +1,1 @@
+"""Commands for results that others can check: bundles and verification."""
