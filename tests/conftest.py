@@ -74,6 +74,8 @@ SLOW = frozenset(
         "models/vlv/test_policy.py",
         "models/vlv/value/test_network.py",
         "protocol/test_goal_distance.py",
+        "report/analysis/test_courses.py",
+        "report/analysis/test_failure_places.py",
         "report/comparison/test_compare.py",
         "report/test_figure_layout.py",
         "report/test_figures.py",
