@@ -117,9 +117,13 @@ def test_pixels_and_boxes_are_those_of_the_robot_s_image(fitted: CroppedPolicy, 
 
 
 def test_the_task_has_the_cropped_camera(fitted: CroppedPolicy, model: Narrow) -> None:
-    fitted.begin(task_of("chair", 0, ProtocolParameters(), load_profile("turtlebot2")))
+    tilted = CAMERA.model_copy(update={"tilt_deg": -7.0})
+    profile = load_profile("turtlebot2").model_copy(update={"camera": tilted})
+    fitted.begin(task_of("chair", 0, ProtocolParameters(), profile))
     assert model.task is not None
-    assert model.task.robot.camera.width == 32
+    seen = model.task.robot.camera
+    assert (seen.width, seen.height, seen.tilt_deg) == (32, 24, -7.0)
+    assert seen.focal_px == pytest.approx(CAMERA.focal_px)
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,8 @@ class CroppedPolicy(Policy):
 
     def begin(self, task: Task) -> None:
         """Start an episode with the cropped camera in the task."""
-        self._policy.begin(replace(task, robot=replace(task.robot, camera=self._crop.model_copy())))
+        camera = part_of(task.robot.camera, self._crop.width, self._crop.height)  # with the mount of the task
+        self._policy.begin(replace(task, robot=replace(task.robot, camera=camera)))
 
     def act(self, observation: Observation) -> Decision:
         """Return the decision for the cropped observation, with pixels and boxes of the robot's image."""
