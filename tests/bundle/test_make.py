@@ -22,6 +22,7 @@ from tests.study.studies import study_text
 from vsnbench.bundle import record_cut
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, OpenBundle, open_bundle
 from vsnbench.bundle.derived_files import write_derived_files
+from vsnbench.bundle.signatures import check_signatures
 from vsnbench.interop.merge import merge, merge_source
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
@@ -198,7 +199,7 @@ def test_author_licence_and_citation_come_from_the_configuration(
     bundle = opened(record, tmp_path / "there", "--campaign", "1", "--without", "images")
     crate = json.loads((bundle.directory / "ro-crate-metadata.json").read_text())
     root = next(entity for entity in crate["@graph"] if entity["@id"] == "./")
-    assert root["author"] == [{"@id": "#Ada Lovelace"}, {"@id": "#Grace Hopper"}]
+    assert root["author"] == [{"@id": "#Ada%20Lovelace"}, {"@id": "#Grace%20Hopper"}]
     assert root["license"] == {"@id": "https://spdx.org/licenses/CC-BY-4.0"}
     assert root["creditText"] == "Lovelace 2026"
     assert "Lovelace 2026" in (bundle.directory / "README.md").read_text()
@@ -358,3 +359,34 @@ def test_a_record_on_a_server_is_bundled_as_an_sqlite_file(record: Path, tmp_pat
     assert bundle.problems == ()
     copies = [shutil.copytree(place, tmp_path / name) for name, place in (("a", record), ("b", bundle.results))]
     assert content(copies[0]) == content(copies[1])
+
+
+@pytest.mark.parametrize("campaigns", ["1", "2", "1,2"])
+def test_the_report_is_that_of_the_same_campaigns_in_the_record(record: Path, tmp_path: Path, campaigns: str) -> None:
+    bundle = opened(record, tmp_path, "--campaign", campaigns, "--without", "images")
+    reported = vsnbench(record, "report", "--campaign", campaigns, "--json").stdout
+    assert json.loads(bundle.report_json.read_text()) == json.loads(reported)
+
+
+def test_the_part_of_a_killed_bundling_is_removed(record: Path, tmp_path: Path) -> None:
+    left = tmp_path / f".b.zip.{2**22 + 1}.part"
+    left.write_bytes(b"half")
+    opened(record, tmp_path, "--campaign", "1", "--without", "images")
+    assert not left.exists()
+
+
+def test_a_title_with_html_stays_text(tmp_path: Path) -> None:
+    title = "<script>alert(1)</script> | [x](javascript:1)"
+    study_record(tmp_path / "results", 16, blind=False, title=title)
+    bundle = opened(tmp_path / "results", tmp_path, "--study", "1", "--without", "images")
+    assert "<script>" not in (bundle.directory / "README.md").read_text()
+    assert json.loads((bundle.directory / "croissant.json").read_text())["name"] == title
+
+
+def test_a_signed_bundle_names_its_signer(record: Path, tmp_path: Path) -> None:
+    key = tmp_path / "ada"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    (tmp_path / "signers").write_text(f"ada@lab {key.with_suffix('.pub').read_text()}")
+    bundle = opened(record, tmp_path, "--campaign", "1", "--without", "images", "--sign", str(key))
+    (check,) = check_signatures(bundle, tmp_path / "signers")
+    assert (check.is_valid, check.signer) == (True, "ada@lab")

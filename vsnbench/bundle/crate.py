@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, BinaryIO, Self
+from urllib.parse import quote
 
 from vsnbench.bundle.stored_zip import StoredFile
 
@@ -130,7 +131,7 @@ class CrateWriter:
             "hasPart": _references(self._parts),
         }
         if about.authors:
-            root["author"] = _references([f"#{name}" for name in about.authors])
+            root["author"] = _references(map(_own_id, about.authors))
         return root
 
     def _people(self) -> list[dict[str, Any]]:
@@ -139,14 +140,21 @@ class CrateWriter:
         named = licence or "No licence was stated: ask the authors before you use it."
         return [
             {"@id": _licence_id(licence), "@type": "CreativeWork", "name": named, "description": named},
-            *({"@id": f"#{name}", "@type": "Person", "name": name} for name in self._about.authors),
+            *({"@id": _own_id(name), "@type": "Person", "name": name} for name in self._about.authors),
         ]
 
 
 def _licence_id(licence: str) -> str:
     if not licence:
         return _NO_LICENCE
-    return licence if "://" in licence else f"{_SPDX}{licence}" if " " not in licence else f"#{licence}"
+    if "://" in licence:
+        return licence
+    return _own_id(licence) if " " in licence else f"{_SPDX}{licence}"
+
+
+def _own_id(name: str) -> str:
+    """Return the identity of something that is described in the crate only."""
+    return f"#{quote(name)}"
 
 
 def _references(identities: Iterable[str]) -> list[dict[str, str]]:

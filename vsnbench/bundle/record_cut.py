@@ -1,11 +1,10 @@
-"""Copies the rows of some campaigns to a new SQLite file whose bytes depend on nothing else.
+"""Copies the rows of some campaigns to a new SQLite file whose bytes depend only on them and on SQLite's version.
 
 Numbers and UUIDs are kept. Which rows belong to a campaign follows from the foreign keys: rows that refer to it, rows
 that refer to those, and everything that these refer to.
 """
 
 import sqlite3
-import struct
 from collections.abc import Iterator
 from contextlib import closing
 from functools import cache
@@ -41,9 +40,6 @@ from vsnbench.results.schema.tables import Campaign, Episode
 
 _AT_ONCE = 500
 _PAGE_BYTES = 4096
-_VERSION_FIELDS = 92
-"""Offset of the header's fields that name the version of the SQLite library which wrote the file."""
-_SQLITE_VERSION = 3_040_000
 
 
 def cut_record(source: Connection, selection: BundleSelection, target: Path, *, with_images: bool) -> None:
@@ -82,9 +78,6 @@ def cut_record(source: Connection, selection: BundleSelection, target: Path, *, 
     except sqlite3.Error as error:
         raise RecordError(f"cannot write {target}: {error}", advice="free some space") from error
     draft.unlink()
-    with target.open("r+b") as file:
-        file.seek(_VERSION_FIELDS)
-        file.write(struct.pack(">2L", 1, _SQLITE_VERSION))
 
 
 def _without_foreign_keys(connection: sqlite3.Connection, _record: object) -> None:
