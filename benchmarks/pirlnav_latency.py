@@ -2,6 +2,7 @@
 
     python benchmarks/pirlnav_latency.py                 full size, synthetic weights of the released layout
     python benchmarks/pirlnav_latency.py --weights FILE  a checkpoint of your own
+    python benchmarks/pirlnav_latency.py --batch         8 observations one by one and together, on one thread only
 
 Prints one JSON object. Both engines run in this process, alternating step by step, so that whatever else the machine
 does falls on both alike.
@@ -24,7 +25,7 @@ import torch
 from vsnbench.models.pirlnav.acceleration import choose_engine
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
-from vsnbench.models.pirlnav.engine import StepInput, StepOutput, synthetic_steps
+from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput, synthetic_steps
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.models.pirlnav.preprocessing import preprocess
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
@@ -36,7 +37,7 @@ MEMORY_STEPS = 10_000
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
 
 
-class Instant:
+class Instant(Engine):
     """An engine that answers at once: what is left is the policy around it."""
 
     label = "nothing"
@@ -81,6 +82,21 @@ def engines_ms(weights: Path, times: int) -> dict[str, float | str]:
     }
 
 
+def together_ms(weights: Path, times: int) -> dict[str, float | str]:
+    """Compare eager PyTorch on one thread: processor time for an observation, alone and among others."""
+    torch.set_num_threads(1)
+    engine = choose_engine(read_checkpoint(weights), PIRLNavSettings(runtime=Runtime.TORCH), "cpu").engine
+    steps = synthetic_steps(read_checkpoint(weights).architecture)[:1] * 8
+    spent: dict[int, list[float]] = {1: [], 4: [], 8: []}
+    for _ in range(times):
+        for count, durations in spent.items():
+            begun = time.process_time()
+            for first in range(0, 8, count):
+                engine.step_together(steps[first : first + count], [None] * count)
+            durations.append((time.process_time() - begun) / 8 * 1e3)
+    return {"engine": engine.label} | {f"of_{count}_ms": round(min(took), 2) for count, took in spent.items()}
+
+
 def policy_share_ms(small: Path, times: int) -> dict[str, float]:
     """Time `act` with an engine that answers at once, on a camera image; preprocessing is its largest part."""
     policy = PIRLNav(small, PIRLNavSettings(runtime=Runtime.TORCH), "cpu")
@@ -118,6 +134,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--weights", type=Path, help="a PIRLNav checkpoint; synthetic weights when absent")
     parser.add_argument("--steps", type=int, default=60, help="timed steps of each engine")
+    parser.add_argument("--batch", action="store_true", help="only compare observations one by one and together")
     arguments = parser.parse_args()
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from tests.models.pirlnav.checkpoints import SMALL, write_checkpoint
@@ -127,6 +144,9 @@ def main() -> None:
         small = write_checkpoint(Path(directory) / "small.ckpt", SMALL)
         tiny = write_checkpoint(Path(directory) / "tiny.ckpt", SMALL.model_copy(update={"image_size_px": 64}))
         weights = arguments.weights or write_checkpoint(Path(directory) / "full.ckpt", Architecture())
+        if arguments.batch:
+            print(json.dumps(together_ms(weights, 10), indent=2))
+            return
         report = {
             "load_average_1min": round(os.getloadavg()[0], 2),
             "cores": os.cpu_count(),

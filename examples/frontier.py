@@ -1,9 +1,9 @@
 """A frontier explorer: it maps free space from depth, drives to the nearest unknown area, and to the goal once seen.
 
-It sees the goal by the simulator's labels, so it runs in simulation only. FrontierDiscrete plans in the same way and
-answers with discrete actions. Success rates: examples/README.md.
+It sees the goal by the simulator's labels, so it runs in simulation only. The built-in model `frontier` explores by
+discrete actions, with a detector that real robots can use. Success rates: examples/README.md.
 
-vsnbench run --model examples.frontier:Frontier,examples.frontier:FrontierDiscrete --goal chair
+vsnbench run --model examples.frontier:Frontier --goal chair
 """
 
 from typing import Any
@@ -22,12 +22,11 @@ class Frontier(Policy):
     """Answers with waypoints."""
 
     card = ModelCard("frontier", sensors=SENSORS, action_kinds=frozenset({ActionKind.DISCRETE, ActionKind.WAYPOINT}))
-    radius_m, forward_m, turn_rad = 0.2, 0.25, np.radians(30)
+    radius_m = 0.2
 
     def begin(self, task: Task) -> None:
-        """Start an episode with the numbers of the robot and the protocol."""
-        self.radius_m, self.forward_m = task.robot.radius_m, task.protocol.forward_m
-        self.turn_rad = np.radians(task.protocol.turn_deg)
+        """Start an episode with the radius of the robot."""
+        self.radius_m = task.robot.radius_m
         super().begin(task)
 
     def reset(self, goal: str, seed: int) -> None:
@@ -72,24 +71,3 @@ class Frontier(Policy):
     def turn(self, angle_rad: float) -> Decision:
         """Turn on the spot."""
         return Decision(Waypoint(0.0, 0.0, heading_rad=angle_rad))
-
-
-class FrontierDiscrete(Frontier):
-    """Answers with discrete actions."""
-
-    card = ModelCard("frontier-discrete", sensors=SENSORS)
-
-    def drive(self, path: list[int]) -> Decision:
-        """Turn to the heading from which a forward move brings the robot nearest to the end of the path."""
-        turns = np.array(sorted(range(-5, 7), key=abs))
-        moves = self.forward_m * self.map.ahead * np.exp(1j * turns * self.turn_rad)
-        swaths = cells(self.map.here + moves * np.linspace(0.1, 1, 20)[:, None])
-        room_m = self.map.clearance_m[swaths].min(axis=0)
-        is_free = room_m >= min(self.radius_m + 0.03, self.map.clearance_m[path[0]])
-        cost_m = self.map.cost_m[swaths[-1]] + 0.03 * abs(turns)
-        best = turns[np.where(is_free | ~is_free.any(), cost_m, np.inf).argmin()]
-        return self.turn(best) if best else Decision(Action.MOVE_FORWARD)
-
-    def turn(self, angle_rad: float) -> Decision:
-        """Turn one step to the side of an angle."""
-        return Decision(Action.TURN_LEFT if angle_rad > 0 else Action.TURN_RIGHT)

@@ -2,6 +2,7 @@
 
 python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL, all along it
 python scripts/kill_workers.py drivers --kills 10      the driver, which the same command goes on after: 4 minutes
+python scripts/kill_workers.py served --workers 8      workers of a served model, and every third time its server
 python scripts/kill_workers.py node                    a node of a Ray cluster of two: 4 minutes
 
 Every trial must have one result, as it has undisturbed, and no process and no half-written file may be left.
@@ -111,6 +112,57 @@ def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, cha
         sys.exit("the campaign did not go on")
 
 
+def kill_served(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
+    """Kill workers that share a served model, and every third time its server, which starts again at once."""
+    address = int(words[1].rpartition(":")[2])
+    serve = [*PYTHON, "vsnbench.cli.main", "models", "serve", "random", "--port", str(address)]
+    serve += ["--sessions", str(asked.workers)]
+    server = subprocess.Popen(serve, stderr=subprocess.DEVNULL)
+    killed, ends = [0, 0], 0
+    try:
+        while True:
+            while not is_open(address):
+                time.sleep(0.05)
+            process = driver_of(campaign(results, *words), results)
+            while process.poll() is None:
+                time.sleep(asked.within_s * chance.random())
+                if (
+                    sum(killed) >= asked.kills
+                    or not is_due(sum(killed), results, asked)
+                    or not an_episode_runs(results)
+                ):
+                    continue
+                if sum(killed) % 3 == 2:
+                    server.kill()
+                    server.wait()
+                    server = subprocess.Popen(serve, stderr=subprocess.DEVNULL)
+                    killed[1] += 1
+                elif alive := workers_of(psutil.Process(process.pid)):
+                    with suppress(psutil.Error):
+                        chance.choice(alive).kill()
+                        killed[0] += 1
+            ends += 1
+            print(
+                f"exit {process.returncode}; {killed[0]} workers and {killed[1]} servers killed so far, "
+                f"{judged(results)} trials judged",
+                flush=True,
+            )
+            if process.returncode == 0:
+                break
+            if ends > asked.kills:
+                sys.exit("the campaign does not go on")
+    finally:
+        server.kill()
+        server.wait()
+    if sum(killed) < asked.kills:
+        sys.exit(f"the campaign ended after {sum(killed)} kills")
+
+
+def is_open(address: int) -> bool:
+    with closing(socket.socket()) as probe:
+        return probe.connect_ex(("127.0.0.1", address)) == 0
+
+
 def workers_at_it(process: "subprocess.Popen[bytes]", results: Path) -> bool:
     """Whether one of a driver's workers has begun an episode."""
     query = "SELECT p.pid FROM episode e JOIN process p ON p.id = e.process_id WHERE e.state = 'running'"
@@ -210,7 +262,7 @@ def main() -> None:
     """Kill, and look."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("what", choices=["workers", "drivers", "node"])
+    parser.add_argument("what", choices=["workers", "drivers", "served", "node"])
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--within-s", type=float, default=1.0, help="how much of chance is in a kill's moment")
     parser.add_argument("--starts", type=int, default=15)
@@ -219,12 +271,15 @@ def main() -> None:
     asked = parser.parse_args()
     words = ["--model", "oracle", "--goal", "all", "--starts", f"1-{asked.starts}"]
     words += ["--workers", str(asked.workers)]
-    kill = {"workers": kill_workers, "drivers": kill_drivers, "node": kill_node}[asked.what]
+    kill = {"workers": kill_workers, "drivers": kill_drivers, "served": kill_served, "node": kill_node}[asked.what]
     with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as there:
         results = Path(there) / "results"
+        if asked.what == "served":
+            words[1] = f"ws://127.0.0.1:{port()}"
         kill(results, words, asked, random.Random(asked.seed))
         # A run that finds nothing to do clears away what the last kill left.
-        subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)
+        if asked.what != "served":
+            subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)
         look(results, trials=GOALS * asked.starts)
 
 

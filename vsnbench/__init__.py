@@ -11,7 +11,7 @@ from vsnbench.deprecated_imports import install_finder
 
 if TYPE_CHECKING:
     from vsnbench.errors import ModelError, NotPlacedError, RobotError, VsnbenchError
-    from vsnbench.models.contract import ModelCard, Policy
+    from vsnbench.models.contract import BatchPolicy, ModelCard, Policy
     from vsnbench.models.task import Task
     from vsnbench.models.trained_camera import TrainedCamera
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -37,6 +37,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Action",
     "ActionKind",
+    "BatchPolicy",
     "Battery",
     "Box",
     "Budget",
@@ -82,7 +83,7 @@ __all__ = [
 
 _NAMES = {
     "vsnbench.errors": ("ModelError", "NotPlacedError", "RobotError", "VsnbenchError"),
-    "vsnbench.models.contract": ("ModelCard", "Policy"),
+    "vsnbench.models.contract": ("BatchPolicy", "ModelCard", "Policy"),
     "vsnbench.models.task": ("Task",),
     "vsnbench.protocol.parameters": ("ProtocolParameters",),
     "vsnbench.report.frames": ("Results", "open_results"),

@@ -39,9 +39,10 @@ NOT_RUN = {
     "a cluster": "tests/runner/executors runs trials on a local Ray cluster",
     "a bare machine": "installs hundreds of megabytes; `make test` begins with `make setup`",
     "hours": "trains for hours",
+    "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
-    "an address": "of weights; tests/cli/models/test_models.py fetches from a local server",
+    "an address": "of weights; tests/cli/models/test_fetching.py fetches from a local server and a package",
 }
 """What a block needs, from the comment before it -> why it is parsed instead of run."""
 
@@ -58,7 +59,7 @@ SERVED = (
     (re.compile(r"vsnbench (study )?run .*--console$"), " 127.0.0.1:0", 130),
 )
 """Commands that serve a page until Ctrl-C, an option for a free port, and the exit code."""
-LONG = re.compile(r"vsnbench (run (?!.*--starts)|study run)")
+LONG = re.compile(r"vsnbench ((run|stress) (?!.*--starts)|study run)")
 """Commands that take minutes: started, and interrupted when they make progress."""
 STAND_INS = {"sqlite3 ": "test -f "}
 """Program that may not be installed -> replacement that checks its argument."""

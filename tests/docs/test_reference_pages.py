@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 from tests.docs.pages import ROOT
 from tests.report.records import Attempt, Lab
 from vsnbench.cli.main import build_app
+from vsnbench.protocol.disturbances import KINDS
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.second_judgements import Outcome
 
-FREE_KEYS = {"protocol", "conditions", "settings", "kinds", "touched"}
+FREE_KEYS = {"protocol", "conditions", "settings", "kinds", "touched", "stages"}
 """Objects whose keys depend on the model, the robot or the site."""
 
 
@@ -104,6 +105,12 @@ def test_every_key_of_a_site_check_is_documented(tmp_path: Path) -> None:
     (tmp_path / "site.yaml").write_text((ROOT / "vsnbench/cli/starter/lab.yaml").read_text(encoding="utf-8"))
     printed = json.loads(output("sites", "check", str(tmp_path / "site.yaml"), "--json"))
     assert set(keys(printed)) - documented("sites check") == set()
+
+
+def test_every_disturbance_is_on_the_page_of_stress_tests_with_its_unit_and_severities() -> None:
+    page = (ROOT / "docs" / "stress.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z_]+)` \| .* \| (\w+) \| ([-\d., ]+) \|$", page, re.MULTILINE)
+    assert rows == [(kind.name, kind.unit, ", ".join(f"{value:g}" for value in kind.values)) for kind in KINDS.values()]
 
 
 def glossary(section: str) -> str:

@@ -37,12 +37,6 @@ def test_the_explorer_reaches_the_goal_by_waypoints(run: Run) -> None:
     assert actions == {"WAYPOINT", "STOP"}
 
 
-def test_the_explorer_reaches_the_goal_by_discrete_actions(run: Run) -> None:
-    ends, actions = run("frontier:FrontierDiscrete", "plant", "--starts", "8")
-    assert ends == ["stop"]
-    assert actions <= {"MOVE_FORWARD", "TURN_LEFT", "TURN_RIGHT", "STOP"}
-
-
 def test_the_reactive_policy_drives_by_velocities_to_the_goal_in_sight(run: Run) -> None:
     ends, actions = run("velocity:Reactive", "chair", "--starts", "5")
     assert ends == ["stop"]

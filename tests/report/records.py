@@ -91,6 +91,7 @@ class Lab:
         surveyed: bool = False,
         seed: int = 0,
         settings: Mapping[str, Any] | None = None,
+        conditions: Mapping[str, Any] | None = None,
     ) -> list[int]:
         """Write a campaign of these attempts, in their order, and return the episodes' numbers."""
         planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
@@ -101,6 +102,7 @@ class Lab:
             protocol=protocol or ProtocolParameters(),
             seed=seed,
             trials=planned,
+            conditions=conditions or {},
         )
         numbers = []
         with self.journal() as journal:

@@ -27,12 +27,13 @@ from vsnbench.text.streams import sanitized_output
 
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
+    "stress": ("vsnbench.cli.running.stress", "Measure what disturbances of camera and odometry cost a model."),
     "study": ("vsnbench.cli.study.verbs", "Run a blinded comparison of several models from a locked plan."),
     "report": ("vsnbench.cli.results.report", "Report success rates with confidence intervals."),
     "compare": ("vsnbench.cli.results.compare", "Compare the success rates of models."),
     "browse": ("vsnbench.cli.results.browse", "Look at the results in a browser: filter, compare, tag."),
     "view": ("vsnbench.cli.results.view", "Open an episode in Rerun."),
-    "judge": ("vsnbench.cli.results.judge", "Judge an episode: confirm, measure, amend or void."),
+    "judge": ("vsnbench.cli.judging.judge", "Judge an episode: confirm, measure, amend or void."),
     "note": ("vsnbench.cli.results.note", "Add notes and tags to episodes; no verdict changes."),
     "episodes": ("vsnbench.cli.results.episodes", "List and show recorded episodes."),
     "sites": ("vsnbench.cli.sites", "List, show, check, draw and edit sites."),
@@ -56,6 +57,7 @@ A module has either `app` (a Typer with subcommands) or `command` (the function 
 
 _PRINTED_DEFAULTS = {
     ("run",): ("site", "robot", "protocol"),
+    ("stress",): ("site", "robot", "protocol"),
     ("doctor",): ("robot",),
     ("place",): ("site", "robot"),
     ("study", "new"): ("site", "robot"),

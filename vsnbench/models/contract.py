@@ -176,3 +176,34 @@ class Policy(ABC):
 
     def close(self) -> None:
         """Release resources. Does nothing by default."""
+
+
+class BatchPolicy(Policy):
+    """A policy that keeps each episode in a state of its own, so that one object serves many robots.
+
+    A subclass implements `new_state` and `act_batch` instead of `reset` and `act`. `vsnbench models serve --sessions`
+    shares the object among all sessions; a run in this process has one episode at a time.
+    """
+
+    _state: Any = None
+
+    @abstractmethod
+    def new_state(self, goal: str, seed: int) -> Any:
+        """Return the state of a new episode, with everything that the model remembers; arguments as for `reset`."""
+
+    @abstractmethod
+    def act_batch(self, observations: Sequence[Observation], states: Sequence[Any]) -> Sequence[Decision]:
+        """Return the next action of each episode.
+
+        Args:
+            observations: one of each episode, with images of the same size; as for `act`.
+            states: the states of the episodes, in the same order. They are changed in place.
+        """
+
+    def reset(self, goal: str, seed: int) -> None:
+        """Start an episode and forget the previous one."""
+        self._state = self.new_state(goal, seed)
+
+    def act(self, observation: Observation) -> Decision:
+        """Return the next action."""
+        return self.act_batch([observation], [self._state])[0]

@@ -135,7 +135,7 @@ def repeats(policy: Policy, goal: str, *, deterministic: bool) -> str:
         ModelError: the actions differ although the policy is deterministic.
     """
     first, again = (episode(policy, goal, SEED) for _ in range(2))
-    number = _first_difference(first, again)
+    number = first_difference(first, again)
     if number and deterministic:
         raise ModelError(
             f"action {number} differs for the same seed and images",
@@ -195,7 +195,7 @@ def _act(policy: Policy, observation: Observation) -> Decision:
 def _forgets(policy: Policy, goal: str) -> str:
     first = episode(policy, goal, SEED)
     episode(policy, goal, SEED + 1, 7)
-    if number := _first_difference(first, episode(policy, goal, SEED)):
+    if number := first_difference(first, episode(policy, goal, SEED)):
         raise ModelError(f"action {number} differs after another episode", advice="reset all state in `reset`")
     return "the same actions after another episode"
 
@@ -248,7 +248,7 @@ def _time(policy: Policy, goal: str) -> str:
     return f"{statistics.median(durations_s) * 1000:.1f} ms per step (median), {max(durations_s) * 1000:.1f} ms maximum"
 
 
-def _first_difference(first: list[Decision], again: list[Decision]) -> int:
+def first_difference(first: list[Decision], again: list[Decision]) -> int:
     """Return the number of the first action that differs, from 1; 0 if none differs."""
     return next((number for number, (a, b) in enumerate(zip(first, again, strict=True), 1) if a.action != b.action), 0)
 

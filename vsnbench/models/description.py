@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
+from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.registry import keywords_of, locate
+from vsnbench.models.registry import card_problem, keywords_of, locate
 from vsnbench.values.observation import Sensor
 
 
@@ -38,7 +39,7 @@ def describe_model(name: str) -> ModelDescription:
 
     Raises:
         UsageError: the model does not exist.
-        ModelError: its module cannot be imported, or its server refuses.
+        ModelError: its module cannot be imported, its card is invalid, or its server refuses.
         ModelLostError: no server answers.
     """
     if name.startswith(("ws://", "wss://")):
@@ -53,7 +54,7 @@ def describe_model(name: str) -> ModelDescription:
         keywords=keywords_of(factory),
         goals=None if policy.known_goals is None else tuple(policy.known_goals),
         sensors=tuple(policy.needed_sensors),
-        card=_card_of(policy),
+        card=_card_of(policy, name),
         weights_file=policy.weights_file,
         settings_class=policy.settings_class,
         can_check=inspect.getattr_static(policy, "check") is not inspect.getattr_static(Policy, "check"),
@@ -80,6 +81,10 @@ def _describe_server(url: str) -> ModelDescription:
     )
 
 
-def _card_of(policy: type[Policy]) -> ModelCard | None:
+def _card_of(policy: type[Policy], name: str) -> ModelCard | None:
     card = getattr(policy, "card", None)
-    return card if isinstance(card, ModelCard) else policy.default_card
+    if not isinstance(card, ModelCard):
+        return policy.default_card
+    if problem := card_problem(card):
+        raise ModelError(f"model {name}: its card's {problem}", code="invalid-card")
+    return card

@@ -10,6 +10,7 @@ BUILT_IN: dict[str, str] = {
     "oracle": "vsnbench.models.baselines.oracle:Oracle",
     "oracle-waypoints": "vsnbench.models.baselines.waypoint_oracle:WaypointOracle",
     "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
+    "frontier": "vsnbench.models.baselines.frontier:Frontier",
     "vlv": "vsnbench.models.vlv.policy:VLV",
 }
 """Name -> class."""

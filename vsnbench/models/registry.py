@@ -10,6 +10,7 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.duck_typed import DuckTypedPolicy
 from vsnbench.models.names import class_of, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
+from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.plugins import import_factory, unknown_name
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.action import can_replace
@@ -82,7 +83,7 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
             advice="set `needs_survey = True`",
             code="survey-not-declared",
         )
-    if problem := _card_problem(policy.card):
+    if problem := card_problem(policy.card):
         raise ModelError(f"model {name}: {where}: its card's {problem}", code="invalid-card")
     return policy
 
@@ -91,7 +92,7 @@ def _not_created(name: str, where: str, reason: str) -> ModelError:
     return ModelError(f"model {name}: cannot create {where}: {reason}", code="model-not-created")
 
 
-def _card_problem(card: ModelCard) -> str:
+def card_problem(card: ModelCard) -> str:
     """Return what is wrong with a third party's card, or an empty string."""
     texts: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
     if not all(isinstance(text, str) for text in texts) or not card.name.strip():
@@ -115,6 +116,9 @@ def _card_problem(card: ModelCard) -> str:
     steps: tuple[object, ...] = (card.forward_m, card.turn_deg)
     if not all(size is None or (isinstance(size, int | float) and size > 0) for size in steps):
         return "forward_m and turn_deg must be None or numbers above 0"
+    camera: object = card.camera
+    if camera is not None and not isinstance(camera, TrainedCamera):
+        return "camera must be None or a TrainedCamera: TrainedCamera(mount_height_m=0.88, horizontal_fov_deg=79)"
     settings: object = card.settings
     return _not_serializable(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
 

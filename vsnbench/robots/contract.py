@@ -71,6 +71,9 @@ class Robot(ABC):
     is_rehearsal: bool = False
     """Whether the robot simulates being placed by an operator: `simulate_placement` moves it to its mark."""
 
+    renders_views: bool = False
+    """Whether `view_from` renders what a camera that is mounted otherwise would see; only in simulation."""
+
     has_preview: bool = False
     """Whether `preview` returns images while the robot drives."""
 
@@ -121,6 +124,13 @@ class Robot(ABC):
     @abstractmethod
     def observe(self) -> Observation:
         """Return new measurements, taken after the last motion ended."""
+
+    def view_from(self, camera: Camera) -> Observation:
+        """Return what another camera at the robot's pose would see; its images depend on no earlier call.
+
+        Called only if `renders_views` is True, after `observe`, for disturbances that move the camera.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.view_from")
 
     @abstractmethod
     def execute(self, action: Action) -> MotionResult:

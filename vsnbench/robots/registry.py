@@ -58,12 +58,16 @@ def profile_of(name: str) -> RobotProfile | None:
     """Return the profile that a robot's name stands for; None for a plug-in, which has one once it is opened.
 
     Raises:
-        UsageError: the profile does not exist.
+        UsageError: the robot or profile does not exist.
         RobotError: its file is invalid.
     """
     if is_simulated(name):
         return _simulated_profile(name)
-    return load_profile(name) if is_profile(name) else None
+    if is_profile(name):
+        return load_profile(name)
+    if ":" in name or name in plug_ins(ENTRY_POINT_GROUP):
+        return None
+    raise unknown_name("robot", name, known_robots())
 
 
 def open_robot(

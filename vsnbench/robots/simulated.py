@@ -48,6 +48,7 @@ class SimulatedRobot(Robot):
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
     action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
+    renders_views = True
 
     def __init__(
         self,
@@ -88,8 +89,9 @@ class SimulatedRobot(Robot):
         Raises:
             RobotError: the robot touches something there.
         """
-        drift_seed, depth_seed = np.random.SeedSequence(seed).spawn(2)
+        drift_seed, depth_seed, other_depth_seed = np.random.SeedSequence(seed).spawn(3)
         self._depth_rng = np.random.default_rng(depth_seed)
+        self._other_depth_rng = np.random.default_rng(other_depth_seed)
         self._drift = OdometryDrift(self.noise.odometry, np.random.default_rng(drift_seed)) if self.noise else None
         self._physics.place(start.pose)
         if touch := self._physics.touch():
@@ -106,7 +108,14 @@ class SimulatedRobot(Robot):
     def observe(self) -> Observation:
         """Return the camera's images and the odometry."""
         self._require_begun()
-        camera = self.profile.camera.without_roll
+        return self._view(self.profile.camera.without_roll, self._depth_rng)
+
+    def view_from(self, camera: Camera) -> Observation:
+        """Return the images of a camera that is mounted otherwise, with noise of its own, and the odometry."""
+        self._require_begun()
+        return self._view(camera.without_roll, self._other_depth_rng)
+
+    def _view(self, camera: Camera, depth_rng: np.random.Generator) -> Observation:
         here = self._physics.pose
         if not self._draws_colours:
             depth_m = self._renderer.measure(camera, here)
@@ -123,7 +132,7 @@ class SimulatedRobot(Robot):
         depth_m = view.depth_m
         if self.noise is not None and isinstance(view, Frame):
             shininess = self._shininess[view.instance]
-            depth_m = noisy_depth(depth_m, view.rgb, shininess, self.noise.depth, self._depth_rng)
+            depth_m = noisy_depth(depth_m, view.rgb, shininess, self.noise.depth, depth_rng)
         beyond_range = depth_m > np.float32(camera.depth_max_m)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return Observation(

@@ -180,6 +180,15 @@ def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observati
     return made
 
 
+def with_changes(observation: Observation, **changes: Any) -> Observation:
+    """Return an observation with other values in some fields; sensors without a measurement stay so.
+
+    Raises:
+        ValueError: an array has the wrong shape or type.
+    """
+    return observation_of(**{**observation.__getstate__(), **changes})
+
+
 def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
     copy = np.array(array, order="C", copy=True)
     copy.flags.writeable = False

@@ -16,7 +16,7 @@ from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import Policy
 from vsnbench.models.pirlnav import acceleration
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
-from vsnbench.models.pirlnav.engine import StepInput, StepOutput
+from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
 from vsnbench.models.registry import create_policy
@@ -40,7 +40,7 @@ def episode(policy: PIRLNav, recording: Recording, seed: int, steps: int = 12, g
     return [policy.act(look(recording, step)) for step in range(steps)]
 
 
-class Scripted:
+class Scripted(Engine):
     """Answers with fixed preferences and remembers what it was told."""
 
     label = "scripted"
@@ -143,7 +143,8 @@ def test_sampling_follows_from_the_seed_and_nothing_else(small_checkpoint: Path,
 def test_samples_come_as_often_as_their_probabilities_say(policy: PIRLNav, recording: Recording) -> None:
     policy.reset("chair", seed=1)
     shares = np.array([0.05, 0.5, 0.2, 0.15, 0.1, 0.0])
-    drawn = np.bincount([policy._choose(shares) for _ in range(4000)], minlength=6) / 4000
+    generator = np.random.default_rng(1)
+    drawn = np.bincount([policy._choose(shares, generator) for _ in range(4000)], minlength=6) / 4000
     np.testing.assert_allclose(drawn, shares, atol=0.03)
 
 
@@ -378,7 +379,7 @@ def test_steps_keep_no_history(policy: PIRLNav, recording: Recording) -> None:
     import torch
 
     episode(policy, recording, seed=0, steps=3)
-    hidden = policy.chosen.engine._hidden  # type: ignore[attr-defined]
+    hidden = policy.chosen.engine.memory
     assert isinstance(hidden, torch.Tensor)
     assert hidden.grad_fn is None
     assert hidden.requires_grad is False

@@ -5,8 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
-from vsnbench.models.remote.vsnbench_policy import Camera, HabitatAgent, Observation, Pose, WireError, decision_of
+from vsnbench.models.remote.vsnbench_policy import (
+    Camera,
+    Goal,
+    HabitatAgent,
+    Observation,
+    Pose,
+    WireError,
+    checked_card,
+    decision_of,
+)
 
 DEPTH_M = np.array([[0.2, 2.75, 9.0, np.nan, np.nan]], np.float32)
 BEYOND = np.array([[False, False, False, False, True]])
@@ -73,3 +83,57 @@ def test_depth_beyond_the_range_is_far_and_depth_that_is_missing_is_not(normaliz
     agent = HabitatAgent(Agent, {"normalize_depth": normalize})
     np.testing.assert_allclose(agent.observations(look(beyond_range=BEYOND))["depth"][0, :, 0], depth)
     assert agent.observations(look())["depth"][0, 4, 0] == depth[0]
+
+
+def seen_by(observation: Observation, wanted: Any = "chair", **settings: Any) -> dict[str, Any]:
+    agent = HabitatAgent(Agent, settings)
+    agent.reset(wanted, 1)
+    agent.act(observation)
+    seen: dict[str, Any] = agent.agent.seen
+    return seen
+
+
+def picture(height: int = 48, width: int = 64) -> Observation:
+    rng = np.random.default_rng(4)
+    rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
+    depth_m = rng.uniform(0.5, 5.0, (height, width)).astype(np.float32)
+    return Observation(
+        rgb, depth_m, Pose(0, 0, 0), 0.0, Camera({"width": width, "height": height, "horizontal_fov_deg": 90})
+    )
+
+
+def test_images_are_resized_and_cropped_as_habitat_baselines_does() -> None:
+    shot = picture()
+    seen = seen_by(shot, resize=30, crop=[24, 20], depth_min_m=0.0, normalize_depth=False)
+    assert seen["rgb"].shape == (24, 20, 3)
+    assert seen["depth"].shape == (24, 20, 1)
+    for name, image in (("rgb", shot.rgb), ("depth", shot.depth_m[:, :, None])):
+        tensor = torch.from_numpy(image.astype(np.float64)).permute(2, 0, 1)[None]
+        resized = torch.nn.functional.interpolate(tensor, (30, 40), mode="area")[0].permute(1, 2, 0).numpy()
+        expected = resized[3:27, 10:30].astype(image.dtype)
+        np.testing.assert_allclose(seen[name], expected, atol=1 if name == "rgb" else 1e-6)
+        assert seen[name].dtype == image.dtype
+
+
+def test_intrinsics_are_those_of_the_resized_and_cropped_image() -> None:
+    matrix = seen_by(picture(), resize=[24, 32], crop=[20, 20], intrinsics=True)["intrinsics"]
+    np.testing.assert_allclose(matrix, [[16, 0, 10], [0, 16, 10], [0, 0, 1]], atol=1e-5)
+    assert "intrinsics" not in seen_by(picture())
+
+
+def test_an_agent_with_image_or_instruction_goals_gets_them_as_habitat_names_them() -> None:
+    goal = Goal("photo")
+    goal.image, goal.text = picture(96, 128).rgb, ""
+    seen = seen_by(picture(), goal, goal="imagegoal", resize=[24, 32])
+    assert seen["imagegoal"].shape == seen["rgb"].shape == (24, 32, 3)
+    assert "objectgoal" not in seen
+    spoken = Goal("leave the room")
+    spoken.text = "leave the room"
+    assert seen_by(picture(), spoken, goal="instruction")["instruction"] == {"text": "leave the room"}
+    assert checked_card(HabitatAgent(Agent, {"goal": "instruction"}))["goal_kinds"] == ["instruction", "text"]
+
+
+@pytest.mark.parametrize("settings", [{"goal": "pointgoal"}, {"crop": [480, 20]}])
+def test_settings_that_cannot_be_are_refused(settings: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"goal must be one of|crop \[480, 20\] is larger"):
+        seen_by(picture(), **settings)

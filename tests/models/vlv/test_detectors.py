@@ -1,5 +1,6 @@
 """The detectors: the simulator's labels made worse, an ONNX file, and which one is opened."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from onnx import TensorProto, helper
 from tests.models.vlv.looks import look
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.vlv.detectors.choosing import open_detector
+from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
@@ -70,7 +72,9 @@ def test_it_says_what_it_needs_where_there_is_no_simulator() -> None:
         simulated().detect(real)
 
 
-def save_onnx(path: Path, names: str = "", outputs: tuple[str, ...] = ("boxes", "labels", "scores", "masks")) -> Path:
+def save_onnx(
+    path: Path, names: str = "", outputs: tuple[str, ...] = ("boxes", "labels", "scores", "masks"), **metadata: str
+) -> Path:
     """Write a detector that finds the same two objects in every image."""
     values = {
         "boxes": np.array([[10, 20, 50, 80], [60, 10, 90, 40]], np.float32),
@@ -88,8 +92,7 @@ def save_onnx(path: Path, names: str = "", outputs: tuple[str, ...] = ("boxes", 
     image = helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, "H", "W"])
     graph = helper.make_graph(nodes, "detector", [image], infos)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    if names:
-        helper.set_model_props(model, {"names": names})
+    helper.set_model_props(model, metadata | ({"names": names} if names else {}))
     onnx.save(model, path)
     return path
 
@@ -113,6 +116,45 @@ def test_the_file_s_own_class_names_are_used(tmp_path: Path) -> None:
     path = save_onnx(tmp_path / "d.onnx", "{63: 'sofa', 70: 'chair'}")
     detector = ONNXDetector(path, 0.3)
     assert [each.label for each in detector.detect(look())] == ["chair", "couch"]
+
+
+WEAK = json.dumps({"couch": {"threshold": 0.35, "precision": 0.6, "recall": 0.3}})
+
+
+def test_the_file_s_own_minimum_scores_are_used_and_recorded(tmp_path: Path) -> None:
+    path = save_onnx(tmp_path / "d.onnx", title="Small net", reliability=WEAK)
+    detector = ONNXDetector(path, 0.5)
+    assert [each.label for each in detector.detect(look())] == ["toilet", "couch"]
+    assert detector.name == "Small net (d.onnx)"
+    assert detector.settings["thresholds"] == {"couch": 0.35}
+    assert detector.reliability("toilet") == Reliability(0.5)
+
+
+def test_a_minimum_score_in_the_settings_replaces_the_file_s(tmp_path: Path) -> None:
+    path = save_onnx(tmp_path / "d.onnx", reliability=WEAK)
+    detector = open_detector(VLVSettings(detector_weights=str(path), detector_threshold=0.5), "cpu")
+    assert detector.reliability("couch") == Reliability(0.5)
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"couch": {}}', '{"couch": {"threshold": 0.3, "precision": 1.0, "recall": 0.3}}']
+)
+def test_a_reliability_that_cannot_be_read_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ModelError, match="reliability"):
+        ONNXDetector(save_onnx(tmp_path / "d.onnx", reliability=text), 0.5)
+
+
+def test_a_less_precise_class_needs_more_views_and_a_rarely_seen_one_forgives_more_misses() -> None:
+    assert [Reliability.measured(0.3, precision, 0.5).views_to_believe for precision in (0.95, 0.6, 0.4)] == [2, 4, 6]
+    assert [Reliability.measured(0.3, 0.6, recall).miss_weight for recall in (0.8, 0.5, 0.2)] == [1.0, 0.5, 0.125]
+
+
+def test_without_masks_depth_finds_the_object_in_the_box(tmp_path: Path) -> None:
+    path = save_onnx(tmp_path / "d.onnx", outputs=("boxes", "labels", "scores"))
+    seen = look(("sofa", (30, 80, 15, 40), 2.0), wall_m=4.0)  # narrower than its box, before a wall
+    (found,) = [each for each in ONNXDetector(path, 0.3).detect(seen) if each.label == "couch"]
+    assert found.mask[50, 30]
+    assert not found.mask[50, 44]
 
 
 def test_a_detector_that_cannot_find_a_goal_is_refused_for_it(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """The number of workers: by cores, memory and trials."""
 
+from dataclasses import replace
+
 import pytest
 
 from tests.runner.stand_ins import PROFILE
@@ -47,6 +49,17 @@ def test_auto_fits_into_memory() -> None:
     assert choose_count(WorkerRequest(4, is_explicit=False), BOX, prepared(1 * GIB)) == 4
     assert choose_count(WorkerRequest(4, is_explicit=False), BOX, prepared(3 * GIB // 2)) == 2
     assert choose_count(WorkerRequest(4, is_explicit=False), BOX, prepared(9 * GIB)) == 1
+
+
+def test_a_servers_sessions_limit_the_workers() -> None:
+    served = replace(prepared(GIB // 4, "cuda"), sessions=2)
+    assert choose_count(WorkerRequest(4, is_explicit=False), BOX, served) == 2
+    assert choose_count(WorkerRequest(2, is_explicit=True), BOX, served) == 2
+    with pytest.raises(UsageError, match="4 workers need as many sessions") as refused:
+        choose_count(WorkerRequest(4, is_explicit=True), BOX, served)
+    assert refused.value.code == "too-few-sessions"
+    assert WorkerRequest(4, is_explicit=True, first_alone=True).limit == 4
+    assert BOX.initial_count(WorkerRequest(4, is_explicit=True, first_alone=True), None) == 1
 
 
 def test_too_many_workers_for_memory_are_refused() -> None:

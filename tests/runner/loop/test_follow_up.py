@@ -27,6 +27,20 @@ def test_three_consecutive_void_episodes_stop_a_session(reasons: list[str], stop
     assert [bool(limit.add(ended(EndReason(reason)))) for reason in reasons][-1] is stops
 
 
+def test_a_served_model_lost_by_all_workers_at_once_counts_once() -> None:
+    limit, lost = VoidLimit(), ended(EndReason.MODEL_LOST)
+    assert [limit.add(lost, running) for running in (7, 7, 7, 7, 7, 7, 7, 7)] == [None] * 8
+    assert limit.consecutive == 1
+    assert limit.add(lost, 7) is None
+    assert [limit.add(lost, 0) for _ in range(7)] == [None] * 7
+    assert limit.add(lost, 7) is not None
+
+
+def test_a_failing_model_in_several_workers_counts_each_time() -> None:
+    limit = VoidLimit()
+    assert [bool(limit.add(ended(EndReason.MODEL_ERROR), 7)) for _ in range(3)] == [False, False, True]
+
+
 def test_fail_fast_stops_at_the_first_void_episode() -> None:
     assert VoidLimit(1).add(ended(EndReason.MODEL_ERROR)) == "an episode is void: the error"
 

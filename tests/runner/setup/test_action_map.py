@@ -9,7 +9,7 @@ from tests.runner.episode.test_step import Scripted
 from tests.runner.stand_ins import PLAN, StandInRobot
 from vsnbench.errors import ModelError
 from vsnbench.models.loaded import LoadedPolicy
-from vsnbench.models.registry import _card_problem
+from vsnbench.models.registry import card_problem
 from vsnbench.models.remote.card import card_of, difference
 from vsnbench.models.remote.vsnbench_policy import checked_card
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec, prepare_setup
@@ -44,8 +44,8 @@ def test_the_map_is_part_of_the_identity_and_a_card_without_one_keeps_its_own() 
 )
 def test_a_map_of_other_actions_is_refused(action_map: Any) -> None:
     card = Scripted(kinds=DISCRETE).card
-    assert _card_problem(replace(card, action_map=MAP)) == ""
-    assert "action_map" in _card_problem(replace(card, action_map=action_map))
+    assert card_problem(replace(card, action_map=MAP)) == ""
+    assert "action_map" in card_problem(replace(card, action_map=action_map))
 
 
 def test_the_map_of_a_served_model_arrives_and_a_wrong_one_is_refused_on_both_sides() -> None:

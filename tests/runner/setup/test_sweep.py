@@ -14,6 +14,7 @@ from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.operator.provider import TerminalOperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import named_site
+from vsnbench.runner.setup.stress import conditions_of
 from vsnbench.runner.setup.sweep import (
     NEXT_STARTUP_S,
     STARTUP_S,
@@ -22,6 +23,7 @@ from vsnbench.runner.setup.sweep import (
     plan_sweep,
     run_sweep,
     undone,
+    with_disturbances,
 )
 
 REQUEST = RunRequest(
@@ -77,10 +79,47 @@ def test_the_estimate_uses_recorded_times_and_the_trials_left() -> None:
     guessed = cost_of(sweep, NO_THROUGHPUT)
     assert (guessed.campaigns, guessed.trials, guessed.done, guessed.known_from) == (4, 60, 0, 0)
     assert math.isclose(guessed.seconds, 60 * UNKNOWN_PACE_S / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
-    pace = Throughput({"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0): 15})
+    pace = Throughput({"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0, ""): 15})
     known = cost_of(sweep, pace)
     assert (known.trials, known.done, known.known_from) == (60, 15, 49)
     assert math.isclose(known.seconds, (15 * 1.0 + 30 * 5.0) / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
+
+
+def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
+    conditions = conditions_of(["glare", "blur"], (5, 1))
+    assert [condition.text for condition in conditions] == ["", "glare=0.2", "glare=1", "blur=1", "blur=10"]
+    sweep = with_disturbances(plan_sweep(REQUEST, ("forward", "random"), (0,), ("apartment",)), conditions)
+    assert [(request.model, request.disturbances.text) for request in sweep.requests[4:7]] == [
+        ("forward", "blur=10"),
+        ("random", ""),
+        ("random", "glare=0.2"),
+    ]
+    done = {("forward", "apartment", 0, ""): 15, ("random", "apartment", 0, "blur=1"): 4}
+    cost = cost_of(sweep, Throughput({}, done))
+    assert (cost.campaigns, cost.trials, cost.done) == (10, 150, 19)
+
+
+def test_the_standard_stress_test_is_undisturbed_once_and_eight_disturbances_three_times() -> None:
+    conditions = conditions_of((), ())
+    assert len(conditions) == len(set(conditions)) == 25
+    assert not conditions[0]
+
+
+@pytest.mark.parametrize(
+    ("names", "severities", "code"),
+    [
+        (("blurr",), (), "unknown-disturbance"),
+        (("blur=2",), (), "invalid-disturbance"),
+        (("blur@2",), (), "invalid-disturbance"),
+        (("blur", "blur"), (), "duplicate-disturbance"),
+        (("blur",), (9,), "invalid-severity"),
+        (("blur",), (0,), "invalid-severity"),
+    ],
+)
+def test_an_invalid_stress_test_is_refused(names: Sequence[str], severities: Sequence[int], code: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        conditions_of(names, severities)
+    assert refused.value.code == code
 
 
 def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:

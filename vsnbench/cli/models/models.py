@@ -8,6 +8,7 @@ import typer
 from rich.table import Table
 
 from vsnbench.cli.models.cards import card_json, card_rows, comparison_json, comparison_rows
+from vsnbench.cli.models.fetching import fetch
 from vsnbench.cli.models.serving import check_against_contract, check_served, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Protocol
@@ -195,51 +196,7 @@ def check(
         _print_check(report, card, profile)
 
 
-@app.command()
-def fetch(
-    name: ModelName,
-    url: Annotated[str, typer.Argument(help="Address of the file.", metavar="URL")],
-    sha256: Annotated[str, typer.Option("--sha256", help="Expected SHA-256 of the file.", metavar="HASH")],
-    as_json: Json = False,
-) -> None:
-    """Download weights, resume an interrupted download, and verify the hash.
-
-    Addresses are in docs/pirlnav.md. The directory is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
-
-    [bold]Example[/bold]
-
-        vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
-    """
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
-
-    from vsnbench.errors import UsageError
-    from vsnbench.models.checkpoints.fetching import fetch as download
-    from vsnbench.models.checkpoints.weights import weights_directory
-    from vsnbench.models.description import describe_model
-
-    model = describe_model(name)
-    if not model.weights_file:
-        raise UsageError(f"model {name} has no weights to fetch")
-    destination = weights_directory() / model.weights_file
-    console = Console(stderr=True)
-    columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    task = bar.add_task(model.weights_file, total=None)
-
-    def progress(received_bytes: int, total_bytes: int | None) -> None:
-        bar.start()
-        bar.update(task, completed=received_bytes, total=total_bytes)
-
-    try:
-        downloaded = download(url, destination, sha256, progress)
-    finally:
-        bar.stop()
-    if as_json:
-        print_files([destination], as_json=True, fetched=downloaded, sha256=sha256)
-        return
-    typer.echo(f"{destination}" if downloaded else f"{destination} (already downloaded)")
-    if model.can_check:
-        typer.echo(f"next: vsnbench models check {name}", err=True)
+app.command("fetch")(fetch)
 
 
 def _goals(model: "ModelDescription") -> str:

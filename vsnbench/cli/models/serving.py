@@ -44,6 +44,13 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         Path | None, typer.Option("--model-config", help="YAML file of the model's settings.")
     ] = None,
     device: Annotated[str | None, typer.Option("--device", help="Device: auto, cpu, cuda or mps.")] = None,
+    sessions: Annotated[
+        int, typer.Option("--sessions", min=1, max=256, help="Number of clients at a time, for run --workers.")
+    ] = 1,
+    batch: Annotated[
+        int,
+        typer.Option("--batch", min=1, help="Observations that a model may answer together; over 1, last bits differ."),
+    ] = 1,
     write_stub: Annotated[
         Path | None,
         typer.Option(
@@ -57,6 +64,7 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
 
         vsnbench models serve pirlnav --port 8765
         VSNBENCH_TOKEN=secret vsnbench models serve pirlnav --host 0.0.0.0
+        vsnbench models serve pirlnav --sessions 8 --batch 8
         vsnbench models serve --write-stub ~/mymodel
 
     The file of the last example serves a model in an environment without vsnbench
@@ -69,21 +77,22 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         return
     from vsnbench.models.process_exit import process_exit_refused
     from vsnbench.models.registry import create_policy
-    from vsnbench.models.remote.serving import ServedPolicy
+    from vsnbench.models.remote.serving import served
     from vsnbench.models.remote.vsnbench_policy import serve as serve_policy
 
     values = {"weights": weights, "model_config": model_config, "device": device}
     options: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
     try:
         with process_exit_refused():
-            policy = create_policy(str(model), None, **options)
             serve_policy(
-                ServedPolicy(policy, str(model), options),
+                lambda: served(create_policy(str(model), None, **options), str(model), options, sessions),
                 host=host,
                 port=port,
                 certificate=str(certificate) if certificate else None,
                 key=str(key) if key else None,
                 unix_path=str(unix_path) if unix_path else None,
+                sessions=sessions,
+                batch=batch,
             )
     except (OSError, ValueError) as error:
         raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error

@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.lists import split_list, split_numbers
 from vsnbench.cli.support.options import (
     EXECUTION_PANEL,
-    RECORD_PANEL,
     Console,
     Database,
+    Disturb,
     Live,
     Protocol,
     Rehearse,
@@ -23,7 +22,26 @@ from vsnbench.cli.support.options import (
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
-from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF, load_config
+from vsnbench.cli.support.trial_options import (
+    MODEL_PANEL,
+    Goal,
+    Keep,
+    MaxSteps,
+    Model,
+    ModelConfig,
+    Noise,
+    Repetitions,
+    Robot,
+    Seed,
+    Site,
+    Starts,
+    Weights,
+    Workers,
+    model_options,
+    models_of,
+    seeds_of,
+)
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,104 +49,24 @@ if TYPE_CHECKING:
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
-_TRIALS = "Trials"
-_MODEL = "Model"
-_LARGEST_SEED = 2**63 - 1
-
 
 @resumable()
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     context: typer.Context,
-    model: Annotated[
-        list[str],
-        typer.Option(
-            "--model",
-            "-m",
-            metavar="A,B",
-            help="Models: random, forward, oracle, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
-            rich_help_panel=_TRIALS,
-        ),
-    ],
-    goal: Annotated[
-        list[str],
-        typer.Option(
-            "--goal",
-            "-g",
-            metavar="A,B",
-            help="Categories or goals of the site, or all.",
-            rich_help_panel=_TRIALS,
-        ),
-    ],
-    site: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--site",
-            metavar="A,B",
-            show_default=BUILT_IN_SITE,
-            help="Sites: embedded ones, site files, or flat:0-19 (generated flats).",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = None,
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="Robot: simulated, simulated:lola2, turtlebot2 or another of `vsnbench robots list`.",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = BUILT_IN_ROBOT,
-    starts: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--starts",
-            metavar="N,N-M",
-            show_default="all of the site",
-            help="Starting positions, like 1-15,20.",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = None,
-    repetitions: Annotated[
-        int,
-        typer.Option(
-            "--repetitions",
-            min=1,
-            max=1000,
-            help="Repetitions of each goal from each starting position.",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = 1,
-    seed: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--seed",
-            metavar="N,N-M",
-            show_default="0",
-            help="Seeds of all random choices, like 0-9; one campaign per seed.",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = None,
+    model: Model,
+    goal: Goal,
+    site: Site = None,
+    robot: Robot = BUILT_IN_ROBOT,
+    starts: Starts = None,
+    repetitions: Repetitions = 1,
+    seed: Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(
-            "--max-steps",
-            min=1,
-            max=100_000,
-            show_default="the protocol's",
-            help="Maximum number of actions per episode.",
-            rich_help_panel=_TRIALS,
-        ),
-    ] = None,
+    max_steps: MaxSteps = None,
     shuffle: Annotated[
         bool, typer.Option("--shuffle", help="Run the trials in random order.", rich_help_panel=EXECUTION_PANEL)
     ] = False,
-    noise: Annotated[
-        bool,
-        typer.Option("--noise", help="Add noise to simulated depth and odometry.", rich_help_panel=EXECUTION_PANEL),
-    ] = False,
+    noise: Noise = False,
+    disturb: Disturb = None,
     fit: Annotated[
         str,
         typer.Option(
@@ -136,21 +74,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             metavar="full|crop",
             help="Images for the model: the robot's (full), or cropped to the field of view that the model was trained "
             "with (crop).",
-            rich_help_panel=_MODEL,
+            rich_help_panel=MODEL_PANEL,
         ),
     ] = "full",
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
-    workers: Annotated[
-        str,
-        typer.Option(
-            "--workers",
-            metavar="N|auto|ray://HEAD:PORT",
-            help="Number of simulated trials at a time (auto: by cores and memory), or a Ray cluster.",
-            rich_help_panel=EXECUTION_PANEL,
-        ),
-    ] = "auto",
+    workers: Workers = "auto",
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Stop at the first void episode.", rich_help_panel=EXECUTION_PANEL)
     ] = False,
@@ -162,39 +92,20 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             rich_help_panel=EXECUTION_PANEL,
         ),
     ] = False,
-    weights: Annotated[
-        Path | None,
-        typer.Option(
-            "--weights",
-            "-w",
-            help="File of the model's weights, or 'embedded' for the packaged ones.",
-            rich_help_panel=_MODEL,
-        ),
-    ] = None,
-    model_config: Annotated[
-        Path | None, typer.Option("--model-config", help="YAML file of the model's settings.", rich_help_panel=_MODEL)
-    ] = None,
+    weights: Weights = None,
+    model_config: ModelConfig = None,
     isolate: Annotated[
         str | None,
         typer.Option(
             "--isolate",
             metavar="[PYTHON]",
             help="Own process for the model, with another Python interpreter if given.",
-            rich_help_panel=_MODEL,
+            rich_help_panel=MODEL_PANEL,
         ),
     ] = None,
     results: Results = None,
     db: Database = None,
-    keep: Annotated[
-        str,
-        typer.Option(
-            "--keep",
-            metavar="all|images|none",
-            help="Files of an episode: images and a Rerun copy (all), images, or none (simulation only).",
-            show_default="all with an operator, else images",
-            rich_help_panel=RECORD_PANEL,
-        ),
-    ] = "",
+    keep: Keep = "",
     live: Live = False,
     as_json: Json = False,
 ) -> None:
@@ -213,6 +124,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench run --model oracle --goal chair --starts 3 --rehearse
         vsnbench run --model vlv --goal all --robot lola2 --console
         vsnbench run --model oracle --goal all --site lab.yaml
+        vsnbench run --model pirlnav --goal bed --disturb blur=4,camera_tilt=-5
         vsnbench run --model oracle --goal all --protocol habitat-objectnav
         vsnbench run --model pirlnav --goal all --workers ray://head:10001
         vsnbench run --model vlv,random --seed 0-4 --site flat:0-9 --goal all
@@ -221,11 +133,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     The same command resumes with the remaining trials.
     Each model, site and seed is a campaign of its own; several make a sweep.
     """
-    models, seeds, sites = split_list(model), split_numbers(seed, "--seed", "0-9") or (0,), sites_of(site)
-    if not models:
-        raise UsageError("no model given", advice="name one with --model, for example --model oracle")
-    if max(seeds) > _LARGEST_SEED:
-        raise UsageError(f"--seed {max(seeds)}: the largest seed is {_LARGEST_SEED}", code="invalid-numbers")
+    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
     if watch:
         from vsnbench.cli.support.watching import run_and_watch
 
@@ -235,19 +143,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
     from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
-    configured = load_config().models
-    act_timeout_s = configured.act_timeout_s
-    remote = isolate is not None or any(name.startswith(("ws://", "wss://")) for name in models)
-    options = {
-        "weights": weights,
-        "model_config": model_config,
-        "act_timeout": act_timeout_s if remote else None,
-    }
+    options, act_timeout_s = model_options(models, weights, model_config, isolated=isolate is not None)
     page = operator_page(console)
     request = RunRequest(
         model=models[0],
@@ -258,14 +160,15 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         starts=",".join(starts) if starts else None,
         repetitions=repetitions,
         parameters=load_protocol(protocol).limited_to(max_steps),
-        device=configured.device,
+        device=load_config().models.device,
         seed=seeds[0],
         shuffle=shuffle,
         noise=noise,
+        disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
         fit=fit_of(fit),
-        model_options={name: value for name, value in options.items() if value is not None},
-        act_timeout_s=None if remote else act_timeout_s,
+        model_options=options,
+        act_timeout_s=act_timeout_s,
         isolation=None if isolate is None else _isolation(isolate),
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=live),

@@ -14,7 +14,7 @@ from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import schema_state
 from vsnbench.runner.operator.provider import TerminalOperatorProvider
 from vsnbench.runner.setup.request import RunRequest
-from vsnbench.runner.setup.sweep import Cost, Swept, cost_of, plan_sweep, run_sweep, undone
+from vsnbench.runner.setup.sweep import Cost, Sweep, Swept, cost_of, plan_sweep, run_sweep, undone
 from vsnbench.runner.setup.sweep_timing import time_models, untimed_models
 from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.text.sanitize import counted
@@ -29,36 +29,51 @@ def run_sweep_and_report(
     request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str], *, live: bool, as_json: bool
 ) -> int:
     """Run a sweep and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped."""
-    console = Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
-    sweep = plan_sweep(request, models, seeds, sites)
-    pace = _throughput(request.results)
-    cost = cost_of(sweep, pace)
-    if cost.seconds > TIMING_THRESHOLD_S and not request.workers.cluster and (untimed := untimed_models(sweep, pace)):
-        console.print(f"timing one trial of each model without episodes: {escape(', '.join(untimed))}; not recorded")
-        try:
-            with silence():
-                pace = time_models(sweep, pace, TerminalOperatorProvider(unattended=True))
-            cost = cost_of(sweep, pace)
-        except Stopped as stopped:
-            console.print(stopped_message(stopped))
-            return stopped.request.exit_code
-    console.print(cost_line(cost))
-    console.print(f"[dim]--keep {request.files_to_keep}: {request.files_to_keep.description}[/dim]")
-    if note := request.results.new_record_note:
-        console.print(f"[dim]{escape(note)}[/dim]")
-    swept: list[Swept] = []
     try:
-        with RerunEpisodes(live=live) as viewer:
-            swept.extend(run_sweep(sweep, TerminalOperatorProvider(), viewer))
-            viewer.linger()
+        swept = run_planned(plan_sweep(request, models, seeds, sites), request, live=live)
     except Stopped as stopped:
-        console.print(stopped_message(stopped))
+        sweep_console().print(stopped_message(stopped))
         return stopped.request.exit_code
     if as_json:
         print_json([_fields_of(campaign) for campaign in swept])
     if not (as_json and is_quiet()):
-        _print_summary(summary_console(), swept, request.results)
+        print_sweep_summary(summary_console(), swept, request.results)
+        print_next(summary_console(), f"report{request.results.options}")
     return 1 if any(undone(swept)) else 0
+
+
+def run_planned(sweep: Sweep, request: RunRequest, *, live: bool = False) -> list[Swept]:
+    """Print the estimated duration of a sweep and run it.
+
+    Args:
+        sweep: the campaigns.
+        request: options that they share.
+        live: show each episode in Rerun.
+
+    Raises:
+        Stopped: a person or the system asked to stop; what happened until then is recorded.
+    """
+    console = sweep_console()
+    pace = _throughput(request.results)
+    cost = cost_of(sweep, pace)
+    if cost.seconds > TIMING_THRESHOLD_S and not request.workers.cluster and (untimed := untimed_models(sweep, pace)):
+        console.print(f"timing one trial of each model without episodes: {escape(', '.join(untimed))}; not recorded")
+        with silence():
+            pace = time_models(sweep, pace, TerminalOperatorProvider(unattended=True))
+        cost = cost_of(sweep, pace)
+    console.print(cost_line(cost))
+    console.print(f"[dim]--keep {request.files_to_keep}: {request.files_to_keep.description}[/dim]")
+    if note := request.results.new_record_note:
+        console.print(f"[dim]{escape(note)}[/dim]")
+    with RerunEpisodes(live=live) as viewer:
+        swept = list(run_sweep(sweep, TerminalOperatorProvider(), viewer))
+        viewer.linger()
+    return swept
+
+
+def sweep_console() -> Console:
+    """Return the console of a sweep's progress: stderr."""
+    return Console(file=sys.stderr, highlight=False, soft_wrap=not sys.stderr.isatty())
 
 
 def _fields_of(campaign: Swept) -> dict[str, object]:
@@ -99,14 +114,12 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.0f} h"
 
 
-def _print_summary(console: Console, swept: list[Swept], results: ResultsDirectory) -> None:
+def print_sweep_summary(console: Console, swept: list[Swept], results: ResultsDirectory) -> None:
     """Print what is done and what is left."""
     for campaign in swept:
         reason = campaign.launched.result.stopped_because if campaign.launched else campaign.error
         if reason:
-            request = campaign.request
-            name = f"{request.model} in {request.site} with seed {request.seed}"
-            console.print(f"[red]{escape(name)}[/red]: {escape(reason)}")
+            console.print(f"[red]{escape(campaign.request.label)}[/red]: {escape(reason)}")
     left, failed = undone(swept)
     launched = [campaign.launched for campaign in swept if campaign.launched]
     trials = sum(len(launch.campaign.trials) for launch in launched)
@@ -117,4 +130,3 @@ def _print_summary(console: Console, swept: list[Swept], results: ResultsDirecto
         console.print(f"[green]all {trials:,} trials are done[/green]; results in {escape(str(results.path))}")
     if awaiting := sum(launch.result.awaiting for launch in launched):
         console.print(f"[cyan]{awaiting} trials to be judged[/cyan]: vsnbench judge --pending{escape(results.options)}")
-    print_next(console, f"report{results.options}")

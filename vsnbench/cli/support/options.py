@@ -97,6 +97,15 @@ Protocol = Annotated[
         help="Rules of the trials: a name of `vsnbench protocol list`, or a YAML file.",
     ),
 ]
+Disturb = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--disturb",
+        metavar="A,B=VALUE,C@SEVERITY",
+        help="Disturbances of what the model sees, like blur=2 (in px), glare@4 (severity 1 to 5) or low_light.",
+        rich_help_panel=EXECUTION_PANEL,
+    ),
+]
 Rehearse = Annotated[
     bool,
     typer.Option(

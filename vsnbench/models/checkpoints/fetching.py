@@ -18,10 +18,24 @@ _TIMEOUT_S = 30.0
 _CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
 
 
-def fetch(url: str, destination: Path, sha256: str, progress: Progress = lambda _received, _total: None) -> bool:
+def fetch(
+    url: str,
+    destination: Path,
+    sha256: str,
+    progress: Progress = lambda _received, _total: None,
+    *,
+    known_digits: int = 64,
+) -> bool:
     """Download a file.
 
     A partial download stays in `<name>.<hash>.part` next to the destination, and the next call continues it.
+
+    Args:
+        url: address of the file.
+        destination: path of the file.
+        sha256: its hash.
+        progress: called with the received bytes.
+        known_digits: number of digits of the hash; fewer than 64 if only its beginning is published.
 
     Returns:
         False if the file was already there.
@@ -31,14 +45,14 @@ def fetch(url: str, destination: Path, sha256: str, progress: Progress = lambda 
         ModelError: the download failed or has another hash.
     """
     sha256 = sha256.lower().removeprefix("sha256:")
-    if not re.fullmatch(r"[0-9a-f]{64}", sha256):
+    if not re.fullmatch(rf"[0-9a-f]{{{known_digits}}}", sha256):
         raise UsageError(
             f"--sha256 {sha256[:80]!r} is not a SHA-256, which has 64 hexadecimal digits", code="invalid-sha256"
         )
     if not url.startswith(("http://", "https://")):
         raise UsageError(f"{url!r} is not an http or https address", code="invalid-url")
     if destination.exists():
-        if file_sha256(destination) == sha256:
+        if file_sha256(destination).startswith(sha256):
             return False
         raise UsageError(
             f"another file is at {destination} (its SHA-256 differs)", advice="move it first", code="file-exists"
@@ -48,7 +62,7 @@ def fetch(url: str, destination: Path, sha256: str, progress: Progress = lambda 
         destination.parent.mkdir(parents=True, exist_ok=True)
         _download(url, part, progress)
         found = file_sha256(part)
-        if found != sha256:
+        if not found.startswith(sha256):
             part.unlink()
             raise ModelError(
                 f"{url}: SHA-256 is {found}, not {sha256}; file deleted", advice="check the link", code="wrong-sha256"

@@ -1,7 +1,9 @@
 """Interface of engines that run the network step by step, and comparison of two engines."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -51,10 +53,26 @@ class Engine(ABC):
 
     label: str
     """For example `onnxruntime on cpu, 4 threads`."""
+    memory: Any = None
+    """Recurrent state after the last step."""
 
     @abstractmethod
     def step(self, step: StepInput) -> StepOutput:
         """Run one step. The first step of an episode clears the memory."""
+
+    def step_together(self, steps: Sequence[StepInput], memories: Sequence[Any]) -> list[tuple[StepOutput, Any]]:
+        """Run a step of several episodes. Returns the output and the memory of each.
+
+        Args:
+            steps: inputs of the episodes.
+            memories: their memories; None at the first step of an episode.
+        """
+        answers = []
+        for step, memory in zip(steps, memories, strict=True):
+            if memory is not None:
+                self.memory = memory
+            answers.append((self.step(step), self.memory))
+        return answers
 
 
 @dataclass(frozen=True, slots=True)

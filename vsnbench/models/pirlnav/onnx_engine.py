@@ -92,11 +92,11 @@ class OnnxEngine(Engine):
             ) from error
         sizes = network.architecture
         self.label = f"onnxruntime {onnxruntime.__version__} on cpu, {threads} threads"
-        self._hidden = np.zeros((sizes.recurrent_layers, 1, sizes.hidden_size), np.float32)
+        self.memory = np.zeros((sizes.recurrent_layers, 1, sizes.hidden_size), np.float32)
 
     def step(self, step: StepInput) -> StepOutput:
         """Run one step."""
-        logits, value, self._hidden = self._session.run(
+        logits, value, self.memory = self._session.run(
             None,
             {
                 "image": step.image[None],
@@ -105,7 +105,7 @@ class OnnxEngine(Engine):
                 "goal": np.array([step.goal], np.int64),
                 "previous": np.array([step.previous_index], np.int64),
                 "mask": np.array([[0.0 if step.begins else 1.0]], np.float32),
-                "hidden": self._hidden,
+                "hidden": self.memory,
             },
         )
         return StepOutput(logits[0], float(value[0, 0]))

@@ -5,6 +5,7 @@ Camera image and odometry in, one of the protocol's actions out.
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -16,9 +17,9 @@ import numpy.typing as npt
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.checkpoints.torch_runtime import require_torch
 from vsnbench.models.checkpoints.weights import embedded_weights, find_weights
-from vsnbench.models.contract import ModelCard, ModelCheck, Policy
+from vsnbench.models.contract import BatchPolicy, ModelCard, ModelCheck
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
-from vsnbench.models.pirlnav.engine import StepInput
+from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
@@ -59,7 +60,20 @@ DEMONSTRATION_CAMERA = TrainedCamera(
 """Of the embedded demonstration weights: `training/recipe.py`."""
 
 
-class PIRLNav(Policy):
+@dataclass(slots=True)
+class _Episode:
+    """What the model remembers of an episode."""
+
+    goal: int
+    random: np.random.Generator
+    localiser: Localiser
+    previous_action: int = 0
+    begins: bool = True
+    memory: Any = None
+    """Recurrent state of the network; None before the first step."""
+
+
+class PIRLNav(BatchPolicy):
     """The first model of the paper."""
 
     known_goals: ClassVar = tuple(GOALS)
@@ -106,10 +120,7 @@ class PIRLNav(Policy):
         self._as_published = settings.as_published
         self._image_size_px = checkpoint.architecture.image_size_px
         self._localiser = Localiser(settings)
-        self._random = np.random.default_rng(0)
-        self._goal: int | None = None
-        self._previous_action = 0
-        self._begins = True
+        self._settings = settings
         self.card = ModelCard(
             name="pirlnav",
             goals=frozenset(self.known_goals),
@@ -149,61 +160,88 @@ class PIRLNav(Policy):
         return replace(checked, card=replace(cls.default_card, camera=trained_camera(checkpoint)))
 
     def reset(self, goal: str, seed: int) -> None:
-        """Start an episode.
+        """Start an episode. With `as_published`, the odometry continues from the previous one.
 
         Raises:
             UsageError: the network does not know that goal.
         """
+        self._state = self._episode(goal, seed, self._localiser)
+        self._localiser.reset()
+
+    def new_state(self, goal: str, seed: int) -> _Episode:
+        """Return the state of a new episode.
+
+        Raises:
+            UsageError: the network does not know that goal, or episodes depend on each other.
+        """
+        if self._as_published:
+            raise UsageError(
+                "pirlnav: with as_published, an episode depends on the robot's previous one",
+                advice="serve it with --sessions 1",
+            )
+        return self._episode(goal, seed, Localiser(self._settings))
+
+    def _episode(self, goal: str, seed: int, localiser: Localiser) -> _Episode:
         if goal not in GOALS:
             raise UsageError(f"pirlnav does not know the goal {goal!r}; it knows {', '.join(GOALS)}")
-        self._goal = GOALS[goal]
-        self._random = np.random.default_rng(seed)
-        self._localiser.reset()
-        self._begins = True
+        return _Episode(GOALS[goal], np.random.default_rng(seed), localiser)
 
-    def act(self, observation: Observation) -> Decision:
-        """Return the next action.
+    def act_batch(self, observations: Sequence[Observation], states: Sequence[_Episode | None]) -> list[Decision]:
+        """Return the next action of each episode.
 
         The chosen action is the network's previous action in the next step, even if the robot could not execute it.
 
         Raises:
             ModelError: no episode has started, or the network's output is not finite.
         """
-        if self._goal is None:
+        episodes = [state for state in states if state is not None]
+        if len(episodes) != len(states):
             raise ModelError("pirlnav: act was called before reset", advice="call reset first")
+        pairs = list(zip(observations, episodes, strict=True))
+        steps = [self._input(observation, episode) for observation, episode in pairs]
+        answers = self.chosen.engine.step_together(steps, [episode.memory for episode in episodes])
+        decisions = []
+        for step, episode, (output, memory) in zip(steps, episodes, answers, strict=True):
+            episode.memory = memory
+            decisions.append(self._decision(step, episode, output))
+        return decisions
+
+    def _input(self, observation: Observation, episode: _Episode) -> StepInput:
         image = preprocess(observation.rgb, self._image_size_px)
         if self._as_published:
-            image = augment(image, self._random)
-        location = self._localiser.read(observation.pose)
-        answer = self.chosen.engine.step(
-            StepInput(image, location.gps_m, location.compass_rad, self._goal, self._previous_action, self._begins)
+            image = augment(image, episode.random)
+        location = episode.localiser.read(observation.pose)
+        return StepInput(
+            image, location.gps_m, location.compass_rad, episode.goal, episode.previous_action, episode.begins
         )
-        probabilities = softmax(answer.logits)
-        index = self._choose(probabilities)
-        self._previous_action, self._begins = index, False
+
+    def _decision(self, step: StepInput, episode: _Episode, output: StepOutput) -> Decision:
+        probabilities = softmax(output.logits)
+        index = self._choose(probabilities, episode.random)
+        episode.previous_action, episode.begins = index, False
         chosen = ACTIONS[index]
-        self._localiser.moved(chosen.executed)
+        episode.localiser.moved(chosen.executed)
         scalars = {
-            "gps_forward_m": location.gps_m[0],
-            "gps_left_m" if self._as_published else "gps_right_m": location.gps_m[1],
-            "compass_rad": location.compass_rad,
+            "gps_forward_m": step.gps_m[0],
+            "gps_left_m" if self._as_published else "gps_right_m": step.gps_m[1],
+            "compass_rad": step.compass_rad,
         }
-        if math.isfinite(answer.value):
-            scalars["value"] = answer.value
+        if math.isfinite(output.value):
+            scalars["value"] = output.value
         return Decision(
             action=chosen.executed,
             raw_action=chosen.name,
             diagnostics=Diagnostics(
                 probabilities={action.name: float(p) for action, p in zip(ACTIONS, probabilities, strict=True)},
                 scalars=scalars,
-                details={"logits": [float(logit) for logit in answer.logits]},
+                details={"logits": [float(logit) for logit in output.logits]},
             ),
         )
 
-    def _choose(self, probabilities: npt.NDArray[np.float64]) -> int:
+    def _choose(self, probabilities: npt.NDArray[np.float64], random: np.random.Generator) -> int:
         if not self._sampled:
             return int(probabilities.argmax())
-        sampled = int(np.searchsorted(np.cumsum(probabilities), self._random.random(), side="right"))
+        sampled = int(np.searchsorted(np.cumsum(probabilities), random.random(), side="right"))
         return min(sampled, len(ACTIONS) - 1)
 
     def _record_of(self, settings: PIRLNavSettings, checkpoint: Checkpoint) -> dict[str, Any]:

@@ -1,5 +1,8 @@
 """Runs the network in PyTorch: on a CPU in float32 (the reference), or on a GPU."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -21,20 +24,35 @@ class TorchEngine(Engine):
             for part in (net.visual_encoder.backbone, net.visual_encoder.compression, net.visual_fc):
                 part.to(dtype=torch.float16)
         sizes = network.architecture
-        self._hidden = torch.zeros(sizes.recurrent_layers, 1, sizes.hidden_size, device=self._device)
+        self.memory = torch.zeros(sizes.recurrent_layers, 1, sizes.hidden_size, device=self._device)
 
-    @torch.inference_mode()
     def step(self, step: StepInput) -> StepOutput:
         """Run one step."""
+        [(output, self.memory)] = self._run([step], self.memory)
+        return output
+
+    def step_together(self, steps: Sequence[StepInput], memories: Sequence[Any]) -> list[tuple[StepOutput, Any]]:
+        """Run a step of several episodes in one pass of the network. The last bits depend on their number."""
+        if len(steps) == 1:
+            return super().step_together(steps, memories)
+        blank = torch.zeros_like(self.memory)
+        return self._run(steps, torch.cat([blank if memory is None else memory for memory in memories], dim=1))
+
+    @torch.inference_mode()
+    def _run(self, steps: Sequence[StepInput], memory: torch.Tensor) -> list[tuple[StepOutput, Any]]:
+        device = self._device
         output = self._network(
-            torch.from_numpy(step.image)[None].to(self._device),
-            torch.tensor([step.gps_m], dtype=torch.float32, device=self._device),
-            torch.tensor([[step.compass_rad]], dtype=torch.float32, device=self._device),
-            torch.tensor([step.goal], device=self._device),
-            torch.tensor([step.previous_index], device=self._device),
-            torch.tensor([[0.0 if step.begins else 1.0]], device=self._device),
-            self._hidden,
+            torch.from_numpy(np.stack([step.image for step in steps])).to(device),
+            torch.tensor([step.gps_m for step in steps], dtype=torch.float32, device=device),
+            torch.tensor([[step.compass_rad] for step in steps], dtype=torch.float32, device=device),
+            torch.tensor([step.goal for step in steps], device=device),
+            torch.tensor([step.previous_index for step in steps], device=device),
+            torch.tensor([[0.0 if step.begins else 1.0] for step in steps], device=device),
+            memory,
         )
-        self._hidden = output.hidden
-        answer = torch.cat([output.logits[0], output.value[0]]).cpu().numpy()
-        return StepOutput(answer[:-1].astype(np.float32), float(answer[-1]))
+        answers = torch.cat([output.logits, output.value], dim=1).cpu().numpy()
+        memories = output.hidden.split(1, dim=1)
+        return [
+            (StepOutput(answer[:-1].astype(np.float32), float(answer[-1])), after)
+            for answer, after in zip(answers, memories, strict=True)
+        ]

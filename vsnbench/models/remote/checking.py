@@ -7,14 +7,18 @@ from pathlib import Path
 from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import (
     SEED,
+    STEPS,
     ContractFinding,
     camera_findings,
     card_summary,
     episode,
+    first_difference,
     known_goal,
     repeats,
     reset_twice,
     sizes,
+    synthetic_observation,
+    synthetic_task,
     try_each,
     unknown_goal,
 )
@@ -55,7 +59,11 @@ def check_server(
                     "unknown goal": lambda: unknown_goal(policy, goal),
                     "other image sizes": lambda: sizes(policy, goal),
                     "unknown request": lambda: _unknown_question(policy, goal),
-                    "one client at a time": lambda: _second_client(policy),
+                    **(
+                        {"one client at a time": lambda: _second_client(policy)}
+                        if policy.sessions == 1
+                        else {"sessions are independent": lambda: _sessions(policy, url, model_config, goal)}
+                    ),
                     "time": lambda: _time(policy, goal),
                 }
             ),
@@ -82,6 +90,35 @@ def _second_client(policy: RemotePolicy) -> str:
         if connection is not None:
             connection.close()
     raise ModelError("a second client is accepted during the first: their episodes would mix")
+
+
+def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, goal: str) -> str:
+    """Run an episode again, with another client's episode at the same time.
+
+    Raises:
+        ModelError: the actions differ although the model is deterministic.
+    """
+    alone, together = episode(policy, goal, SEED), []
+    other = RemotePolicy(url, model_config)
+    try:
+        policy.begin(synthetic_task(goal, SEED))
+        for number in range(STEPS):
+            if number % 3 == 1:
+                other.begin(synthetic_task(goal, SEED + number))
+            together.append(policy.act(synthetic_observation(policy, number)))
+            if number:
+                other.act(synthetic_observation(policy, STEPS - number))
+    finally:
+        other.close()
+    number = first_difference(alone, together)
+    if number and policy.deterministic:
+        raise ModelError(
+            f"action {number} differs when another client runs an episode at the same time",
+            advice="keep everything about an episode in its state, or serve the model with --sessions 1",
+            code="sessions-mix",
+        )
+    same = "not repeatable, as on the card" if number else "the same actions next to another client"
+    return f"{policy.sessions} sessions; {same}"
 
 
 def _time(policy: RemotePolicy, goal: str) -> str:

@@ -103,6 +103,12 @@ class RemotePolicy(Policy):
         return Connection(self._address, self._token, f"vsnbench {__version__}")
 
     @property
+    def sessions(self) -> int:
+        """Number of clients that the server takes at a time; 1 for a server that does not state it."""
+        given: Any = self.connection.greeting.get("sessions")
+        return given if isinstance(given, int) and given > 0 else 1
+
+    @property
     def connection(self) -> Connection:
         """The open connection.
 
@@ -255,9 +261,12 @@ def _decision(answer: Answer, act_timeout_s: float) -> Decision:
     message = answer.message
     decision = decision_from_message(message)
     seconds = message.get("seconds")
+    queued, batch = message.get("queued"), message.get("batch")
     transfer = {
         "round_trip_s": answer.round_trip_s,
         "infer_s": float(seconds) if isinstance(seconds, int | float) else None,
+        "queued_s": float(queued) if isinstance(queued, int | float) else None,
+        "batch": batch if isinstance(batch, int) else 1,
         "sent_bytes": answer.sent_bytes,
         "received_bytes": answer.received_bytes,
         "act_timeout_s": act_timeout_s,

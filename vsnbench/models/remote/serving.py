@@ -1,12 +1,12 @@
 """Serves a policy of this process, for `vsnbench models serve` and for isolated models."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import Any
 
-from vsnbench.errors import ModelError, UsageError
-from vsnbench.models.contract import Policy
+from vsnbench.errors import DecisionError, ModelError, UsageError
+from vsnbench.models.contract import BatchPolicy, Policy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.process_exit import ProcessExitError, take_refused_exit
 from vsnbench.models.remote import vsnbench_policy as wire
@@ -85,6 +85,32 @@ class ServedPolicy:
         return decision_to_message(decision)
 
 
+class ServedBatchPolicy(ServedPolicy):
+    """A policy that all sessions share, in the form that `vsnbench_policy.serve` expects."""
+
+    _policy: BatchPolicy
+
+    def new_state(self, goal: wire.Goal, seed: int) -> Any:
+        """Return the state of a new episode."""
+        received = _goal(goal)
+        with _exits_as_errors():
+            return self._policy.new_state(received, seed)
+
+    def act_batch(self, given: Sequence[wire.Observation], states: Sequence[Any]) -> "list[dict[str, Any] | Exception]":
+        """Return the decisions as messages, and an error in place of an invalid one."""
+        seen = [shown_to_policy(_observation(observation), self._sensors) for observation in given]
+        decisions: Sequence[Any] = ()
+        with _exits_as_errors():
+            decisions = self._policy.act_batch(seen, states)
+        return [_answer(decision) for decision in decisions]
+
+
+def served(policy: Policy, name: str, options: Mapping[str, Any], sessions: int) -> ServedPolicy:
+    """Return a policy as `vsnbench_policy.serve` expects it for a number of sessions; otherwise as `ServedPolicy`."""
+    shared = sessions > 1 and isinstance(policy, BatchPolicy)
+    return (ServedBatchPolicy if shared else ServedPolicy)(policy, name, options)
+
+
 @contextmanager
 def _exits_as_errors() -> Iterator[None]:
     """Convert an attempt to end this process to an error.
@@ -96,6 +122,13 @@ def _exits_as_errors() -> Iterator[None]:
         yield
     if refused_exit := take_refused_exit():
         raise ModelError(refused_exit)
+
+
+def _answer(decision: object) -> dict[str, Any] | Exception:
+    try:
+        return decision_to_message(checked_decision(decision))
+    except DecisionError as error:
+        return error
 
 
 def _goal(goal: wire.Goal) -> Goal:

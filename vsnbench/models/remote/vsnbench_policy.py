@@ -19,6 +19,7 @@ It needs Python 3.7 or later, numpy, msgpack (1.0 or later) and websockets (11.0
 On the robot's side: `vsnbench run --model ws://this-machine:8765 --goal chair`. From the shell:
 
     python vsnbench_policy.py mymodel:Spinner --port 8765
+    python vsnbench_policy.py mymodel:Spinner --sessions 8          # for `vsnbench run --workers 8`
     python vsnbench_policy.py --habitat-agent mymodel:Agent --settings agent.json --port 8765
 
 vsnbench's docs/wire.md describes the protocol. Licence: Apache-2.0.
@@ -37,6 +38,7 @@ import logging
 import math
 import os
 import platform
+import queue
 import random
 import signal
 import socket
@@ -77,8 +79,11 @@ _TEXT_SECONDS = 2.0
 _COMPASS_LIMIT = 3.1415925
 """Largest float32 below pi; float32(pi) itself is greater than pi."""
 _HANDSHAKE_SECONDS = 5.0
-MAX_CONNECTIONS = 16
-"""One client uses the model at a time; other connections are about to close or have not sent a hello."""
+SPARE_CONNECTIONS = 15
+"""TCP connections beyond the sessions: they are about to close or have not sent a hello."""
+MAX_SESSIONS = 256
+_OPEN = 1
+"""websockets' `State.OPEN`."""
 
 logger = logging.getLogger("vsnbench_policy")
 _transport_logger = logging.getLogger("vsnbench_policy.transport")
@@ -190,7 +195,7 @@ class Observation:
         self.beyond_range = beyond_range
 
 
-def serve(
+def serve(  # noqa: PLR0913 - what its command line has
     policy: Any,
     host: str = "127.0.0.1",
     port: int = 8765,
@@ -199,8 +204,12 @@ def serve(
     key: str | None = None,
     unix_path: str | None = None,
     ready: Callable[[int], None] | None = None,
+    sessions: int = 1,
+    batch: int = 1,
 ) -> None:
     """Serve a policy until Ctrl-C or SIGTERM.
+
+    The policy is called in one thread, once at a time, in the order in which requests arrive.
 
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
@@ -208,6 +217,10 @@ def serve(
             `weights_label`, `settings`, `action_map`, `deterministic` and `runs_on` (device, threads, ...). `act`
             returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally `raw_action`,
             `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a `Task`.
+            Or a class (any function without arguments) that creates such an object: it is called once for each session.
+            Or an object with `card`, `new_state(goal, seed)` and `act_batch(observations, states)`, which all sessions
+            share: `new_state` returns the state of a new episode, and `act_batch` changes the states and returns a list
+            with an answer for each observation. It must keep everything about an episode in its state.
         host: address to listen on; an address other than loopback needs a token.
         port: TCP port; 0 for any free port.
         token: token that clients must send; None for $VSNBENCH_TOKEN.
@@ -215,19 +228,22 @@ def serve(
         key: PEM file of the certificate's key.
         unix_path: socket file to listen on instead of host and port.
         ready: called with the port (0 for a socket file) as soon as clients can connect.
+        sessions: number of clients at a time.
+        batch: largest number of observations in a call of `act_batch`. Observations that wait at the same time, with
+            images of the same size, are answered together. The last bits of answers then depend on which robots ask at
+            the same time, so the card states `deterministic: False`.
 
     Raises:
-        ValueError: the card is invalid, or a token is missing.
+        ValueError: the card is invalid, a token is missing, or the policy cannot serve so many sessions.
     """
     token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
-    card = checked_card(policy)
+    model = _Model(policy, sessions, batch)
     if unix_path is None and not token and not is_loopback(host):
         raise ValueError(f"listening on {host} without a token would let everyone use the model: set {TOKEN_VARIABLE}")
-    one_client = threading.Lock()
 
     def handle(connection: Any) -> None:
         try:
-            _handle_client(connection, policy, card, token, one_client)
+            _handle_client(connection, model, token)
         except Exception:
             logger.exception("the connection to a client failed")
 
@@ -247,8 +263,8 @@ def serve(
         server = _unix_serve(handle, sock=_listening_at(unix_path), **options)
     else:
         server = _serve(handle, host, port, **options)
-        server.handler = _bounded(server.handler)
-    with server:
+        server.handler = _bounded(server.handler, sessions + SPARE_CONNECTIONS)
+    with server, model:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda *_: threading.Thread(target=server.shutdown, daemon=True).start())
@@ -256,13 +272,14 @@ def serve(
         if ready is not None:
             ready(bound)
         address = unix_path or "{}://{}:{}".format("wss" if certificate else "ws", host, bound)
-        logger.warning("%s listens at %s", card["name"], address)
+        several = f" for {sessions} sessions" if sessions > 1 else ""
+        logger.warning("%s listens at %s%s", model.card["name"], address, several)
         server.serve_forever()
 
 
-def _bounded(handle_client: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
-    """Return a handler of TCP connections that closes those beyond `MAX_CONNECTIONS` at once."""
-    free = threading.BoundedSemaphore(MAX_CONNECTIONS)
+def _bounded(handle_client: Callable[[Any, Any], None], connections: int) -> Callable[[Any, Any], None]:
+    """Return a handler of TCP connections that closes those beyond a number at once."""
+    free = threading.BoundedSemaphore(connections)
 
     def handle(client: socket.socket, address: Any) -> None:
         if not free.acquire(blocking=False):
@@ -284,6 +301,188 @@ def _listening_at(path: str) -> socket.socket:
     listener.listen()
     Path(path + ".new").rename(path)
     return listener
+
+
+class _Session:
+    """What the model remembers of a client: an object of its own, or the state of its episode."""
+
+    def __init__(self, policy: Any) -> None:
+        self.policy = policy
+        self.state: Any = None
+        self.random: Any = None
+
+
+class _Request:
+    """A `reset` or `act` of a session that waits for the model."""
+
+    def __init__(self, session: _Session, call: Callable[[], Any] | None, observation: Any, connection: Any) -> None:
+        self.session, self.call, self.observation, self.connection = session, call, observation, connection
+        self.answer: Any = None
+        self.error: BaseException | None = None
+        self.seconds = self.waited = 0.0
+        self.together = 1
+        self.arrived_s = time.perf_counter()
+        self.done = threading.Event()
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether the client still waits for the answer."""
+        return int(self.connection.protocol.state) == _OPEN
+
+    def fits(self, other: "_Request") -> bool:
+        """Whether the other observation can be answered in the same call: it has images of the same size."""
+        if other.call is not None or not other.is_wanted:
+            return False
+        pairs = [(getattr(self.observation, name), getattr(other.observation, name)) for name in ("rgb", "depth_m")]
+        return all(np.shape(mine) == np.shape(theirs) for mine, theirs in pairs)
+
+
+class _Model:
+    """Calls the policy for all sessions, in one thread; a context manager that ends the thread."""
+
+    def __init__(self, policy: Any, sessions: int, batch: int) -> None:
+        """Create the policy's objects. Raises ValueError if it cannot serve so many sessions."""
+        if not 1 <= sessions <= MAX_SESSIONS or batch < 1:
+            raise ValueError(f"sessions must be 1 to {MAX_SESSIONS}, and batch at least 1")
+        creates = not any(hasattr(policy, name) for name in ("act", "act_batch")) or inspect.isclass(policy)
+        first = policy() if creates else policy
+        self.batches = callable(getattr(first, "act_batch", None))
+        if self.batches and not callable(getattr(first, "new_state", None)):
+            raise ValueError("a policy with act_batch(observations, states) needs new_state(goal, seed)")
+        if batch > 1 and not self.batches:
+            raise ValueError(f"batch {batch} needs a policy with act_batch(observations, states)")
+        if sessions > 1 and not creates and not self.batches:
+            raise ValueError(
+                f"{sessions} sessions need a class, which is created once for each, or act_batch(observations, states)"
+            )
+        self.batch, self.sessions = batch, sessions
+        self.card = checked_card(first)
+        if batch > 1:
+            self.card["deterministic"] = False
+            self.card["runs_on"]["batch"] = batch
+        others = [first if self.batches else policy() for _ in range(sessions - 1)]
+        self._free = [_Session(created) for created in (first, *others)]
+        self._lock = threading.Lock()
+        self._waiting: queue.Queue[_Request | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._run, name="model", daemon=True)
+
+    def __enter__(self) -> "_Model":  # noqa: PYI034 - Self needs Python 3.11
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._waiting.put(None)
+
+    def take_session(self) -> _Session | None:
+        """Return a free session, or None."""
+        with self._lock:
+            return self._free.pop() if self._free else None
+
+    def give_back(self, session: _Session) -> None:
+        """Make a session free for another client."""
+        session.state = None
+        with self._lock:
+            self._free.append(session)
+
+    def begin(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
+        """Start an episode: `begin(task)` if the client sent a task and the policy takes it, otherwise `reset`."""
+        goal, seed = Goal.of(message), _field(message, "seed", int)
+        task, policy = Task.of(goal, seed, message.get("task")), session.policy
+
+        def call() -> None:
+            if self.batches:
+                session.state = policy.new_state(goal, seed)
+            elif task is not None and callable(getattr(policy, "begin", None)):
+                policy.begin(task)
+            else:
+                policy.reset(goal, seed)
+
+        return self._asked(_Request(session, call, None, connection))
+
+    def act(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
+        """Return the request with the policy's answer to an observation."""
+        observation = observation_of(message)
+        call = None if self.batches else lambda: session.policy.act(observation)
+        return self._asked(_Request(session, call, observation, connection))
+
+    def _asked(self, request: _Request) -> _Request:
+        self._waiting.put(request)
+        while not request.done.wait(1.0):
+            if not self._thread.is_alive():  # the server ends
+                raise ConnectionClosed(None, None)
+        return request
+
+    def _run(self) -> None:
+        """Answer requests in the order of their arrival until the server ends."""
+        later: list[_Request | None] = []
+        while True:
+            request = later.pop(0) if later else self._waiting.get()
+            if request is None:
+                return
+            together = [request]
+            if request.call is None and self.batch > 1:
+                while not self._waiting.empty():
+                    later.append(self._waiting.get())
+                fitting = [other for other in later if other and request.fits(other)]
+                together += fitting[: self.batch - 1]
+                later = [other for other in later if other not in together]
+            self._answer(together)
+
+    def _answer(self, requests: list[_Request]) -> None:
+        start_s = time.perf_counter()
+        first = requests[0]
+        try:
+            if not first.is_wanted:
+                raise ConnectionClosed(None, None)
+            if first.call is None:
+                self._act_together(requests)
+            elif self.sessions == 1 or self.batches:
+                first.answer = first.call()
+            else:
+                _restore_random(first.session.random)
+                try:
+                    first.answer = first.call()
+                finally:
+                    first.session.random = _random_states()
+        except BaseException as error:  # SystemExit too: the server continues
+            for request in requests:
+                request.error = error
+        for request in requests:
+            request.seconds, request.together = time.perf_counter() - start_s, len(requests)
+            request.waited = start_s - request.arrived_s
+            request.done.set()
+
+    def _act_together(self, requests: list[_Request]) -> None:
+        states = [request.session.state for request in requests]
+        answers = requests[0].session.policy.act_batch([request.observation for request in requests], states)
+        if not isinstance(answers, (list, tuple)) or len(answers) != len(requests):
+            found = f"{len(answers)} answers" if isinstance(answers, (list, tuple)) else type(answers).__name__
+            raise WireError(f"act_batch returned {found} to {len(requests)} observations")
+        for number, request in enumerate(requests):
+            request.answer = answers[number]
+            if isinstance(request.answer, Exception):
+                request.error = request.answer
+
+
+def _random_states() -> list[Any]:
+    """Return the states of the global random number generators."""
+    found: list[Any] = [random.getstate(), np.random.get_state()]  # noqa: NPY002 - models draw from the global one
+    torch: Any = sys.modules.get("torch")
+    if hasattr(torch, "get_rng_state"):
+        found.append(torch.get_rng_state())
+        if torch.cuda.is_initialized():
+            found.append(torch.cuda.get_rng_state_all())
+    return found
+
+
+def _restore_random(states: list[Any] | None) -> None:
+    """Restore the global generators as a session left them, so that sessions do not change each other's draws."""
+    setters: list[Any] = [random.setstate, np.random.set_state]
+    torch: Any = sys.modules.get("torch")
+    if hasattr(torch, "set_rng_state"):
+        setters += [torch.set_rng_state, torch.cuda.set_rng_state_all]
+    for number, state in enumerate(states or ()):
+        setters[number](state)
 
 
 def checked_card(policy: Any) -> dict[str, Any]:
@@ -473,22 +672,26 @@ def _no_extension(code: int, _data: bytes) -> Any:
     raise WireError(f"extension type {code} is not in the protocol")
 
 
-def _handle_client(connection: Any, policy: Any, card: dict[str, Any], token: str, one_client: Any) -> None:
+def _handle_client(connection: Any, model: _Model, token: str) -> None:
     """Answer a client until it disconnects. Invalid messages do not stop the server."""
     try:
         hello = _first_message(connection)
         version = _common_version(hello)
-        problem = _problem_with(hello, token, version, card)
-        if problem is None and not one_client.acquire(blocking=False):
-            problem = ("busy", "another client is using the model")
-        if problem is not None:
-            connection.send(pack({"type": "error", "code": problem[0], "message": problem[1]}))
+        problem, session = _problem_with(hello, token, version, model.card), None
+        if problem is None:
+            session = model.take_session()
+        if session is None:
+            several = f"all {model.sessions} sessions of the model are in use"
+            busy = "another client is using the model" if model.sessions == 1 else several
+            code, text = problem or ("busy", busy)
+            connection.send(pack({"type": "error", "code": code, "message": text}))
             return
         try:
-            connection.send(pack({"type": "card", "wire": version, "card": card, "jpeg": _can_decode_jpeg()}))
-            _answer_until_bye(connection, policy)
+            greeting = {"type": "card", "wire": version, "card": model.card, "jpeg": _can_decode_jpeg()}
+            connection.send(pack(dict(greeting, sessions=model.sessions)))
+            _answer_until_bye(connection, model, session)
         finally:
-            one_client.release()
+            model.give_back(session)
     except ConnectionClosed:
         pass
     except TimeoutError:
@@ -542,7 +745,7 @@ def _problem_with(hello: dict[str, Any], token: str, version: int, card: dict[st
     return None
 
 
-def _answer_until_bye(connection: Any, policy: Any) -> None:
+def _answer_until_bye(connection: Any, model: _Model, session: _Session) -> None:
     while True:
         message = unpack(connection.recv())
         kind, number = message["type"], message.get("seq")
@@ -550,18 +753,15 @@ def _answer_until_bye(connection: Any, policy: Any) -> None:
             return
         if isinstance(number, bool) or not isinstance(number, int):
             raise WireError(f"{kind!r:.20} without a `seq`")
-        start_s = time.perf_counter()
         try:
-            if kind == "reset":
-                answer: dict[str, Any] = {"type": "ready"}
-                _begin(policy, message)
-            elif kind == "act":
-                answer = decision_of(policy.act(observation_of(message)))
-                answer["type"] = "decision"
-            else:
+            if kind not in ("reset", "act"):
                 raise WireError(f"no message {kind!r:.20} in the protocol")
-            answer["seconds"] = time.perf_counter() - start_s
-            answer["seq"] = number
+            request = (model.begin if kind == "reset" else model.act)(session, message, connection)
+            if request.error is not None:
+                raise request.error
+            answer: dict[str, Any] = {} if kind == "reset" else decision_of(request.answer)
+            answer["type"] = "ready" if kind == "reset" else "decision"
+            answer.update(seq=number, seconds=request.seconds, queued=request.waited, batch=request.together)
             connection.send(pack(answer))
         except ConnectionClosed:
             raise
@@ -571,17 +771,6 @@ def _answer_until_bye(connection: Any, policy: Any) -> None:
             failure = _failure(number, "model", error)
             logger.error("the model failed in %s\n%s", kind, failure["traceback"])
             connection.send(pack(failure))
-
-
-def _begin(policy: Any, message: dict[str, Any]) -> None:
-    """Start an episode: `begin(task)` if the client sent a task and the policy takes it, otherwise `reset`."""
-    goal, seed = Goal.of(message), _field(message, "seed", int)
-    task = Task.of(goal, seed, message.get("task"))
-    begin = getattr(policy, "begin", None)
-    if task is not None and callable(begin):
-        begin(task)
-    else:
-        policy.reset(goal, seed)
 
 
 def _failure(number: int, code: str, error: BaseException) -> dict[str, Any]:
@@ -773,8 +962,9 @@ class HabitatAgent:
     """Any Habitat `Agent` (`reset()`, `act(observations)`) as a policy.
 
     The agent gets `rgb` (H, W, 3) uint8, `depth` (H, W, 1) float32 normalised to [0, 1], `gps` (2,) float32,
-    `compass` (1,) float32 in [-pi, pi] and `objectgoal` (1,) int64. It returns a number of `actions`, the name
-    of an action, or a dict with `action`; `action_args` are ignored, because no action here has any.
+    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8, or
+    `instruction`, a dict with `text`. It returns a number of `actions`, the name of an action, or a dict with `action`;
+    `action_args` are ignored, because no action here has any.
     """
 
     DEFAULTS: ClassVar[dict[str, Any]] = {
@@ -785,6 +975,10 @@ class HabitatAgent:
         "arguments": {},
         "actions": {"0": "STOP", "1": "MOVE_FORWARD", "2": "TURN_LEFT", "3": "TURN_RIGHT"},
         "goals": {"chair": 0, "bed": 1, "plant": 2, "toilet": 3, "monitor": 4, "sofa": 5},
+        "goal": "objectgoal",
+        "resize": None,
+        "crop": None,
+        "intrinsics": False,
         "gps": "forward-right",
         "depth_min_m": 0.5,
         "depth_max_m": 5.0,
@@ -792,7 +986,16 @@ class HabitatAgent:
         "deterministic": True,
     }
     """Goal ids and action numbers are those of HM3D ObjectNav in habitat-lab. `gps` is habitat's (forward, right) or
-    `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot."""
+    `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot. `goal` is
+    `objectgoal`, `imagegoal` or `instruction`. `resize` is the length of the shorter edge in pixels or [height, width],
+    by the mean of areas; `crop` is [height, width] of the middle, after that. `intrinsics` adds (3, 3) float32 of the
+    resulting images."""
+    GOALS: ClassVar[dict[str, list[str]]] = {
+        "objectgoal": ["category"],
+        "imagegoal": ["image"],
+        "instruction": ["instruction", "text"],
+    }
+    """Kinds of goals by the name of the agent's observation."""
 
     def __init__(self, factory: Callable[..., Any], settings: dict[str, Any] | None = None) -> None:
         settings = settings or {}
@@ -802,26 +1005,34 @@ class HabitatAgent:
         self.settings = dict(self.DEFAULTS, **settings)
         if self.settings["gps"] not in ("forward-right", "forward-left"):
             raise ValueError("gps must be forward-right or forward-left")
+        if self.settings["goal"] not in self.GOALS:
+            raise ValueError("goal must be one of {}".format(", ".join(self.GOALS)))
         unknown = sorted({str(name).upper() for name in self.settings["actions"].values()} - set(ACTIONS))
         if unknown:
             raise ValueError("unknown actions: {}; known: {}".format(", ".join(unknown), ", ".join(ACTIONS)))
         self.agent = factory(**self.settings["arguments"])
         self.card = {
             "name": self.settings["name"] or getattr(factory, "__name__", "habitat-agent").lower(),
-            "goals": sorted(self.settings["goals"]),
+            "goals": sorted(self.settings["goals"]) if self.settings["goal"] == "objectgoal" else None,
+            "goal_kinds": self.GOALS[self.settings["goal"]],
             "sensors": self.settings["sensors"],
             "weights_sha256": self.settings["weights_sha256"],
             "weights_label": self.settings["weights_label"],
             "settings": {name: self.settings[name] for name in self.DEFAULTS if name not in ("name", "sensors")},
             "deterministic": self.settings["deterministic"],
         }
-        self._goal = 0
+        self._goal: Any = None
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode, and seed the random number generators."""
-        if goal not in self.settings["goals"]:
+        if self.settings["goal"] == "imagegoal":
+            self._goal, _ = self._framed(goal.image)  # type: ignore[attr-defined]
+        elif self.settings["goal"] == "instruction":
+            self._goal = {"text": getattr(goal, "text", "") or str(goal)}
+        elif goal in self.settings["goals"]:
+            self._goal = np.array([self.settings["goals"][goal]], np.int64)
+        else:
             raise ValueError(f"the agent does not know {goal}")
-        self._goal = self.settings["goals"][goal]
         random.seed(seed)
         np.random.seed(seed % 2**32)  # noqa: NPY002 - agents draw from the global generator
         torch = sys.modules.get("torch")
@@ -845,17 +1056,39 @@ class HabitatAgent:
 
     def observations(self, observation: Observation) -> dict[str, Any]:
         """Return the observations in Habitat's form."""
-        found: dict[str, Any] = {"objectgoal": np.array([self._goal], np.int64)}
+        found: dict[str, Any] = {self.settings["goal"]: self._goal}
+        corner = np.zeros(2)
+        scale = np.ones(2)
         if observation.rgb is not None:
-            found["rgb"] = np.ascontiguousarray(observation.rgb)
+            found["rgb"], (scale, corner) = self._framed(observation.rgb)
         if observation.depth_m is not None:
-            found["depth"] = self._depth(observation.depth_m, observation.beyond_range)[:, :, None]
+            depth = self._depth(observation.depth_m, observation.beyond_range)[:, :, None]
+            found["depth"], (scale, corner) = self._framed(depth)
+        if self.settings["intrinsics"]:
+            found["intrinsics"] = _intrinsics(observation.camera, scale, corner)
         if observation.pose is not None:
             right = 1.0 if self.settings["gps"] == "forward-left" else -1.0
             found["gps"] = np.array([observation.pose.x_m, right * observation.pose.y_m], np.float32)
             compass = np.float32(math.remainder(observation.pose.heading_rad, math.tau))
             found["compass"] = np.clip(np.array([compass], np.float32), -_COMPASS_LIMIT, _COMPASS_LIMIT)
         return found
+
+    def _framed(self, image: Any) -> tuple[Any, tuple[Any, Any]]:
+        """Return an image resized and cropped as set, and its scale and corner as (rows, columns)."""
+        size, resize, crop = np.array(image.shape[:2]), self.settings["resize"], self.settings["crop"]
+        target = size
+        if resize is not None:
+            target = np.array(resize) if isinstance(resize, (list, tuple)) else (size * resize / size.min()).astype(int)
+            kind = image.dtype
+            for axis in (0, 1):
+                image = _area_mean(image, int(target[axis]), axis)
+            image = image.astype(kind)
+        corner = np.zeros(2, int) if crop is None else target // 2 - np.array(crop) // 2
+        if crop is not None:
+            if (np.array(crop) > target).any():
+                raise ValueError(f"crop {crop} is larger than the image, {target.tolist()}")
+            image = image[corner[0] : corner[0] + crop[0], corner[1] : corner[1] + crop[1]]
+        return np.ascontiguousarray(image), (target / size, corner)
 
     def _depth(self, depth_m: Any, beyond_range: Any) -> Any:
         """Return depth in Habitat's form: clipped, the minimum where invalid, the maximum beyond the range."""
@@ -864,6 +1097,30 @@ class HabitatAgent:
         if beyond_range is not None:
             clipped[beyond_range] = high
         return (clipped - low) / (high - low) if self.settings["normalize_depth"] else clipped
+
+
+def _area_mean(image: Any, count: int, axis: int) -> Any:
+    """Return an image with another number of pixels along an axis, each the mean of those that it covers.
+
+    As PyTorch's `interpolate(mode="area")`, which habitat-baselines uses; integers are cut off as there.
+    """
+    length = image.shape[axis]
+    if count == length:
+        return image
+    begin = np.arange(count) * length // count
+    end = -(-(np.arange(count) + 1) * length // count)
+    rows = np.moveaxis(image, axis, 0).astype(np.float64)
+    sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
+    widths = (end - begin).reshape(-1, *[1] * (rows.ndim - 1))
+    return np.moveaxis((sums[end] - sums[begin]) / widths, 0, axis)
+
+
+def _intrinsics(camera: Camera, scale: Any, corner: Any) -> Any:
+    """Return the matrix of a pinhole camera after resizing and cropping."""
+    width, height, fov_deg = camera.width, camera.height, camera.horizontal_fov_deg  # type: ignore[attr-defined]
+    focal = width / 2 / math.tan(math.radians(fov_deg) / 2)
+    row, column = (height / 2, width / 2) * scale - corner
+    return np.array([[focal * scale[1], 0, column], [0, focal * scale[0], row], [0, 0, 1]], np.float32)
 
 
 def _load(name: str) -> Any:
@@ -897,6 +1154,12 @@ def main(arguments: list[str] | None = None) -> None:
         "--host", default="127.0.0.1", help="address to listen on; one other than loopback needs a token"
     )
     parser.add_argument("--port", type=int, default=8765)
+    parser.add_argument(
+        "--sessions", type=int, default=1, help="clients at a time; the model is created once for each (default 1)"
+    )
+    parser.add_argument(
+        "--batch", type=int, default=1, help="observations in a call of act_batch; over 1 the last bits may differ"
+    )
     parser.add_argument("--unix-path", help="socket file to listen on instead of a port")
     parser.add_argument("--certificate", help="PEM file of a certificate, for wss://")
     parser.add_argument("--key", help="PEM file of the certificate's key")
@@ -910,14 +1173,15 @@ def main(arguments: list[str] | None = None) -> None:
             settings = json.load(file)
     try:
         factory = _load(chosen.model or chosen.habitat_agent)
-        policy = HabitatAgent(factory, settings) if chosen.habitat_agent else factory(**settings)
         serve(
-            policy,
+            (lambda: HabitatAgent(factory, settings)) if chosen.habitat_agent else (lambda: factory(**settings)),
             host=chosen.host,
             port=chosen.port,
             certificate=chosen.certificate,
             key=chosen.key,
             unix_path=chosen.unix_path,
+            sessions=chosen.sessions,
+            batch=chosen.batch,
         )
     except (ValueError, OSError, ImportError, AttributeError, TypeError) as error:
         parser.exit(1, f"vsnbench_policy: {type(error).__name__}: {error}\n")

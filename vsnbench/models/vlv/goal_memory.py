@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.contract import Detection, Reliability
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
@@ -18,7 +18,6 @@ _SAME_PLACE_M: Final = 1.0
 _SAME_SPOT_M: Final = 0.6
 _MAX_SPOTS: Final = 60
 _POINTS_PER_OBSERVATION: Final = 20
-_OBSERVATIONS_TO_BELIEVE: Final = 2
 _MISSES_OF_A_SPOT: Final = 3
 _NEAR_SHARE: Final = 10
 """Percentile of a mask's distances that is taken as the object's: a mask's edge often includes the background."""
@@ -55,10 +54,9 @@ class Place:
     failed_observations: int = 0
     """Consecutive observations from nearby without a detection."""
 
-    @property
-    def believed(self) -> bool:
-        """Whether several observations support it: a detector seldom errs twice at the same place."""
-        return self.observations - self.misses >= _OBSERVATIONS_TO_BELIEVE
+    def evidence(self, reliability: Reliability) -> float:
+        """Return the number of views that support it, less the weighted number of those that do not."""
+        return self.observations - reliability.miss_weight * self.misses
 
     @property
     def points(self) -> npt.NDArray[np.float64]:
@@ -70,6 +68,10 @@ class Place:
         """The median of its points."""
         x_m, y_m = np.median(self.points, axis=0)
         return (float(x_m), float(y_m))
+
+    def distance_m(self, point: Point) -> float:
+        """Distance from a point to the place, without the nearest points, which can be wrong."""
+        return float(np.percentile(np.hypot(*(self.points - point).T), _NEAR_SHARE))
 
     def nearest_m(self, point: Point) -> float:
         """Distance from a point to the nearest of its points."""
@@ -107,12 +109,20 @@ def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Cam
 class GoalMemory:
     """The places of an episode."""
 
+    reliability: Reliability
     places: list[Place] = field(default_factory=list)
 
     @property
     def believed(self) -> list[Place]:
-        """The places that several observations support."""
-        return [place for place in self.places if place.believed]
+        """The places that enough views support: a detector seldom errs twice at the same place.
+
+        A weak detector does err twice, so only its best place counts.
+        """
+        evidence = [place.evidence(self.reliability) for place in self.places]
+        least: float = self.reliability.views_to_believe
+        if self.reliability.is_measured:
+            least = max([least, *evidence])
+        return [place for place, views in zip(self.places, evidence, strict=True) if views >= least]
 
     def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
         """Update the places with an observation.
@@ -122,28 +132,32 @@ class GoalMemory:
             should_see: whether a goal at a point should be detected in this observation.
         """
         with_depth = [item for item in sightings if item.points.shape[0]]
-        seen = {id(self._see(item)) for item in with_depth}
+        seen: set[int] = set()
+        for item in with_depth:
+            seen.add(id(self._see(item, seen)))
         surfaces = np.concatenate([item.points for item in with_depth]) if with_depth else np.zeros((0, 2))
         for place in list(self.places):
             expected = [spot for spot in place.spots if should_see(spot.point)]
             for spot in expected:
                 again = surfaces.size and float(np.hypot(*(surfaces - spot.point).T).min()) < _SAME_SPOT_M
                 spot.misses = 0 if again else spot.misses + 1
-            place.spots = [spot for spot in place.spots if spot.misses < _MISSES_OF_A_SPOT]
+            weight = self.reliability.miss_weight
+            place.spots = [spot for spot in place.spots if weight * spot.misses < _MISSES_OF_A_SPOT]
             if expected and id(place) not in seen:
                 place.misses += 1
-            if not place.spots or place.misses > place.observations:
+            if not place.spots or weight * place.misses > place.observations:
                 self.places.remove(place)
 
-    def _see(self, seen: Sighting) -> Place:
-        """Add a sighting to its place, or as a new place."""
-        spots = [Spot((float(x), float(y))) for x, y in seen.points]
-        middle = (float(np.median(seen.points[:, 0])), float(np.median(seen.points[:, 1])))
+    def _see(self, item: Sighting, seen: set[int]) -> Place:
+        """Add a sighting to its place, or as a new place. `seen` has the ids of the places seen in this view."""
+        spots = [Spot((float(x), float(y))) for x, y in item.points]
+        middle = (float(np.median(item.points[:, 0])), float(np.median(item.points[:, 1])))
         near = [place for place in self.places if place.nearest_m(middle) < _SAME_PLACE_M]
         if near:
             place = min(near, key=lambda place: place.nearest_m(middle))
             place.spots = [*place.spots, *spots][-_MAX_SPOTS:]
-            place.observations += 1
+            if not self.reliability.is_measured or id(place) not in seen:  # a second box is not a second view
+                place.observations += 1
             place.failed_observations = 0
             return place
         self.places.append(Place(spots))

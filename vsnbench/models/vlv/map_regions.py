@@ -28,9 +28,23 @@ def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
     return mask
 
 
-def frontier_away_from(grid: OccupancyMap, visited: Iterable[Point], radius_m: float) -> BoolGrid:
-    """Return the free cells next to unknown cells, without those near visited points."""
+def frontier_away_from(
+    grid: OccupancyMap, visited: Iterable[Point], radius_m: float, smallest_cells: int = 1
+) -> BoolGrid:
+    """Return the free cells next to unknown cells, without those near visited points.
+
+    Args:
+        grid: the map.
+        visited: visited points.
+        radius_m: distance from those within which cells are left out.
+        smallest_cells: side of the smallest unknown square that counts.
+    """
+    import cv2
+
     known, obstacles = grid.known, grid.occupied
+    if smallest_cells > 1:
+        square = np.ones((smallest_cells, smallest_cells), np.uint8)
+        known = ~cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, square).astype(np.bool_)
     next_to_unknown = np.zeros(known.shape, np.bool_)
     next_to_unknown[1:] |= ~known[:-1]
     next_to_unknown[:-1] |= ~known[1:]

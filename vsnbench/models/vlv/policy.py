@@ -4,6 +4,7 @@ RGB, depth and odometry in, one of the protocol's actions out; no site, no true 
 """
 
 import logging
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,11 @@ from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
+from vsnbench.models.vlv.move import Move
 from vsnbench.models.vlv.planner import Planner
-from vsnbench.models.vlv.search import Move, Search
+from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.models.vlv.value.estimate import open_value
+from vsnbench.models.vlv.value.estimate import Value, open_value
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.decision import Box, Decision, Diagnostics
 from vsnbench.values.observation import Observation, Sensor
@@ -33,38 +35,20 @@ HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_d
 trained on videos of unknown cameras."""
 
 
-class VLV(Policy):
-    """The second model of the paper."""
+class ModularPolicy(Policy):
+    """A policy of map, planner and detector; a subclass chooses where to look for the goal."""
 
+    name: ClassVar[str]
+    default_card: ClassVar[ModelCard]
     known_goals: ClassVar = tuple(CLASS_OF_GOAL)
     needed_sensors: ClassVar = (Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY)
-    default_card: ClassVar = ModelCard(
-        "vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg, camera=HABITAT_CAMERA
-    )
-    weights_file: ClassVar = "vlv_model.torch"
     settings_class: ClassVar = VLVSettings
 
     card: ModelCard
 
-    def __init__(
-        self,
-        weights: str | Path | None = None,
-        model_config: str | Path | VLVSettings | None = None,
-        device: str = "auto",
-    ) -> None:
-        """Load the weights and prepare the model.
-
-        Args:
-            weights: file of the value network; None for `$VSNBENCH_WEIGHTS/vlv_model.torch` if it exists, else none.
-            model_config: YAML file of `VLVSettings`, or the settings.
-            device: auto, cpu, cuda or mps.
-
-        Raises:
-            UsageError: a setting is invalid.
-            ModelError: the weights cannot be used.
-        """
+    def __init__(self, value: Value, model_config: str | Path | VLVSettings | None, device: str) -> None:
         self.settings = _settings_from(model_config)
-        self._value = open_value(weights, device)
+        self._value = value
         self._detector: Detector = open_detector(self.settings, device)
         self._planner = Planner(self.settings)
         self._search: Search | None = None
@@ -72,42 +56,21 @@ class VLV(Policy):
         goals = frozenset(goal for goal, name in CLASS_OF_GOAL.items() if name in self._detector.classes)
         if not goals:
             raise ModelError(
-                f"vlv's detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}",
+                f"{self.name}'s detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}",
                 advice="use a detector trained on COCO",
             )
         self.card = ModelCard(
-            name="vlv",
+            name=self.name,
             goals=goals,
             sensors=frozenset(self.needed_sensors) | self._detector.sensors,
             weights_sha256=self._value.sha256,
-            weights_label=f"{self._value.label}; {self._detector.name}",
+            weights_label="; ".join(filter(None, (self._value.label, self._detector.name))),
             settings=self._record(),
             forward_m=self.settings.forward_m,
             turn_deg=self.settings.turn_deg,
-            camera=HABITAT_CAMERA,
+            camera=self.default_card.camera,
             runs_on={"device": device},
         )
-
-    @classmethod
-    def check(
-        cls,
-        weights: str | Path | None = None,
-        model_config: str | Path | VLVSettings | None = None,
-        device: str = "auto",
-    ) -> ModelCheck:
-        """Inspect the weights and time both networks. Arguments as for the class.
-
-        Raises:
-            UsageError: a setting is invalid.
-            ModelError: weights are missing or cannot be used.
-        """
-        require_torch()
-        from vsnbench.models.vlv.checking import check_weights
-
-        settings = _settings_from(model_config)
-        checked = check_weights(Path(weights) if weights is not None else None, settings, device)
-        card = replace(cls.default_card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
-        return replace(checked, card=card)
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
@@ -117,11 +80,16 @@ class VLV(Policy):
         """
         if self.card.goals is None or goal not in self.card.goals:
             raise UsageError(
-                f"vlv does not know the goal {goal!r}; it knows {', '.join(sorted(self.card.goals or ()))}"
+                f"{self.name} does not know the goal {goal!r}; it knows {', '.join(sorted(self.card.goals or ()))}"
             )
         self._class = CLASS_OF_GOAL[goal]
         self._detector.begin(seed)
-        self._search = Search(self.settings, self._planner, seed, with_value=bool(self._value.sha256))
+        self._reliability = self._detector.reliability(self._class)
+        self._search = self._make_search(seed)
+
+    @abstractmethod
+    def _make_search(self, seed: int) -> Search:
+        """Return the state of a new episode."""
 
     def act(self, observation: Observation) -> Decision:
         """Return the next action.
@@ -130,12 +98,12 @@ class VLV(Policy):
             ModelError: no episode has started, or there is no depth image.
         """
         if self._search is None:
-            raise ModelError("vlv: act was called before reset", advice="call reset first")
+            raise ModelError(f"{self.name}: act was called before reset", advice="call reset first")
         if observation.depth_m is None:
-            raise ModelError("vlv received no depth image")
+            raise ModelError(f"{self.name} received no depth image")
         detections = self._detector.detect(observation)
         goals = tuple(
-            item for item in detections if item.label == self._class and item.score >= self.settings.detector_threshold
+            item for item in detections if item.label == self._class and item.score >= self._reliability.threshold
         )
         value = self._value.of(observation.rgb, self._class)
         move = self._search.step(observation, goals, value)
@@ -161,6 +129,60 @@ class VLV(Policy):
             "detector_settings": dict(self._detector.settings),
             "detector_sha256": self._detector.weights_sha256,
         }
+
+
+class VLV(ModularPolicy):
+    """The second model of the paper."""
+
+    name: ClassVar = "vlv"
+    default_card: ClassVar = ModelCard(
+        "vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg, camera=HABITAT_CAMERA
+    )
+    weights_file: ClassVar = "vlv_model.torch"
+
+    def __init__(
+        self,
+        weights: str | Path | None = None,
+        model_config: str | Path | VLVSettings | None = None,
+        device: str = "auto",
+    ) -> None:
+        """Load the weights and prepare the model.
+
+        Args:
+            weights: file of the value network; None for `$VSNBENCH_WEIGHTS/vlv_model.torch` if it exists, else none.
+            model_config: YAML file of `VLVSettings`, or the settings.
+            device: auto, cpu, cuda or mps.
+
+        Raises:
+            UsageError: a setting is invalid.
+            ModelError: the weights cannot be used.
+        """
+        settings = _settings_from(model_config)
+        super().__init__(open_value(weights, device), settings, device)
+
+    @classmethod
+    def check(
+        cls,
+        weights: str | Path | None = None,
+        model_config: str | Path | VLVSettings | None = None,
+        device: str = "auto",
+    ) -> ModelCheck:
+        """Inspect the weights and time both networks. Arguments as for the class.
+
+        Raises:
+            UsageError: a setting is invalid.
+            ModelError: weights are missing or cannot be used.
+        """
+        require_torch()
+        from vsnbench.models.vlv.checking import check_weights
+
+        settings = _settings_from(model_config)
+        checked = check_weights(Path(weights) if weights is not None else None, settings, device)
+        card = replace(cls.default_card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
+        return replace(checked, card=card)
+
+    def _make_search(self, seed: int) -> Search:
+        return Search(self.settings, self._planner, seed, self._reliability, with_value=bool(self._value.sha256))
 
 
 def _settings_from(given: str | Path | VLVSettings | None) -> VLVSettings:

@@ -1,16 +1,15 @@
 """One episode of VLV: scan, choose a direction, drive there, scan again; approach the goal once it has been seen."""
 
 import math
-from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.vlv.detectors.contract import Detection
+from vsnbench.models.vlv.detectors.contract import Detection, Reliability
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
 from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight, value_at
+from vsnbench.models.vlv.move import Mode, Move
 from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
@@ -35,37 +34,24 @@ _VIEW_BORDER_RAD: Final = math.radians(10.0)
 _MAX_RECORDED_CANDIDATES: Final = 30
 
 
-class Mode(StrEnum):
-    """Activity of the policy."""
-
-    SCAN = "scan"
-    TRAVEL = "travel"
-    SEEK = "seek"
-    STOP = "stop"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Move:
-    """An action and the reason for it."""
-
-    action: Action
-    mode: Mode
-    note: str
-    sub_goal: Point | None = None
-    path: tuple[Point, ...] = ()
-    details: dict[str, Any] = field(default_factory=dict)
-
-
 class Search:
     """The state of an episode, from odometry, depth, detections and the value network only."""
 
-    def __init__(self, settings: VLVSettings, planner: Planner, seed: int, *, with_value: bool = False) -> None:
+    def __init__(
+        self,
+        settings: VLVSettings,
+        planner: Planner,
+        seed: int,
+        reliability: Reliability | None = None,
+        *,
+        with_value: bool = False,
+    ) -> None:
         """Start an episode. Without a value network, candidates near unknown space are preferred."""
         self.settings = settings
         self._novelty_weight = 0.0 if with_value else settings.novelty_weight
         self.map = OccupancyMap(settings.mapping)
         self.graph = TopologicalGraph(settings)
-        self.memory = GoalMemory()
+        self.memory = GoalMemory(reliability or Reliability(settings.detector_threshold))
         self._planner = planner
         self._random = np.random.default_rng(seed)
         self._confirmed = 0
@@ -92,13 +78,9 @@ class Search:
         self.map.observe(depth_m, observation.camera, pose)
         sightings = [sighting(detection, depth_m, observation.camera, pose) for detection in detections]
         self._remember(sightings, observation)
-        near = [item for item in sightings if item.distance_m < self.settings.stop_distance_m]
-        self._confirmed = self._confirmed + 1 if near else 0
-        if self._confirmed >= self.settings.stop_looks:
-            nearest_m = min(item.distance_m for item in near)
-            return Move(
-                Action.STOP, Mode.STOP, f"the goal is {nearest_m:.2f} m away, confirmed {self._confirmed} times"
-            )
+        reason = self._reason_to_stop(sightings, pose)
+        if reason:
+            return Move(Action.STOP, Mode.STOP, reason)
         self.graph.visit(pose.position)
         if self._turns_left is not None:
             confidence = max((detection.score for detection in detections), default=0.0)
@@ -107,6 +89,18 @@ class Search:
         if move.action is Action.MOVE_FORWARD:
             self._before_forward = pose
         return move
+
+    def _reason_to_stop(self, sightings: list[Sighting], pose: Pose) -> str:
+        """Return why the robot is at the goal, or an empty string."""
+        if self.memory.reliability.is_measured:
+            reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
+            near = [place for place in self.memory.believed if place.distance_m(pose.position) < reach_m]
+            return f"at a place that {near[0].observations} views support" if near else ""
+        distances_m = [item.distance_m for item in sightings if item.distance_m < self.settings.stop_distance_m]
+        self._confirmed = self._confirmed + 1 if distances_m else 0
+        if self._confirmed < self.settings.stop_looks:
+            return ""
+        return f"the goal is {min(distances_m):.2f} m away, confirmed {self._confirmed} times"
 
     # Results of the last move
 
@@ -147,7 +141,6 @@ class Search:
     # Decisions
 
     def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
-        pose = observation.pose
         believed = self.memory.believed
         if believed and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
             move = self._seek(believed, observation, depth_m)
@@ -155,12 +148,16 @@ class Search:
                 self._turns_left = None
                 self._target = None
                 return move
+        return self._look_for_goal(observation, depth_m)
+
+    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+        """Return the next action while the goal's place is unknown."""
         if self._turns_left is None and self._target is None:
             return self._begin_scan()
         if self._turns_left is not None:
             if self._turns_left > 0:
                 return self._scan_turn()
-            self._finish_scan(pose)
+            self._finish_scan(observation.pose)
         return self._travel(observation, depth_m)
 
     def _may_end_scan(self) -> bool:

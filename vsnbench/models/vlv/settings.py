@@ -48,7 +48,12 @@ class VLVSettings(BaseModel):
         default=None,
         description="detector file; null: vlv_mask_rcnn.pth or vlv_detector.onnx in $VSNBENCH_WEIGHTS",
     )
-    detector_threshold: float = Field(default=0.5, gt=0, lt=1, description="minimum score of a detection")
+    detector_threshold: float = Field(
+        default=0.5,
+        gt=0,
+        lt=1,
+        description="minimum score of a detection; if set, it replaces those of the detector's file",
+    )
     simulated_recall: float = Field(
         default=0.85, ge=0, le=1, description="simulated detector: share of visible objects that it detects"
     )

@@ -21,11 +21,11 @@ class View:
     value: float
     """Value of this direction; 0 without a value network."""
     confidence: float
-    """The detector's best score for the goal; 0 if it is not seen."""
+    """The detector's best score for the goal; 0 if it is not seen, which includes scores under the threshold."""
 
     def score(self, settings: VLVSettings) -> float:
         """Return value, plus confidence and bonus if the goal is seen."""
-        seen = self.confidence >= settings.detector_threshold
+        seen = self.confidence > 0
         return self.value + (self.confidence + settings.detection_bonus if seen else 0.0)
 
 

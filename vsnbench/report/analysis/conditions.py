@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, or_, select
 
+from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
 from vsnbench.results.reading.blinding import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
@@ -85,6 +86,11 @@ class Condition:
         return bool(self.conditions.get("noise"))
 
     @property
+    def disturbed(self) -> str:
+        """Disturbances of what the model sees, as on the command line; empty without any."""
+        return text_of_conditions(self.conditions)
+
+    @property
     def action_kinds(self) -> tuple[str, ...]:
         """Kinds of the model's answers. Numbers of actions of different kinds are not comparable."""
         kinds = self.settings.get("action_kinds")
@@ -131,6 +137,7 @@ class Condition:
             f"success under {self.success_distance_m:g} m" if self.success_distance_m is not None else "",
             f"answers: {', '.join(self.action_kinds)}" if self.action_kinds != _DISCRETE else "",
             "sensor noise on" if self.noisy else "",
+            f"disturbed: {self.disturbed}" if self.disturbed else "",
             f"weights: {self.weights_label}{weights}" if self.weights_label else "",
             f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
@@ -247,7 +254,7 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
                 word
                 for facet, word in own.items()
                 # For noise settings that the others do not have, `sensor noise on` is sufficient.
-                if "=" in word and any(_differs(facet, word, other) for other in facets)
+                if "=" in word and facet != "disturbances" and any(_differs(facet, word, other) for other in facets)
             ]
             differing[place] = tuple(word for word in apart if not _is_repeated(word, apart))
     taken = list(names.values())
@@ -300,6 +307,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     yield "site", f"in {condition.site}"
     yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
     yield "noise", "with noise" if condition.noisy else "without noise"
+    yield "disturbances", f"with {condition.disturbed}" if condition.disturbed else "undisturbed"
     if condition.protocol_name:
         yield "protocol", f"under {condition.protocol_name}"
     if condition.max_actions is not None:
@@ -312,7 +320,8 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
         yield "success distance", f"under {condition.success_distance_m:g} m"
     yield "weights", f"weights {condition.weights_sha256[:8]}" if condition.weights_sha256 else "no weights"
     protocol = {name: value for name, value in condition.protocol.items() if name not in _NAMED_ABOVE}
-    for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", condition.conditions)):
+    conditions = {name: value for name, value in condition.conditions.items() if name not in (DISTURBANCES, EDITION)}
+    for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", conditions)):
         for name, value in _flat(settings):
             yield f"{kind} {name}", f"{name}={value}"
     if code := condition.source.get("sha256"):

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from vsnbench.protocol.course import CourseMap, Stage
 
-MAX_EXAMINED = 2000
-"""Maximum number of episodes examined in a report; each takes some milliseconds."""
-MIN_EXAMINED = 100
+MAX_EXAMINED = 1000
+"""Maximum number of episodes examined in a report; each takes some 4 ms."""
+MIN_EXAMINED = 50
 """Number of episodes examined of a condition even where there are many conditions."""
 _PART = 100
 """Courses in memory at a time."""

@@ -97,20 +97,20 @@ class Matches:
     only_second: int
 
 
-_MATCHED_BY = ["goal", "start", "seed", "repetition"]
+MATCHED_BY = ["goal", "start", "seed", "repetition"]
 
 
-def seeded(rows: "pd.DataFrame", condition: Condition) -> "pd.DataFrame":
-    """Return the columns for matching and the success, one row per seed and repetition of a cell."""
+def seeded(rows: "pd.DataFrame", condition: Condition, measured: "Collection[str]" = ("success",)) -> "pd.DataFrame":
+    """Return the columns for matching and some measured ones, one row per seed and repetition of a cell."""
     seeds = dict(zip(condition.campaigns, condition.seeds, strict=True))
     placed = rows[rows["start"] > 0]  # 0: an import without starting positions
-    keyed = placed.assign(seed=placed["campaign"].map(seeds))[[*_MATCHED_BY, "success"]]
-    return keyed.drop_duplicates(_MATCHED_BY)
+    keyed = placed.assign(seed=placed["campaign"].map(seeds))[[*MATCHED_BY, *measured]]
+    return keyed.drop_duplicates(MATCHED_BY)
 
 
 def match(first: "pd.DataFrame", second: "pd.DataFrame", goals: "Collection[str]") -> Matches:
     """Match the `seeded` episodes of two conditions on these goals."""
     sides = [rows[rows["goal"].isin(list(goals))] for rows in (first, second)]
-    pairs = sides[0].merge(sides[1], on=_MATCHED_BY, suffixes=("_first", "_second"))
+    pairs = sides[0].merge(sides[1], on=MATCHED_BY, suffixes=("_first", "_second"))
     a, b = pairs["success_first"].astype(bool), pairs["success_second"].astype(bool)
     return Matches(len(pairs), int((a & ~b).sum()), int((~a & b).sum()))

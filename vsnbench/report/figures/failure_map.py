@@ -37,6 +37,9 @@ _LOOKS = {
 }
 """Kind -> colour and marker; other kinds have no place."""
 
+_LABEL_PT = 9
+"""Places closer than this share a label."""
+
 _Map = tuple[Site, ConditionSummary, Sequence[FailurePlace]]
 
 
@@ -45,6 +48,19 @@ def failure_maps(maps: Iterable[_Map]) -> Iterator[Drawing]:
     pages = in_pages([found for found in maps if found[2]], MAX_MAPS)
     for number, page in enumerate(pages, start=1):
         yield _drawing(page, number, len(pages))
+
+
+def _labels(places: Sequence[FailurePlace], near_m: float) -> list[tuple[float, float, str]]:
+    """Return position and text of each label; neighbouring places share one."""
+    labels = list[tuple[float, float, str]]()
+    for rank, place in enumerate(places, start=1):
+        for index, (x_m, y_m, ranks) in enumerate(labels):
+            if max(abs(place.x_m - x_m), abs(place.y_m - y_m)) < near_m:
+                labels[index] = (x_m, y_m, f"{ranks}, {rank}")
+                break
+        else:
+            labels.append((place.x_m, place.y_m, f"{rank}"))
+    return labels
 
 
 def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
@@ -63,15 +79,17 @@ def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
             axes.set_axis_off()
         for axes, (site, summary, places), title in zip(grid.flat, maps, titles, strict=False):
             bare_plan(site, axes, None, summary.condition)
-            for rank, place in enumerate(places[:MAX_PLACES], start=1):
+            for place in places[:MAX_PLACES]:
                 color, marker = _LOOKS[place.kind]
                 size = 5 + 1.5 * min(len(place.episodes), 8) ** 0.5
                 axes.plot(
                     place.x_m, place.y_m, marker, color=color, markersize=size, markeredgecolor="white", zorder=12
                 )
-                axes.annotate(
-                    f"{rank}", (place.x_m, place.y_m), (4, 3), textcoords="offset points", fontsize=5.5, zorder=13
-                )
+            left_m, right_m = axes.get_xlim()
+            for x_m, y_m, ranks in _labels(
+                places[:MAX_PLACES], _LABEL_PT * (right_m - left_m) / (width / columns * 72)
+            ):
+                axes.annotate(ranks, (x_m, y_m), (4, 3), textcoords="offset points", fontsize=5.5, zorder=13)
             axes.set_title(title, pad=3, color=INK)
         drawn = {place.kind for _, _, places in maps for place in places[:MAX_PLACES]}
         looks = {kind: look for kind, look in _LOOKS.items() if kind in drawn}

@@ -88,9 +88,9 @@ def _shared_cells(first: "pd.DataFrame", second: "pd.DataFrame", goals: Sequence
     sides = [_by_cell(rows) for rows in (first, second)]
     both = sides[0].keys() & sides[1].keys()
     common = [goal for goal in goals if any(goal == known for known, _ in both)]
-    starts = sorted(
-        {start for _, start in both if common and start > 0 and all((goal, start) in both for goal in common)}
-    )
+    if not common:
+        return []
+    starts = sorted({start for _, start in both if start > 0 and all((goal, start) in both for goal in common)})
     return [[(sides[0][goal, start], sides[1][goal, start]) for goal in common] for start in starts]
 
 

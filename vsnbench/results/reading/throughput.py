@@ -1,10 +1,12 @@
 """Throughput of a record and progress of sweeps, to estimate the remaining time."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sqlalchemy import Engine, func
+from sqlalchemy import Engine, func, select
 
+from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.reading.read_model import episodes_of_campaigns
 from vsnbench.results.schema.engine import reading, record_errors
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Site
@@ -17,8 +19,8 @@ class Throughput:
 
     seconds: Mapping[str, tuple[float, int]]
     """By model: mean wall time of an episode, and number of episodes."""
-    done: Mapping[tuple[str, str, int], int]
-    """By model, site and seed: number of trials with a result."""
+    done: Mapping[tuple[str, str, int, str], int]
+    """By model, site, seed and text of the disturbances: number of trials with a result."""
 
 
 NO_THROUGHPUT = Throughput({}, {})
@@ -36,13 +38,18 @@ def throughput_of(engine: Engine) -> Throughput:
         .where(results, Episode.wall_duration_s > 0)
         .group_by(Model.name)
     )
-    done = (
-        episodes_of_campaigns(Model.name, Site.name, Campaign.seed, func.count(Episode.trial_id.distinct()))
+    trials = (
+        episodes_of_campaigns(Campaign.id, Model.name, Site.name, func.count(Episode.trial_id.distinct()))
         .where(results)
-        .group_by(Model.name, Site.name, Campaign.seed)
+        .group_by(Campaign.id, Model.name, Site.name)
     )
     with record_errors(engine), reading(engine).begin() as connection:
-        return Throughput(
-            {name: (float(mean), count) for name, mean, count in connection.execute(seconds)},
-            {(model, site, seed): count for model, site, seed, count in connection.execute(done)},
-        )
+        campaigns = {
+            row.id: (row.seed, text_of_conditions(row.conditions))
+            for row in connection.execute(select(Campaign.id, Campaign.seed, Campaign.conditions))
+        }
+        done: Counter[tuple[str, str, int, str]] = Counter()
+        for campaign, model, site, count in connection.execute(trials):
+            seed, disturbed = campaigns[campaign]
+            done[model, site, seed, disturbed] += count
+        return Throughput({name: (float(mean), count) for name, mean, count in connection.execute(seconds)}, done)

@@ -108,7 +108,7 @@ class Campaign(Base):
     protocol_sha256: Mapped[str]
     conditions: Mapped[dict[str, Any]]
     """Conditions reported by the robot: `noise` (settings of simulated noise, absent without noise), filters, command
-    lag, the simulator's version."""
+    lag, the simulator's version; `disturbances` of what the model sees (value by name, absent without any)."""
     seed: Mapped[int] = mapped_column(BigInteger)
 
 

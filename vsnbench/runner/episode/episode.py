@@ -13,6 +13,7 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge
 from vsnbench.protocol.limits import Spent
 from vsnbench.robots.contract import Robot
+from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.depth_guard import get_ready
 from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.episode.step import EpisodePlan, Step, Stepper
@@ -121,10 +122,12 @@ def run_episode(
         recording = True
         battery = _note_battery(robot, recorder)
         with stop.interruptible():
-            task = task_of(plan.goal, plan.seed, plan.parameters, robot.identity.profile)
+            view = PolicyView(plan.disturbances, robot, plan.seed)
+            profile = robot.identity.profile.model_copy(update={"camera": view.camera})
+            task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
         reason: EndReason | None = None
-        stepper = Stepper(robot, calls, plan, partial(_free_ahead_m, robot, plan, here))
+        stepper = Stepper(robot, calls, view, plan, partial(_free_ahead_m, robot, plan, here))
         while reason is None:
             with stop.interruptible():
                 step, reason = stepper.take(spent, here)

@@ -5,10 +5,12 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.judge import EndReason, end_after
 from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
+from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.episode.depth_watch import DepthWatch
 from vsnbench.runner.episode.path_guard import PathGuard
@@ -61,6 +63,8 @@ class EpisodePlan:
     start: StartingPosition
     seed: int
     parameters: ProtocolParameters
+    disturbances: Disturbances = NONE
+    """Of what the policy sees."""
 
 
 class Stepper:
@@ -70,8 +74,16 @@ class Stepper:
     the chunk is dropped, and the model decides again.
     """
 
-    def __init__(self, robot: Robot, calls: PolicyCalls, plan: EpisodePlan, free_ahead_m: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        calls: PolicyCalls,
+        view: PolicyView,
+        plan: EpisodePlan,
+        free_ahead_m: Callable[[], float],
+    ) -> None:
         self._robot = robot
+        self._view = view
         self._calls = calls
         self._plan = plan
         self._base = robot.identity.profile.base
@@ -89,10 +101,14 @@ class Stepper:
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)
+        seen = self._view.of(observation)
         t1 = time.perf_counter()
-        decision, part = self._decide(observation, budget_left(spent, self._plan.parameters))
+        delay_s = 0.0 if self._parts else self._view.latency_s
+        decision, part = self._decide(seen, budget_left(spent, self._plan.parameters))
+        if delay_s and not self._robot.identity.simulated:
+            time.sleep(delay_s)
         t2 = time.perf_counter()
-        guard, result, refusal = self._execute(decision, observation)
+        guard, result, refusal = self._execute(decision, observation, seen)
         after = before
         if result is not None and decision.action is not Action.NOOP:
             self.watch.moved(result)
@@ -103,7 +119,7 @@ class Stepper:
         path_m = before.pose.distance_to(after.pose)
         spent = spent.after(
             driving_s=result.duration_s if result is not None else 0.0,
-            thinking_s=0.0 if self._robot.identity.simulated else t2 - t1,
+            thinking_s=delay_s if self._robot.identity.simulated else t2 - t1,
             path_m=path_m if result is None or result.path_m is None else max(path_m, result.path_m),
         )
         step = Step(spent.actions, observation, decision, guard, result, before, after, timings, spent, part, refusal)
@@ -124,9 +140,12 @@ class Stepper:
         return self._parts.popleft()
 
     def _execute(
-        self, decision: Decision, observation: Observation
+        self, decision: Decision, observation: Observation, seen: Observation
     ) -> tuple[GuardReading | None, MotionResult | None, str]:
-        """Return the guard's reading, the result, and why the action was refused or ended early."""
+        """Return the guard's reading, the result, and why the action was refused or ended early.
+
+        A pixel is one of the image that the policy has seen.
+        """
         if decision.action is Action.NOOP:
             return None, MotionResult(completed=True), ""
         if decision.movement is None:
@@ -138,7 +157,7 @@ class Stepper:
             return guard, self._robot.execute(decision.action), ""
         movement = decision.movement
         if isinstance(movement, Pixel):
-            waypoint = waypoint_of(movement, observation, self._base, self._guard)
+            waypoint = waypoint_of(movement, seen, self._base, self._guard)
             if waypoint is None:
                 return None, None, "the pixel has no depth"
             movement = waypoint

@@ -1,7 +1,7 @@
 """Chooses the number of workers: as requested, or as many as the machine's cores and memory allow."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -54,6 +54,8 @@ class WorkerRequest:
     """Maximum number of workers."""
     is_explicit: bool
     """The user gave the number; otherwise memory may reduce it."""
+    first_alone: bool = False
+    """Start one worker before the others: its setup shows how many the model's server takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,8 @@ class Capacity:
             request: number of workers requested.
             device: device that the model must use; None if it chooses.
         """
+        if request.first_alone:
+            return 1
         may_use_gpu = self.has_gpu and device != "cpu"
         fits = request.limit * AMPLE_BYTES <= self.free_bytes
         return request.limit if fits and not may_use_gpu else 1
@@ -88,13 +92,16 @@ class Capacity:
     def summary(self, workers: int, measured: Prepared) -> str:
         """Return the number of workers and what it was chosen from."""
         cores = f"{self.cores} core{'' if self.cores == 1 else 's'}"
+        if measured.sessions is not None:
+            cores += f", {measured.sessions} sessions of the model's server"
         text = (
             f"{workers} worker{'' if workers == 1 else 's'}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
             f"one takes about {worker_bytes(measured) / GIB:.1f} GiB"
         )
         if gpu := measured.gpu:
             return f"{text} and {gpu.taken_bytes / GIB:.1f} of the GPU's {gpu.total_bytes / GIB:.1f} GiB"
-        return f"{text}; the model is on a GPU whose memory is not known" if measured.description.on_gpu else text
+        unknown = measured.description.on_gpu and measured.sessions is None
+        return f"{text}; the model is on a GPU whose memory is not known" if unknown else text
 
 
 def local_request(workers: int | None, trials: int, capacity: Capacity) -> WorkerRequest:
@@ -120,12 +127,13 @@ def choose_count(request: WorkerRequest, capacity: Capacity, measured: Prepared,
         started: number of workers that exist already, on the GPU too.
 
     Raises:
-        UsageError: the requested number does not fit into memory.
+        UsageError: the requested number does not fit into memory, or exceeds the sessions of the model's server.
     """
+    request = _within_sessions(request, measured.sessions)
     one_bytes, gpu = worker_bytes(measured), measured.gpu
     fitting = max(1, capacity.free_bytes // one_bytes)
     fitting_on_gpu = fitting if gpu is None else started + gpu.free_bytes // gpu.taken_bytes
-    if gpu is None and not request.is_explicit and measured.description.on_gpu:
+    if gpu is None and measured.sessions is None and not request.is_explicit and measured.description.on_gpu:
         return 1
     if request.limit <= min(fitting, fitting_on_gpu):
         return request.limit
@@ -140,6 +148,23 @@ def choose_count(request: WorkerRequest, capacity: Capacity, measured: Prepared,
         f"are free, enough for {fitting}",
         advice=f"give --workers {fitting}, or leave it out",
         code="too-many-workers",
+    )
+
+
+def _within_sessions(request: WorkerRequest, sessions: int | None) -> WorkerRequest:
+    """Return a request for at most as many workers as the model's server has sessions.
+
+    Raises:
+        UsageError: the user requested more.
+    """
+    if sessions is None or request.limit <= sessions:
+        return request
+    if not request.is_explicit:
+        return replace(request, limit=sessions)
+    raise UsageError(
+        f"{request.limit} workers need as many sessions, and the model's server has {sessions}",
+        advice=f"give --workers {sessions}, or start the server with --sessions {request.limit}",
+        code="too-few-sessions",
     )
 
 
@@ -170,7 +195,7 @@ def worker_request(
     Raises:
         UsageError: several workers were requested for a single robot, model or viewer.
     """
-    single = ""
+    single, is_served = "", spec.model.startswith(("ws://", "wss://"))
     if not is_simulated(spec.robot):
         single = f"robot {spec.robot} is a single robot; only vsnbench's simulated robots can run in several workers"
     elif spec.rehearsal:
@@ -179,8 +204,8 @@ def worker_request(
         single = "--live shows one episode at a time"
     elif attended:
         single = "--console has an operator at one robot"
-    elif spec.model.startswith(("ws://", "wss://")):
-        single = f"the model at {spec.model} serves one client at a time"
+    elif is_served and options.cluster:
+        single = f"the cluster's nodes may not reach the model at {spec.model}"
     several = f"--workers {options.cluster or options.count}"
     if single and (options.cluster or (options.count or 1) > 1):
         raise UsageError(
@@ -190,4 +215,5 @@ def worker_request(
         return ClusterRequest(ClusterAddress.parse(options.cluster), options.count, options.gpus_each)
     if single:
         return WorkerRequest(1, is_explicit=False)
-    return local_request(options.count, trials, Capacity.of_this_machine())
+    request = local_request(options.count, trials, Capacity.of_this_machine())
+    return replace(request, first_alone=is_served)

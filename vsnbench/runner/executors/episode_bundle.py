@@ -62,7 +62,8 @@ def run_bundled(setup: TrialSetup, ran_on: Provenance, spec: TrialSetupSpec, tri
             own_thread=False,  # a cluster's worker has one core
         )
         recorder = EpisodeRecorderFanOut(target, Claim(0, "", trial, seed, _DIRECTORY))
-        episode = EpisodePlan(spec.site, trial.goal, spec.site.start(trial.start), seed, spec.parameters)
+        start = spec.site.start(trial.start)
+        episode = EpisodePlan(spec.site, trial.goal, start, seed, spec.parameters, spec.disturbances)
         try:
             outcome = run_episode(setup.robot, setup.policy, episode, recorder, AbsentOperator(), StopRequests())
         finally:

@@ -114,7 +114,7 @@ class InProcessExecutor(TrialExecutor):
             context.journal.release(claim.id)
             raise
         start = context.site.start(claim.trial.start)
-        plan = EpisodePlan(context.site, claim.trial.goal, start, claim.seed, context.parameters)
+        plan = EpisodePlan(context.site, claim.trial.goal, start, claim.seed, context.parameters, context.disturbances)
         recorder = model.new_recorder(claim)
         try:
             with _renewed(context.journal, claim):

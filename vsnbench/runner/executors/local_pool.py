@@ -106,6 +106,8 @@ class LocalPool(TrialPool):
         self._order = Prepare(spec, tuple(sys.argv))
         capacity = self._capacity
         try:
+            if request.first_alone:
+                self._end_surplus(1)
             for worker in self._workers:
                 worker.order_setup(self._order)
             self._start(capacity.initial_count(request, spec.model_options.get("device")) - len(self._workers))
@@ -113,9 +115,7 @@ class LocalPool(TrialPool):
             self._description = first.description
             self._count = choose_count(request, capacity, first, len(self._workers))
             self._workers.sort(key=lambda worker: worker.prepared is None)  # ready ones stay
-            for surplus in self._workers[self._count :]:
-                surplus.end()
-            del self._workers[self._count :]
+            self._end_surplus(self._count)
             self._start(self._count - len(self._workers))
             self._summary = capacity.summary(self._count, first)
         except BaseException:
@@ -192,6 +192,11 @@ class LocalPool(TrialPool):
         self._server.end()
         while self._workers:
             self._workers.pop().connection.close()
+
+    def _end_surplus(self, count: int) -> None:
+        for surplus in self._workers[count:]:
+            surplus.end()
+        del self._workers[count:]
 
     def _start(self, count: int) -> None:
         for _ in range(count):

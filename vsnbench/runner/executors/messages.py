@@ -49,6 +49,8 @@ class Prepared:
     """Memory that the process does not share."""
     gpu: GpuMemory | None = None
     """Memory that it takes of a GPU, where it uses one that reports it."""
+    sessions: int | None = None
+    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,7 +126,9 @@ class Worker:
         self._stop.last_acts[:] = [self._setup.robot.halt]
         description, own_bytes = self._setup.description, psutil.Process().memory_full_info().uss
         # A model that only tried the GPU has left something there, too: the next process then avoids it.
-        self._connection.send(Prepared(description, own_bytes, gpu_memory() if description.on_gpu else None))
+        sessions = self._setup.sessions
+        gpu = gpu_memory() if description.on_gpu and sessions is None else None
+        self._connection.send(Prepared(description, own_bytes, gpu, sessions))
         # The driver opens the results database now; meanwhile this process loads what the first trial needs.
         self._provenance = self._setup.provenance(shlex.join(command))
         _load_for_trials(description, spec)
@@ -156,6 +158,7 @@ class Worker:
             spec.site,
             spec.parameters,
             recording,
+            spec.disturbances,
         )
         model = DrivingModel(setup.policy, partial(EpisodeRecorderFanOut, target))
         executor, trial = InProcessExecutor(context, setup.robot, SingleModel(model)), order.trial

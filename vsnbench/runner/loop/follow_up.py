@@ -32,14 +32,25 @@ class VoidLimit:
     limit: int = DEFAULT_VOID_LIMIT
     """Consecutive void episodes that end the session."""
     consecutive: int = 0
+    _same_loss: int = 0
+    """Episodes that were running when the model was last lost: the loss of a shared server ends all of them."""
 
-    def add(self, outcome: EpisodeOutcome) -> str | None:
-        """Count a finished episode. Returns the reason to stop, or None to continue."""
+    def add(self, outcome: EpisodeOutcome, running: int = 0) -> str | None:
+        """Count a finished episode. Returns the reason to stop, or None to continue.
+
+        Args:
+            outcome: end of the episode.
+            running: number of episodes that still run in other workers.
+        """
         reason = outcome.verdict.end_reason
+        is_same_loss, self._same_loss = self._same_loss > 0, max(self._same_loss - 1, 0)
         if reason.is_result:
             self.consecutive = 0
+        elif reason is EndReason.MODEL_LOST and is_same_loss:
+            return None
         elif reason is not EndReason.ABORTED:
             self.consecutive += 1
+            self._same_loss = running if reason is EndReason.MODEL_LOST else 0
         if self.consecutive < self.limit:
             return None
         if self.limit == 1:
@@ -76,8 +87,8 @@ class FollowUpRules:
     _model_failures: Counter[str] = field(default_factory=Counter)
     """Consecutive failures by model."""
 
-    def after_episode(self, outcome: EpisodeOutcome, model: str = "") -> FollowUp:
-        """Count a finished episode and return what follows it."""
+    def after_episode(self, outcome: EpisodeOutcome, model: str = "", running: int = 0) -> FollowUp:
+        """Count a finished episode and return what follows it, with the number of episodes that still run."""
         reason = outcome.verdict.end_reason
         self.episodes += 1
         self.void += not reason.is_result
@@ -87,7 +98,7 @@ class FollowUpRules:
             suspends = not outcome.began or self._model_failures[model] >= self.voids.limit
             return FollowUp(reloads_model=True, suspends_model=suspends)
         self._model_failures[model] = 0
-        return FollowUp(self.voids.add(outcome), repeats=self.repeats_at_once and reason in REPEATABLE)
+        return FollowUp(self.voids.add(outcome, running), repeats=self.repeats_at_once and reason in REPEATABLE)
 
     def after_lost_worker(self, cause: str) -> str | None:
         """Count a worker that ended without a result. Returns the reason to stop, or None to continue."""

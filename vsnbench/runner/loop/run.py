@@ -60,7 +60,7 @@ def _follow(event: LoopEvent, source: TrialSource, executor: TrialExecutor, oper
                 source.postpone(trial)
             return source.rules.after_lost_worker(cause)
         case EpisodeFinished(trial, outcome):
-            follow_up = source.rules.after_episode(outcome, trial.model)
+            follow_up = source.rules.after_episode(outcome, trial.model, executor.busy)
             if follow_up.reloads_model:
                 executor.reload_model(trial.model)
             source.add_outcome(event, follow_up)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import EpisodeViewer
@@ -32,3 +33,5 @@ class SessionContext:
     site: Site
     parameters: ProtocolParameters
     recording: RecordingOptions
+    disturbances: Disturbances = NONE
+    """Of what the policy sees."""

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -15,6 +15,7 @@ from vsnbench.results.schema.migrate import get_ready
 from vsnbench.results.studies.queries import study_that_claims
 from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
 from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
 from vsnbench.runner.executors.backends import Backend, open_backend
 from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
 from vsnbench.runner.executors.local_pool import SharedWorkers
@@ -22,6 +23,7 @@ from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, FollowUpRules, VoidLimit
 from vsnbench.runner.loop.run import run
 from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.operator.contract import Operator
 from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -85,6 +87,7 @@ def launch(
         VsnbenchError: the site, model, robot or results cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
+    check_before_opening(request.disturbances, request.robot, rehearsal=request.rehearsal)
     note = "" if os.environ.get(TEMPORARY_RESULTS) else request.results.new_record_note
     site = named_site(request.site)
     if request.skips_absent_goals:
@@ -112,6 +115,7 @@ def launch(
         warn_of_default_weights(description)
         warn_of_assumptions(description.card, parameters)
         warn_of_camera(description)
+        warn_of_unused(request.disturbances, description.card.name, description.card.sensors)
         _check_keep(request, description)
         if surveyed:
             check_survey(request.site, site, description.robot.profile.base.radius_m, parameters)
@@ -140,7 +144,7 @@ def launch(
         journal.patience.gives_up = lambda: stop_requests.session_ends
         outcomes = journal.campaign_progress(campaign).outcomes
         session = OperatorSession(
-            label=f"{description.card.name} in {site.name}",
+            label=f"{description.card.name} in {site.name}{_disturbed(request)}",
             trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
             parameters=parameters,
             needs_operator=description.needs_operator,
@@ -160,7 +164,11 @@ def launch(
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
         recording = RecordingOptions(request.results, viewer, provenance.operator)
-        result = _run_session(session, operators, backend, campaign, recording, limit)
+
+        def context_of(operator: Operator) -> SessionContext:
+            return SessionContext(journal, operator, stop_requests, site, parameters, recording, request.disturbances)
+
+        result = _run_session(session, operators, backend, campaign, context_of, limit)
     return Launched(campaign, result)
 
 
@@ -169,16 +177,20 @@ def _run_session(
     operators: OperatorProvider,
     backend: Backend,
     campaign: OpenCampaign,
-    recording: RecordingOptions,
+    context_of: Callable[[Operator], SessionContext],
     limit: VoidLimit,
 ) -> SessionResult:
     journal = session.journal
     with operators.attend(session) as operator:
         rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
-        context = SessionContext(journal, operator, session.stop_requests, session.site, session.parameters, recording)
-        executor = backend.executor(context, campaign)
+        executor = backend.executor(context_of(operator), campaign)
         stop_reason = run(CampaignSource(journal, campaign, rules), executor, operator)
         return SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
+
+
+def _disturbed(request: RunRequest) -> str:
+    """Return the disturbances for a session's label; empty without any."""
+    return f" with {request.disturbances.text}" if request.disturbances else ""
 
 
 def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:

@@ -9,6 +9,7 @@ from vsnbench.models.camera_fit import Fit
 from vsnbench.models.names import is_third_party
 from vsnbench.models.registry import keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.robots.registry import is_simulated
@@ -32,6 +33,8 @@ class RunRequest:
     seed: int = 0
     shuffle: bool = False
     noise: bool = False
+    disturbances: Disturbances = NONE
+    """Disturbances of what the model sees."""
     rehearsal: bool = False
     """A rehearsal: a simulated robot is treated as a real one."""
     fit: Fit = Fit.FULL
@@ -55,6 +58,12 @@ class RunRequest:
     """The first void episode ends the session."""
 
     @property
+    def label(self) -> str:
+        """Model, site, seed and disturbances, for messages about one of several campaigns."""
+        disturbed = f", {self.disturbances.text}" if self.disturbances else ""
+        return f"{self.model} in {self.site} with seed {self.seed}{disturbed}"
+
+    @property
     def files_to_keep(self) -> KeepFiles:
         """What to store of an episode: as requested, or copies for Rerun only where an operator is present.
 
@@ -76,6 +85,7 @@ class RunRequest:
             robot=self.robot,
             noise=self.noise,
             rehearsal=self.rehearsal,
+            disturbances=self.disturbances,
             parameters=self.parameters,
             model_options={**self.model_options, **remote_options},
             act_timeout_s=None if is_remote else self.act_timeout_s,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.models.registry import locate
+from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.reading.throughput import Throughput
 from vsnbench.robots.registry import is_simulated
@@ -128,6 +129,15 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
     )
 
 
+def with_disturbances(sweep: Sweep, conditions: Sequence[Disturbances]) -> Sweep:
+    """Return a sweep with every campaign under every one of some conditions, in their order."""
+    return Sweep(
+        tuple(replace(request, disturbances=condition) for request in sweep.requests for condition in conditions),
+        tuple(trials for trials in sweep.trials for _ in conditions),
+        tuple(name for name in sweep.site_names for _ in conditions),
+    )
+
+
 def _max_goals(requested: Sequence[str], site: Site, *, generated: bool) -> int:
     """Return the maximum number of goals at a site; one of several generated sites may lack some.
 
@@ -150,7 +160,7 @@ def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
     seconds = 0.0
     known_of: dict[str, int] = {}
     for request, trials, site in zip(sweep.requests, sweep.trials, sweep.site_names, strict=True):
-        has = min(trials, throughput.done.get((request.model, site, request.seed), 0))
+        has = min(trials, throughput.done.get((request.model, site, request.seed, request.disturbances.text), 0))
         done += has
         left += trials - has
         mean_s, episodes = throughput.seconds.get(request.model, (UNKNOWN_PACE_S, 0))
@@ -180,7 +190,7 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
                 logger.warning("%s", absent)
                 yield Swept(request, None, is_skipped=True)
             except VsnbenchError as error:
-                logger.warning("%s in %s with seed %d: %s", request.model, request.site, request.seed, error)
+                logger.warning("%s: %s", request.label, error)
                 yield Swept(request, None, str(error))
             before += trials
 

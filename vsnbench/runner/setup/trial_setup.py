@@ -21,15 +21,17 @@ from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
-from vsnbench.models.remote.isolation import Isolation
+from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles
 from vsnbench.results.writing.campaigns import ModelIdentity
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
+from vsnbench.runner.disturbances.fit import check_disturbances
 from vsnbench.runner.setup.selection import choose_goals
 from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
 from vsnbench.runtime.time_limits import call_interrupted
@@ -60,6 +62,8 @@ class TrialSetupSpec:
     noise: bool = False
     rehearsal: bool = False
     """A rehearsal: a simulated robot is treated as a real one, which a person places."""
+    disturbances: Disturbances = NONE
+    """Of what the model sees."""
     parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
     model_options: Mapping[str, Any] = field(default_factory=dict)
     act_timeout_s: float | None = None
@@ -127,6 +131,8 @@ class TrialSetup:
     robot: Robot
     policy: Policy
     description: SetupDescription
+    sessions: int | None = None
+    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses.
@@ -198,7 +204,11 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     description = SetupDescription(
         robot=identity,
         sensors=robot.sensors,
-        conditions={**robot.conditions, **({} if crop is None else crop_condition(crop))},
+        conditions={
+            **robot.conditions,
+            **spec.disturbances.conditions,
+            **({} if crop is None else crop_condition(crop)),
+        },
         card=policy.card,
         model=_identity(spec, policy),
         goals=choose_goals(spec.goals, spec.site, policy.card),
@@ -208,7 +218,12 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     _check_sensors(description)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
+    check_disturbances(spec.disturbances, robot)
+    model = policy.policy
+    sessions = None
+    if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy):
+        sessions = model.sessions
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, sessions)
 
 
 def close_policy(policy: Policy) -> None:

@@ -37,7 +37,8 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
     if kind is DetectorKind.ONNX:
         from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 
-        return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold)
+        is_chosen = "detector_threshold" in settings.model_fields_set
+        return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold, threshold_for_all=is_chosen)
     require_torch()
     from vsnbench.models.checkpoints.torch_runtime import available_device
     from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
@@ -56,8 +57,8 @@ def _resolved(settings: VLVSettings) -> DetectorKind:
     if (weights_directory() / ONNX_FILE).is_file():
         return DetectorKind.ONNX
     logger.warning(
-        "no weights of a detector for vlv (%s or %s in %s): it uses the simulator's labels, which only simulated "
-        "robots have",
+        "no weights of a detector (%s or %s in %s): the simulator's labels are used, which only simulated robots have; "
+        "`vsnbench models fetch coco-detector` gets a detector",
         MASK_RCNN_FILE,
         ONNX_FILE,
         weights_directory(),
@@ -66,4 +67,4 @@ def _resolved(settings: VLVSettings) -> DetectorKind:
 
 
 def _file(given: Path | None, name: str) -> Path:
-    return given if given is not None else find_weights("vlv's detector", name, None)
+    return given if given is not None else find_weights("the detector", name, None)

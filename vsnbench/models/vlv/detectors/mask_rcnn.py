@@ -32,7 +32,7 @@ class MaskRCNNDetector(Detector):
         self.sensors = frozenset({Sensor.RGB})
         self.weights_sha256 = weights.sha256
         self.settings: Mapping[str, Any] = {"device": device, "threshold": threshold}
-        self._threshold = threshold
+        self.threshold = threshold
         self._device = device
         self._network = MaskRCNN(weights.classes)
         self._network.load_state_dict(dict(weights.tensors))
@@ -49,7 +49,7 @@ class MaskRCNNDetector(Detector):
         for box, label, score, mask in zip(
             found.boxes.tolist(), found.labels.tolist(), found.scores.tolist(), found.masks.cpu().numpy(), strict=True
         ):
-            if score < self._threshold:
+            if score < self.threshold:
                 continue
             edges = (box[0], box[1], box[2], box[3])
             detections.append(Detection(CLASSES_91[label], score, edges, paste_mask(np.asarray(mask), edges, image)))

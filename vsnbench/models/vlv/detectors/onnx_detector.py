@@ -1,6 +1,8 @@
 """A detector from an ONNX file in the form of torchvision's exported Mask R-CNN."""
 
 import ast
+import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +14,20 @@ import numpy.typing as npt
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
-from vsnbench.models.vlv.detectors.contract import Detection, Detector
+from vsnbench.models.vlv.detectors.contract import Detection, Detector, Reliability
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.settings import DetectorKind
+from vsnbench.text.sanitize import sanitize
 from vsnbench.values.observation import Observation, Sensor
 
 _OUTPUTS: Final = ("boxes", "labels", "scores", "masks")
-_NAMES_KEY: Final = "names"
+_NAMES_KEY, _TITLE_KEY, _RELIABILITY_KEY = "names", "title", "reliability"
+_EDGE_SHARE, _MIDDLE_SHARE = 0.1, 0.3
+"""Share of a box at each edge that is not taken for the object, and that is not its middle."""
+_FLOOR_M: Final = 0.1
+_NEARER_PERCENTILE: Final = 25
+_THICKNESS_M: Final = 0.4
+"""Largest difference in depth between an object's pixels and the middle of its box."""
 _MAX_PX: Final = 1e6
 """Largest plausible coordinate of a box."""
 
@@ -27,12 +36,19 @@ class ONNXDetector(Detector):
     """Runs an ONNX file in onnxruntime.
 
     The file has one input, float32 (3, H, W) or (1, 3, H, W) in [0, 1], and the outputs boxes (N, 4), labels (N,) and
-    scores (N,), optionally masks (N, 1, M, M) within the boxes or over the image; without masks, the mask is the box.
-    Its metadata can name the classes (`names`, a list or a mapping from number to name); the default is COCO's 91.
+    scores (N,), optionally masks (N, 1, M, M) within the boxes or over the image; without masks, depth
+    finds the object in the box. Its metadata can have `title`, for records and reports; `names`, a
+    list of the classes or a mapping from number to name (the default is COCO's 91); and `reliability`, JSON with
+    `threshold`, `precision` and `recall` of classes.
     """
 
-    def __init__(self, path: Path, threshold: float) -> None:
+    def __init__(self, path: Path, threshold: float, *, threshold_for_all: bool = False) -> None:
         """Load the file.
+
+        Args:
+            path: the file.
+            threshold: minimum score of a detection, for classes without one in the file.
+            threshold_for_all: the threshold is for the other classes, too.
 
         Raises:
             ModelError: onnxruntime is missing, or the file is not such a detector.
@@ -43,6 +59,12 @@ class ONNXDetector(Detector):
             raise ModelError("an ONNX detector needs onnxruntime", advice="pip install 'vsnbench[neural]'") from error
         options = ort.SessionOptions()
         options.log_severity_level = 3
+        options.inter_op_num_threads = 1
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # the robot's control needs the cores
+        if (
+            threads := os.environ.get("OMP_NUM_THREADS", "")
+        ).isdigit():  # one in simulation: the same result on every machine
+            options.intra_op_num_threads = int(threads)
         try:
             self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no common base class
@@ -58,14 +80,25 @@ class ONNXDetector(Detector):
                 f"it has {len(inputs)} inputs and the outputs {names}"
             )
         self._input = inputs[0]
-        self._classes = _classes_of(self._session.get_modelmeta().custom_metadata_map, path)
-        self._threshold = threshold
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        self._classes = _classes_of(metadata, path)
+        self.threshold = threshold
+        self._reliability = _reliability_of(metadata, path, threshold if threshold_for_all else None)
         self.kind = DetectorKind.ONNX
-        self.name = f"ONNX detector ({path.name})"
+        self.name = f"{sanitize(metadata.get(_TITLE_KEY) or 'ONNX detector')[:60]} ({path.name})"
         self.classes = frozenset(self._classes.values())
-        self.sensors = frozenset({Sensor.RGB})
+        has_masks = "masks" in self._outputs
+        self.sensors = frozenset({Sensor.RGB} if has_masks else {Sensor.RGB, Sensor.DEPTH})
         self.weights_sha256 = file_sha256(path)
-        self.settings: Mapping[str, Any] = {"threshold": threshold, "masks": "masks" in self._outputs}
+        self.settings: Mapping[str, Any] = {"threshold": threshold, "masks": has_masks}
+        if not has_masks:
+            self.settings |= {"box_thickness_m": _THICKNESS_M}
+        if self._reliability:
+            self.settings |= {"thresholds": {name: item.threshold for name, item in self._reliability.items()}}
+
+    def reliability(self, label: str) -> Reliability:
+        """Return what the file has about a class, or else the default."""
+        return self._reliability.get(label) or super().reliability(label)
 
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
         """Return the objects above the threshold, best first.
@@ -86,7 +119,7 @@ class ONNXDetector(Detector):
         detections = []
         for index in np.argsort(-found.scores, kind="stable"):
             label = self._classes.get(int(found.labels[index]))
-            if label is None or not found.scores[index] >= self._threshold:
+            if label is None or not found.scores[index] >= self.reliability(label).threshold:
                 continue
             left, top, right, bottom = (float(edge) for edge in found.boxes[index])
             edges = (left, top, right, bottom)
@@ -95,8 +128,7 @@ class ONNXDetector(Detector):
                 over_image = mask.shape == (height, width)
                 pixels = mask >= 0.5 if over_image else paste_mask(mask, edges, (height, width))
             else:
-                pixels = np.zeros((height, width), np.bool_)
-                pixels[max(round(top), 0) : max(round(bottom), 0), max(round(left), 0) : max(round(right), 0)] = True
+                pixels = _object_in(edges, observation)
             detections.append(Detection(label, float(found.scores[index]), edges, pixels))
         return tuple(detections)
 
@@ -140,6 +172,61 @@ def _checked(named: Mapping[str, Any], name: str) -> _Outputs:
             raise ModelError(f"{name}: masks without a pixel")
         masks = masks.reshape(len(boxes), *masks.shape[-2:])
     return _Outputs(boxes, labels.astype(np.int64), scores, masks)
+
+
+def _object_in(box: tuple[float, float, float, float], observation: Observation) -> npt.NDArray[np.bool_]:
+    """Return (H, W): the pixels of a box's object: as far away as the middle of the box, and not floor."""
+    inside = _inner(box, _EDGE_SHARE, observation)
+    if observation.depth_m is None or not inside.any():
+        return inside
+    depth_m = observation.depth_m
+    rows, columns = np.nonzero(inside)
+    height, width = inside.shape
+    _, _, up = observation.camera.rays(width, height).points(depth_m[rows, columns], rows, columns)
+    solid = np.zeros_like(inside)
+    solid[rows, columns] = up > _FLOOR_M
+    middle = solid & _inner(box, _MIDDLE_SHARE, observation)
+    if not middle.any():
+        return solid if solid.any() else inside
+    # The nearer part of the middle, because the rest can be a wall behind a chair's legs.
+    thing_m = np.percentile(depth_m[middle], _NEARER_PERCENTILE)
+    return np.asarray(solid & (np.abs(depth_m - thing_m) < _THICKNESS_M), np.bool_)
+
+
+def _inner(
+    box: tuple[float, float, float, float], edge_share: float, observation: Observation
+) -> npt.NDArray[np.bool_]:
+    """Return (H, W): the pixels of a box without a share of it at each edge."""
+    left, top, right, bottom = box
+    side_px, end_px = edge_share * (right - left), edge_share * (bottom - top)
+    pixels = np.zeros(observation.rgb.shape[:2], np.bool_)
+    rows = slice(max(round(top + end_px), 0), max(round(bottom - end_px), 0))
+    columns = slice(max(round(left + side_px), 0), max(round(right - side_px), 0))
+    pixels[rows, columns] = True
+    return pixels
+
+
+def _reliability_of(metadata: Mapping[str, str], path: Path, threshold: float | None) -> dict[str, Reliability]:
+    """Return the measured reliability of classes.
+
+    Args:
+        metadata: the file's metadata.
+        path: the file, for the message.
+        threshold: minimum score for all classes; None for the file's own.
+    """
+    text = metadata.get(_RELIABILITY_KEY)
+    if text is None or threshold is not None:
+        return {}
+    try:
+        shares = {
+            str(name): tuple(float(item[key]) for key in ("threshold", "precision", "recall"))
+            for name, item in json.loads(text).items()
+        }
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise ModelError(f"{path}: its metadata `{_RELIABILITY_KEY}` cannot be read ({error})") from error
+    if not all(0 < share < 1 for item in shares.values() for share in item):
+        raise ModelError(f"{path}: its metadata `{_RELIABILITY_KEY}` has a number that is not between 0 and 1")
+    return {name: Reliability.measured(*item) for name, item in shares.items()}
 
 
 def _classes_of(metadata: Mapping[str, str], path: Path) -> dict[int, str]:

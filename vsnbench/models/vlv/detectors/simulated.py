@@ -39,6 +39,7 @@ class SimulatedDetector(Detector):
         self.settings: Mapping[str, Any] = {
             name: value for name, value in settings.model_dump(mode="json").items() if name.startswith("simulated_")
         }
+        self.threshold = settings.detector_threshold
         self._settings = settings
         self.begin(0)
 
@@ -57,7 +58,7 @@ class SimulatedDetector(Detector):
         if image is None:
             raise ModelError(
                 "the simulated detector needs an instance image: it works on simulated robots only",
-                advice="name the weights of a detector: see docs/vlv.md",
+                advice="get a detector: `vsnbench models fetch coco-detector`",
             )
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []

@@ -38,8 +38,10 @@ class Value(ABC):
 class NoValue(Value):
     """The original's `detector` mode: every view has the same value."""
 
-    label = WITHOUT
     sha256 = ""
+
+    def __init__(self, label: str = WITHOUT) -> None:
+        self.label = label
 
     def of(self, rgb: npt.NDArray[np.uint8], name: str) -> float:  # noqa: ARG002 - every value is 0
         """Return 0."""

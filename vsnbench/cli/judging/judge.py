@@ -109,7 +109,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     }
     answers = {option: Answer(kind, text, note) for option, (kind, text) in given.items() if text is not None}
     if second is not None:
-        from vsnbench.cli.results.second_judge import SecondOptions, judge_second
+        from vsnbench.cli.judging.second_judge import SecondOptions, judge_second
 
         if pending or yes:
             raise UsageError(f"--second does not go with {'--pending' if pending else '--yes'}", advice="leave it out")

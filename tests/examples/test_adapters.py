@@ -1,0 +1,214 @@
+"""The adapters run by the commands of their page, against stand-ins for the models' own code."""
+
+import json
+import math
+import re
+import runpy
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.cli.console import vsnbench
+from tests.models.remote.servers import PATIENCE_S, STUB, await_port, free_port
+
+ROOT = Path(__file__).resolve().parents[2]
+ADAPTERS = ROOT / "examples" / "adapters"
+UPSTREAM = Path(__file__).resolve().parent / "upstream"
+PAGE = (ADAPTERS / "README.md").read_text(encoding="utf-8")
+COMMANDS = dict(re.findall(r"^python (vsnbench_policy\.py \w+:(?:\w+).*)\n(vsnbench run .*)$", PAGE, re.MULTILINE))
+VLFM = {"pointnav_policy_path": "data/pointnav_weights.pth", "depth_image_shape": [224, 224], "text_prompt": "a chair"}
+SETTINGS = {
+    "uninavid.json": {"model_path": "model_zoo/uninavid"},
+    "navila.json": {"model_path": "navila-llama3-8b-8f", "question_file": "question.txt"},
+    "vlfm.json": {"arguments": VLFM, "device": "cpu"},
+}
+
+
+@contextmanager
+def process(*command: str, port: int, cwd: Path) -> Iterator[None]:
+    with (cwd / "server.log").open("ab") as log:
+        started = subprocess.Popen([sys.executable, *command], cwd=cwd, stderr=log, stdout=log)
+    try:
+        await_port(port, started)
+        yield
+    finally:
+        started.kill()
+        started.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    """A directory with the adapters, the server file and the models' code."""
+    for folder in (ADAPTERS, *UPSTREAM.iterdir()):
+        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / STUB.name).write_bytes(STUB.read_bytes())
+    (tmp_path / "question.txt").write_text("Seen: {frames} Now: <image>\nTask: {instruction}")
+    for name, settings in SETTINGS.items():
+        (tmp_path / name).write_text(json.dumps(settings))
+    return tmp_path
+
+
+def driven(
+    model: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
+) -> list[tuple[str, str, dict[str, Any] | None]]:
+    """Serve a model and run one trial, as the page does; return action, raw action and movement of each step."""
+    (serves, runs) = next(pair for pair in COMMANDS.items() if f":{model} " in pair[0])
+    port = free_port()
+    words = [*serves.replace("--port 8765", "").split(), "--port", str(port)]
+    if settings:
+        file = (
+            directory / words[words.index("--settings") + 1] if "--settings" in words else directory / "settings.json"
+        )
+        kept = json.loads(file.read_text()) if file.exists() else {}
+        file.write_text(json.dumps(kept | settings))
+        words += [] if "--settings" in words else ["--settings", file.name]
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
+    with process(*words, port=port, cwd=directory):
+        arguments = runs.replace("127.0.0.1:8765", f"127.0.0.1:{port}").split()[1:]
+        answer = vsnbench(
+            monkeypatch,
+            capsys,
+            *arguments,
+            "--starts",
+            "5",
+            "--max-steps",
+            "24",
+            "--results",
+            str(directory / "results"),
+        )
+    assert answer.code == 0, answer.err + (directory / "server.log").read_text()
+    with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
+        rows = database.execute("SELECT action, raw_action, movement FROM step ORDER BY number").fetchall()
+        (reason,) = database.execute("SELECT end_reason FROM episode").fetchone()
+    assert reason == "stop", (directory / "server.log").read_text()
+    return [(action, raw, json.loads(movement) if movement else None) for action, raw, movement in rows]
+
+
+def test_the_page_has_commands_for_every_adapter() -> None:
+    named = {serves.split()[1].partition(":")[0] for serves in COMMANDS}
+    assert named == {file.stem for file in ADAPTERS.glob("*.py")}
+    assert len(COMMANDS) == 5
+
+
+def test_navdp_drives_the_first_metre_of_its_trajectories_and_stops_at_a_short_one(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = free_port()
+    with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
+        steps = driven("NavDP", directory, monkeypatch, capsys, url=f"http://127.0.0.1:{port}")
+    assert len(steps) == 5
+    assert steps[-1][0] == "STOP"
+    lengths = [moved["points"][-1][0] for action, _, moved in steps if action == "TRAJECTORY" and moved]
+    assert lengths
+    assert all(1.0 <= length < 1.1 for length in lengths)
+
+
+def test_navdp_sends_red_and_blue_exchanged_and_turns_where_its_critic_refuses() -> None:
+    module = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))
+    from PIL import Image
+
+    red = np.zeros((32, 32, 3), np.uint8)
+    red[..., 0] = 255
+    received = np.asarray(Image.open(__import__("io").BytesIO(module["_jpeg"](red))))
+    assert received[..., 2].min() > 240 > 10 > received[..., 0].max()
+    model = module["NavDP"](mode="nogoal")
+    turning = np.zeros((1, 24, 3))
+    turning[..., 1] = -1.0
+    model._post = lambda *_: {"trajectory": turning.tolist(), "all_values": [[-3.0]]}
+    seen = SimpleNamespace(rgb=red, depth_m=np.full((32, 32), np.nan, np.float32))
+    assert model.act(seen)["action"] == "TURN_RIGHT"
+    model._post = lambda *_: {"trajectory": [[[0.1, 0.0, 0.0]]], "all_values": [[-3.0]]}
+    with pytest.raises(ValueError, match="no trajectory"):
+        model.act(seen)
+
+
+def test_a_navdp_server_that_is_not_there_is_one_line() -> None:
+    model = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))["NavDP"](url=f"http://127.0.0.1:{free_port()}")
+    camera = SimpleNamespace(width=640, height=480, horizontal_fov_deg=60)
+    with pytest.raises(RuntimeError, match=r"navigator_reset: .*refused"):
+        model.begin(SimpleNamespace(goal=SimpleNamespace(image=None), robot=SimpleNamespace(camera=camera)))
+
+
+def test_navdps_server_is_not_shared_between_sessions() -> None:
+    model = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))["NavDP"]
+    model()
+    model("http://127.0.0.1:8889")
+    with pytest.raises(ValueError, match="serve one session"):
+        model()
+
+
+@pytest.mark.parametrize("chunk", [False, True])
+def test_uninavid_executes_predicted_actions(
+    chunk: bool, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("UniNaVid", directory, monkeypatch, capsys, chunk=chunk, at_once=4)
+    assert [action for action, _, _ in steps] == ["MOVE_FORWARD", "TURN_LEFT", "MOVE_FORWARD", "TURN_RIGHT"] * 2 + [
+        "STOP"
+    ]
+
+
+@pytest.mark.parametrize("chunk", [False, True])
+def test_navila_drives_as_far_as_its_answers_say(
+    chunk: bool, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("NaVILA", directory, monkeypatch, capsys, chunk=chunk)
+    moves = [moved for action, _, moved in steps if action == "MOVE" and moved]
+    assert steps[-1][0] == "STOP"
+    assert [round(math.degrees(moved["turn_rad"])) for moved in moves if moved.get("turn_rad")] == [
+        15,
+        15,
+        15,
+        -15,
+        -15,
+    ]
+    assert [moved["distance_m"] for moved in moves if moved.get("distance_m")] == [0.25] * 3
+
+
+def test_navila_reads_odd_answers() -> None:
+    steps_of = runpy.run_path(str(ADAPTERS / "navila_adapter.py"))["steps_of"]
+    assert [step["movement"]["distance_m"] for step in steps_of("Move forward 60 cm")] == [0.25, 0.25, 0.1]
+    assert steps_of("Stop.") == ["STOP"]
+    for text in ("I see a sofa.", "move forward 0 cm"):
+        with pytest.raises(ValueError, match="NaVILA's answer has no"):
+            steps_of(text)
+
+
+def test_navila_shows_the_latest_frame_last_and_pads_in_front() -> None:
+    from PIL import Image
+
+    sampled = runpy.run_path(str(ADAPTERS / "navila_adapter.py"))["sampled"]
+    frames = [Image.new("RGB", (2, 2), (number, 0, 0)) for number in range(1, 21)]
+    reds = [image.getpixel((0, 0))[0] for image in sampled(frames, 8)]
+    assert len(reds) == 8
+    assert reds[-1] == 20
+    assert reds == sorted(reds)
+    assert [image.getpixel((0, 0))[0] for image in sampled(frames[:2], 8)] == [0] * 6 + [1, 2]
+
+
+def test_vlfms_habitat_policy_drives_discrete_actions(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("VLFMHabitat", directory, monkeypatch, capsys)
+    assert [action for action, _, _ in steps] == ["TURN_LEFT"] * 12 + ["MOVE_FORWARD"] * 2 + ["STOP"]
+
+
+def test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_velocities(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("VLFMReality", directory, monkeypatch, capsys)
+    turns = [round(math.degrees(moved["turn_rad"])) for action, _, moved in steps if action == "MOVE" and moved]
+    assert turns == [-90, 30, 30, 30, 30, 30, 30, -90]
+    speeds = [moved for action, _, moved in steps if action == "VELOCITY" and moved]
+    assert len(speeds) == 3
+    assert speeds[0]["linear_m_s"] == pytest.approx(0.25 / speeds[0]["duration_s"])
+    assert steps[-1][0] == "STOP"

@@ -1,0 +1,1 @@
+"""`vsnbench judge`: first and second judgements of recorded episodes."""

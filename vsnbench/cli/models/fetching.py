@@ -1,0 +1,115 @@
+"""`vsnbench models fetch`: download weights by name or address."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.support.output import Json, is_quiet, print_files
+from vsnbench.text.terminal import Console
+
+
+def fetch(
+    name: Annotated[
+        str,
+        typer.Argument(help="coco-detector, mask-rcnn, vlv-value, pirlnav-il, pirlnav-rl, or a model.", metavar="NAME"),
+    ],
+    url: Annotated[
+        str | None,
+        typer.Argument(help="Address of the file. Default: where its authors published it.", metavar="URL"),
+    ] = None,
+    sha256: Annotated[
+        str | None,
+        typer.Option("--sha256", help="Expected SHA-256 of the file. Default: the published one.", metavar="HASH"),
+    ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            help="Package file of 'npm pack @vladmandic/human@3.3.6', or its directory. Default: run npm.",
+            metavar="PATH",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Download weights, resume an interrupted download, and verify the hash.
+
+    coco-detector is an object detector for vlv and frontier, converted from an npm package (docs/vlv.md). The directory
+    is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
+
+    [bold]Examples[/bold]
+
+        vsnbench models fetch coco-detector
+        vsnbench models fetch mask-rcnn
+        vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
+    """
+    from vsnbench.errors import UsageError
+    from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
+    from vsnbench.models.vlv.detectors.centernet import package as coco_package
+    from vsnbench.models.vlv.detectors.choosing import ONNX_FILE
+
+    if name == coco_package.NAME:
+        if url or sha256:
+            raise UsageError(f"{name} has no address or hash to choose", advice="name a package with --from")
+        destination, licence = weights_directory() / ONNX_FILE, coco_package.LICENCE
+        next_command = "vsnbench run --model frontier --goal bed --starts 1"
+        work = "converting" if source else f"npm pack {coco_package.PACKAGE}@{coco_package.VERSION}, 29 MB"
+        with Console(stderr=True, quiet=is_quiet()).status(work):
+            fetched = coco_package.fetch_coco_detector(destination, source)
+    elif source is not None:
+        raise UsageError(f"--from is for {coco_package.NAME}; {name} is one file", advice="give its URL")
+    else:
+        destination, licence, next_command, fetched = _download(name, url, sha256)
+    found = file_sha256(destination)
+    if as_json:
+        print_files([destination], as_json=True, fetched=fetched, sha256=found, licence=licence or None)
+        return
+    typer.echo(f"{destination}" if fetched else f"{destination} (already downloaded)")
+    typer.echo(f"sha256: {found}", err=True)
+    if licence:
+        typer.echo(f"licence: {licence}", err=True)
+    typer.echo(f"next: {next_command}", err=True)
+
+
+def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str, str, bool]:
+    """Download a file. Returns its path, its licence, the next command, and whether it is new."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+    from vsnbench.errors import UsageError
+    from vsnbench.models.checkpoints.fetching import fetch as download
+    from vsnbench.models.checkpoints.published import PUBLISHED
+    from vsnbench.models.checkpoints.weights import weights_directory
+    from vsnbench.models.description import describe_model
+
+    published = PUBLISHED.get(name)
+    model = published.model if published is not None else name
+    file_name = published.file_name if published is not None else describe_model(name).weights_file
+    if not file_name:
+        raise UsageError(f"model {name} has no weights to fetch")
+    address = url or (published.url if published is not None else "")
+    known = sha256 or (published.sha256 if published is not None else "")
+    if not address:
+        raise UsageError(f"no address is published for {name}", advice="give URL", code="address-missing")
+    if not known:
+        raise UsageError(
+            f"no hash is published for {name}",
+            advice="give --sha256 HASH, from `sha256sum` of a copy that you trust",
+            code="hash-missing",
+        )
+    destination = weights_directory() / file_name
+    console = Console(stderr=True)
+    columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    task = bar.add_task(file_name, total=None)
+
+    def progress(received_bytes: int, total_bytes: int | None) -> None:
+        bar.start()
+        bar.update(task, completed=received_bytes, total=total_bytes)
+
+    try:
+        fetched = download(address, destination, known, progress, known_digits=64 if sha256 else len(known))
+    finally:
+        bar.stop()
+    is_checked = file_name == describe_model(model).weights_file
+    next_command = f"vsnbench models check {model}" if is_checked else f"vsnbench run --model {model} --starts 1"
+    return destination, published.licence if published is not None else "", next_command, fetched

@@ -1,0 +1,138 @@
+"""`vsnbench stress`: what each disturbance of a model's camera and odometry costs in success."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_numbers
+from vsnbench.cli.support.options import (
+    EXECUTION_PANEL,
+    RECORD_PANEL,
+    Database,
+    Protocol,
+    Results,
+    requested_workers,
+    sites_of,
+    what_to_keep,
+)
+from vsnbench.cli.support.output import Json, resumable
+from vsnbench.cli.support.trial_options import (
+    Goal,
+    Keep,
+    MaxSteps,
+    Model,
+    ModelConfig,
+    Noise,
+    Repetitions,
+    Robot,
+    Seed,
+    Site,
+    Starts,
+    Weights,
+    Workers,
+    model_options,
+    models_of,
+    seeds_of,
+)
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
+
+
+@resumable()
+def command(  # noqa: PLR0913 - Typer needs a parameter per option
+    model: Model,
+    goal: Goal,
+    site: Site = None,
+    robot: Robot = BUILT_IN_ROBOT,
+    starts: Starts = None,
+    repetitions: Repetitions = 1,
+    seed: Seed = None,
+    protocol: Protocol = BUILT_IN_PROTOCOL,
+    max_steps: MaxSteps = None,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--disturb",
+            metavar="A,B",
+            show_default="the standard set",
+            help="Disturbances, each on its own: blur, glare, low_light, depth_holes, camera_height, camera_tilt, "
+            "dropped_frames, odometry_drift, stale_frames, latency.",
+            rich_help_panel=EXECUTION_PANEL,
+        ),
+    ] = None,
+    severity: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--severity",
+            metavar="N,N",
+            show_default="1,3,5",
+            help="Severities of each disturbance, from 1 to 5.",
+            rich_help_panel=EXECUTION_PANEL,
+        ),
+    ] = None,
+    noise: Noise = False,
+    workers: Workers = "auto",
+    weights: Weights = None,
+    model_config: ModelConfig = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            "--figure",
+            metavar="FILE",
+            help="File of a figure, success rate against severity: .svg, .pdf or .png.",
+            rich_help_panel=RECORD_PANEL,
+        ),
+    ] = None,
+    keep: Keep = "",
+    results: Results = None,
+    db: Database = None,
+    as_json: Json = False,
+) -> None:
+    """Measure what disturbances cost a model in success, in pairs with undisturbed trials.
+
+    [bold]Examples[/bold]
+
+        vsnbench stress --model pirlnav --goal chair
+        vsnbench stress --model pirlnav,vlv --goal all --figure stress.svg
+        vsnbench stress --model vlv --goal bed --disturb odometry_drift --severity 1-5
+        vsnbench stress --model mylab.policy:Policy --goal chair --starts 1-5 --json
+
+    Runs every trial undisturbed and with each disturbance at each severity,
+    from the same starting positions with the same seeds, in simulation.
+    Ctrl-C ends the current episode; the same command resumes.
+    The same command with every trial done prints the result again.
+    """
+    from vsnbench.cli.running.stress_summary import check_figure, run_stress
+    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.protocol.named import load_protocol
+    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.runner.setup.request import RunRequest
+    from vsnbench.runner.setup.stress import check_robot, conditions_of
+    from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
+
+    names = [name for value in disturb or () for name in value.split(",")]
+    conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
+    check_figure(figure)
+    check_robot(robot)
+    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
+    options, act_timeout_s = model_options(models, weights, model_config)
+    request = RunRequest(
+        model=models[0],
+        goals=tuple(goal),
+        results=ResultsDirectory.locate(results, db),
+        robot=robot,
+        starts=",".join(starts) if starts else None,
+        repetitions=repetitions,
+        parameters=load_protocol(protocol).limited_to(max_steps),
+        device=load_config().models.device,
+        noise=noise,
+        model_options=options,
+        act_timeout_s=act_timeout_s,
+        workers=requested_workers(workers),
+        keep=what_to_keep(keep, live=False),
+    )
+    sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
+    with ThreadsAndProcesses.now() as before:
+        code = run_stress(sweep, request, figure, as_json=as_json)
+    exit_despite_threads(code, before)
+    raise typer.Exit(code)

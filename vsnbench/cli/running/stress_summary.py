@@ -1,0 +1,90 @@
+"""Runs a stress test from the terminal, and prints, writes and draws its result."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from vsnbench.cli.running.summary import print_next, stopped_message
+from vsnbench.cli.running.sweep_summary import print_sweep_summary, run_planned, sweep_console
+from vsnbench.cli.support.output import print_json
+from vsnbench.cli.support.terminal import page
+from vsnbench.errors import UsageError
+from vsnbench.protocol.disturbances import NONE, Disturbances
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.summary import summarise
+from vsnbench.report.build import read
+from vsnbench.report.comparison.stress import StressedCampaigns, StressedModel, stressed_model
+from vsnbench.report.tables.report_table import print_tables
+from vsnbench.report.tables.stress import stress_fields, stress_table
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.sweep import Sweep, Swept, undone
+from vsnbench.runner.stopping.requests import Stopped
+
+_FORMATS = (".svg", ".pdf", ".png")
+
+
+def check_figure(path: Path | None) -> None:
+    """Check the file of `--figure` before trials are run.
+
+    Raises:
+        UsageError: no figure can be written there.
+    """
+    if path is None:
+        return
+    if path.suffix not in _FORMATS:
+        raise UsageError(f"--figure {path}: unknown format", advice="name a .svg, .pdf or .png file", code="bad-figure")
+    if not path.absolute().parent.is_dir():
+        raise UsageError(f"--figure {path}: the directory does not exist", advice="create it first", code="bad-figure")
+
+
+def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_json: bool) -> int:
+    """Run a stress test and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped.
+
+    Args:
+        sweep: every campaign under every condition.
+        request: options that they share.
+        figure: file of the figure.
+        as_json: print the result as JSON.
+    """
+    try:
+        swept = run_planned(sweep, request)
+    except Stopped as stopped:
+        sweep_console().print(stopped_message(stopped))
+        return stopped.request.exit_code
+    print_sweep_summary(sweep_console(), swept, request.results)
+    models = _stressed(swept, request.results)
+    if figure is not None and any(model.losses for model in models):
+        from vsnbench.files.atomic import write_atomic
+        from vsnbench.report.figures.severity import success_by_severity
+
+        drawing = success_by_severity(models)
+        write_atomic(figure, {".svg": drawing.svg, ".pdf": drawing.pdf, ".png": drawing.png}[figure.suffix]())
+    left, failed = undone(swept)
+    if as_json:
+        print_json({"trials_left": left, "campaigns_failed": failed, "models": stress_fields(models)})
+    else:
+        print_tables([stress_table(model) for model in models], page())
+        if examples := [trial for model in models for harm in model.most_harmful for trial in harm.examples]:
+            print_next(sweep_console(), f"view {examples[0].disturbed}{request.results.options}")
+    return 1 if left or failed else 0
+
+
+def _stressed(swept: Sequence[Swept], results: ResultsDirectory) -> list[StressedModel]:
+    """Return the losses of every model in every site; none where nothing has a result."""
+    found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
+    for campaign in swept:
+        if campaign.launched is not None:
+            own = found.setdefault((campaign.request.model, campaign.request.site), {})
+            own.setdefault(campaign.request.disturbances, []).append(campaign.launched.campaign.id)
+    numbers = [number for own in found.values() for several in own.values() for number in several]
+    if not numbers:
+        return []
+    record = read(results.database_url, Selection(campaigns=numbers), results.path)
+    summaries = summarise(record)
+    models = []
+    for own in found.values():
+        disturbed = {chosen.members[0]: tuple(several) for chosen, several in own.items() if chosen}
+        campaigns = StressedCampaigns(tuple(own.get(NONE, ())), disturbed)
+        if model := stressed_model(record, summaries, campaigns):
+            models.append(model)
+    return models

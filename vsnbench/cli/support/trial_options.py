@@ -1,0 +1,170 @@
+"""Options of the commands that run trials: which trials, with which model and robot, on how many workers."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vsnbench.cli.support.lists import split_list, split_numbers
+from vsnbench.cli.support.options import EXECUTION_PANEL, RECORD_PANEL
+from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
+from vsnbench.errors import UsageError
+
+_LARGEST_SEED = 2**63 - 1
+
+MODEL_PANEL = "Model"
+TRIALS_PANEL = "Trials"
+"""Headings in `--help`."""
+
+Model = Annotated[
+    list[str],
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="A,B",
+        help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Goal = Annotated[
+    list[str],
+    typer.Option(
+        "--goal",
+        "-g",
+        metavar="A,B",
+        help="Categories or goals of the site, or all.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Site = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--site",
+        metavar="A,B",
+        show_default=BUILT_IN_SITE,
+        help="Sites: embedded ones, site files, or flat:0-19 (generated flats).",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Robot = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        "-r",
+        envvar=VARIABLE_OF["robot"],
+        show_envvar=False,
+        help="Robot: simulated, simulated:lola2, turtlebot2 or another of `vsnbench robots list`.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Starts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--starts",
+        metavar="N,N-M",
+        show_default="all of the site",
+        help="Starting positions, like 1-15,20.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Repetitions = Annotated[
+    int,
+    typer.Option(
+        "--repetitions",
+        min=1,
+        max=1000,
+        help="Repetitions of each goal from each starting position.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Seed = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--seed",
+        metavar="N,N-M",
+        show_default="0",
+        help="Seeds of all random choices, like 0-9; one campaign per seed.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+MaxSteps = Annotated[
+    int | None,
+    typer.Option(
+        "--max-steps",
+        min=1,
+        max=100_000,
+        show_default="the protocol's",
+        help="Maximum number of actions per episode.",
+        rich_help_panel=TRIALS_PANEL,
+    ),
+]
+Noise = Annotated[
+    bool,
+    typer.Option("--noise", help="Add noise to simulated depth and odometry.", rich_help_panel=EXECUTION_PANEL),
+]
+Workers = Annotated[
+    str,
+    typer.Option(
+        "--workers",
+        metavar="N|auto|ray://HEAD:PORT",
+        help="Number of simulated trials at a time (auto: by cores and memory), or a Ray cluster.",
+        rich_help_panel=EXECUTION_PANEL,
+    ),
+]
+Weights = Annotated[
+    Path | None,
+    typer.Option(
+        "--weights",
+        "-w",
+        help="File of the model's weights, or 'embedded' for the packaged ones.",
+        rich_help_panel=MODEL_PANEL,
+    ),
+]
+ModelConfig = Annotated[
+    Path | None, typer.Option("--model-config", help="YAML file of the model's settings.", rich_help_panel=MODEL_PANEL)
+]
+
+Keep = Annotated[
+    str,
+    typer.Option(
+        "--keep",
+        metavar="all|images|none",
+        help="Files of an episode: images and a Rerun copy (all), images, or none (simulation only).",
+        show_default="all with an operator, else images",
+        rich_help_panel=RECORD_PANEL,
+    ),
+]
+
+
+def models_of(values: Sequence[str]) -> tuple[str, ...]:
+    """Return the models of `--model`.
+
+    Raises:
+        UsageError: there are none.
+    """
+    if models := split_list(values):
+        return models
+    raise UsageError("no model given", advice="name one with --model, for example --model oracle")
+
+
+def seeds_of(values: Sequence[str] | None) -> tuple[int, ...]:
+    """Return the seeds of `--seed`, or 0.
+
+    Raises:
+        UsageError: a value is not a list of seeds.
+    """
+    seeds = split_numbers(values, "--seed", "0-9") or (0,)
+    if max(seeds) > _LARGEST_SEED:
+        raise UsageError(f"--seed {max(seeds)}: the largest seed is {_LARGEST_SEED}", code="invalid-numbers")
+    return seeds
+
+
+def model_options(
+    models: Sequence[str], weights: Path | None, model_config: Path | None, *, isolated: bool = False
+) -> tuple[dict[str, object], float | None]:
+    """Return the options of the models, and the time limit of an action for a model in this process."""
+    timeout_s = load_config().models.act_timeout_s
+    remote = isolated or any(name.startswith(("ws://", "wss://")) for name in models)
+    options = {"weights": weights, "model_config": model_config, "act_timeout": timeout_s if remote else None}
+    return {name: value for name, value in options.items() if value is not None}, None if remote else timeout_s

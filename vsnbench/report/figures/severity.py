@@ -1,0 +1,133 @@
+"""Success rate against the severity of each disturbance of a stress test."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from vsnbench.protocol.disturbances import KINDS, SEVERITIES
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.comparison.stress import Loss, StressedModel
+from vsnbench.report.figures.style import (
+    COLORS,
+    DASHES,
+    FAINT,
+    MARKERS,
+    MAX_CONDITIONS,
+    PAGE_IN,
+    Drawing,
+    light_grid,
+    new_figure,
+    styled,
+)
+from vsnbench.report.figures.text_layout import legend_below, shown
+from vsnbench.statistics.clustered import rate_interval
+from vsnbench.statistics.rates import UNKNOWN, Interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.container import ErrorbarContainer
+
+_COLUMNS = 4
+_PANEL_HEIGHT_IN = 1.45
+
+
+def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
+    """Draw a panel per disturbance with a line per model; severity 0 is undisturbed.
+
+    Args:
+        models: the first `MAX_CONDITIONS` are drawn.
+    """
+    drawn = models[:MAX_CONDITIONS]
+    used = {loss.disturbance.name for model in drawn for loss in model.losses}
+    names = [name for name in KINDS if name in used]
+    columns = min(_COLUMNS, len(names))
+    lines = math.ceil(len(names) / columns)
+    with styled():
+        figure = new_figure(PAGE_IN * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
+        panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+        marks: list[ErrorbarContainer] = []
+        for place, name in enumerate(names):
+            axes = panels[place // columns][place % columns]
+            marks = [_line(axes, model, name, index, len(drawn)) for index, model in enumerate(drawn)]
+            _label(axes, _title(name, drawn), is_last=place + columns >= len(names), is_first=place % columns == 0)
+        for place in range(len(names), lines * columns):
+            panels[place // columns][place % columns].set_visible(False)
+        several = len({model.undisturbed.condition.site for model in drawn}) > 1
+        legend_below(figure, marks, [_model_name(model, with_site=several) for model in drawn])
+    left_out = f" {len(models) - len(drawn)} more models are not drawn." if len(models) > len(drawn) else ""
+    return Drawing(
+        "success-by-severity",
+        "Success by severity of each disturbance",
+        _alt(drawn),
+        "Success rate against the severity of each disturbance, with 95 % intervals clustered by starting position. "
+        "Severity 0 is undisturbed; the same trials at every severity. The title of a panel has the values."
+        f"{left_out}",
+        footnotes([model.undisturbed.condition for model in drawn]),
+        figure,
+    )
+
+
+def _line(axes: "Axes", model: StressedModel, name: str, index: int, models: int) -> "ErrorbarContainer":
+    own = [loss for loss in model.losses if loss.disturbance.name == name and loss.disturbance.severity is not None]
+    rates = [model.undisturbed.total.success_rate, *(loss.rate.compared[1].rate for loss in own)]
+    intervals = [model.undisturbed.total.interval, *(_interval(loss) for loss in own)]
+    shift = (index - (models - 1) / 2) * 0.12  # so that the intervals of models do not cover each other
+    return axes.errorbar(
+        [0 + shift, *((loss.disturbance.severity or 0) + shift for loss in own)],
+        [100 * rate for rate in rates],
+        yerr=[
+            [100 * (rate - interval.low) for rate, interval in zip(rates, intervals, strict=True)],
+            [100 * (interval.high - rate) for rate, interval in zip(rates, intervals, strict=True)],
+        ],
+        color=COLORS[index],
+        marker=MARKERS[index],
+        linestyle=DASHES[index],
+        markersize=3,
+        linewidth=0.9,
+        elinewidth=0.5,
+        capsize=1.2,
+        capthick=0.5,
+    )
+
+
+def _interval(loss: Loss) -> Interval:
+    pairing = loss.rate.pairing
+    return rate_interval(pairing.outcomes.second) if pairing else UNKNOWN
+
+
+def _model_name(model: StressedModel, *, with_site: bool) -> str:
+    condition = model.undisturbed.condition
+    return shown(f"{condition.model} in {condition.site}" if with_site else condition.model)
+
+
+def _title(name: str, models: Sequence[StressedModel]) -> str:
+    """Return the name of a disturbance with its values in ascending severity."""
+    own = {loss.disturbance for model in models for loss in model.losses if loss.disturbance.name == name}
+    values = ", ".join(f"{member.value:g}" for member in sorted(own, key=lambda member: abs(member.value)))
+    unit = KINDS[name].unit
+    return f"{name}: {values}{'' if unit == 'share' else f' {unit}'}"
+
+
+def _label(axes: "Axes", title: str, *, is_last: bool, is_first: bool) -> None:
+    axes.set_title(title)
+    axes.set_xticks([0, *SEVERITIES])
+    axes.set_xlim(-0.4, SEVERITIES[-1] + 0.4)
+    axes.set_ylim(-3, 103)
+    axes.axhline(0, color=FAINT, linewidth=0.4)
+    light_grid(axes, "y")
+    axes.tick_params(labelbottom=is_last)
+    if is_last:
+        axes.set_xlabel("severity")
+    if is_first:
+        axes.set_ylabel("success rate (%)")
+
+
+def _alt(models: Sequence[StressedModel]) -> str:
+    parts = []
+    for model in models:
+        worst = ", ".join(f"{harm.name} {100 * harm.mean_loss:.0f} points" for harm in model.most_harmful) or "none"
+        parts.append(
+            f"{_model_name(model, with_site=True)}: {100 * model.undisturbed.total.success_rate:.0f} percent "
+            f"undisturbed; largest mean losses: {worst}"
+        )
+    return f"Success rate by severity of each disturbance. {'. '.join(parts)}."

@@ -1,0 +1,180 @@
+"""Losses by disturbances as tables and JSON values."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.analysis.fields import condition_fields, finite, summary_fields
+from vsnbench.report.comparison.effects import EffectComparison
+from vsnbench.report.comparison.stress import Harm, Loss, LostTrial, StressedModel
+from vsnbench.report.tables.comparison import p_cell
+from vsnbench.report.tables.report_table import (
+    UNKNOWN,
+    Cell,
+    Column,
+    ReportTable,
+    Row,
+    count,
+    decimal,
+    interval_percent,
+    of,
+    percent,
+    row,
+    without_empty_columns,
+    word,
+)
+from vsnbench.statistics.conclusion import Conclusion
+
+
+def stress_table(model: StressedModel) -> ReportTable:
+    """Return the losses of a model, one row per disturbance and severity."""
+    condition = model.undisturbed.condition
+    measures = dict.fromkeys(effect.measure for loss in model.losses for effect in loss.effects)
+    return without_empty_columns(
+        ReportTable(
+            name=f"stress-{condition.number}",
+            title=f"{condition.model} in {condition.site}: loss of success by disturbance",
+            columns=(
+                Column("disturbance", number=False),
+                Column("severity", number=False),
+                Column("value", number=False, rank=1),
+                Column("k/n"),
+                Column("SR %", rank=2),
+                Column("loss", note="undisturbed minus disturbed success rate, points, over the same cells"),
+                Column("95 % interval", note="of the loss, points; paired and clustered by starting position"),
+                Column("Holm p", note="two-sided, corrected for all rows of the table"),
+                *(Column(f"{measure} loss", rank=4) for measure in measures),
+                Column("changed", rank=3, note="trials whose success or number of actions differs"),
+            ),
+            rows=(_undisturbed_row(model, len(measures)), *(_row(loss, list(measures)) for loss in model.losses)),
+            notes=_notes(model),
+            footnotes=footnotes([condition]),
+        )
+    )
+
+
+def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
+    """Return the losses as JSON values: rates from 0 to 1, None if unknown."""
+    return [
+        {
+            **condition_fields(model.undisturbed.condition),
+            "campaigns": list(model.undisturbed.condition.campaigns),
+            "undisturbed": summary_fields(model.undisturbed.total),
+            "disturbances": [_loss_fields(loss) for loss in model.losses],
+            "most_harmful": [
+                {
+                    "disturbance": harm.name,
+                    "mean_loss": finite(harm.mean_loss),
+                    "examples": [_trial_fields(trial) for trial in harm.examples],
+                }
+                for harm in model.most_harmful
+            ],
+        }
+        for model in models
+    ]
+
+
+def _undisturbed_row(model: StressedModel, measures: int) -> Row:
+    total = model.undisturbed.total
+    empty = Cell(UNKNOWN, -1.0)
+    return row(
+        word("undisturbed"),
+        empty,
+        word(""),
+        of(total.successes, total.episodes),
+        percent(total.success_rate, 1),
+        *[empty] * (4 + measures),
+    )
+
+
+def _row(loss: Loss, measures: Sequence[str]) -> Row:
+    disturbance, rate = loss.disturbance, loss.rate
+    disturbed = rate.compared[1]
+    effects = {effect.measure: effect for effect in loss.effects}
+    return row(
+        word(disturbance.name),
+        count(disturbance.severity),
+        word(f"{disturbance.value:g} {disturbance.kind.unit}"),
+        of(disturbed.successes, disturbed.trials),
+        percent(disturbed.rate, 1),
+        decimal(100 * rate.difference, 1),
+        interval_percent(rate.interval.low, rate.interval.high, 1),
+        p_cell(rate.adjusted_p),
+        *(decimal(effects[name].difference, 3) if name in effects else Cell(UNKNOWN, -1.0) for name in measures),
+        of(loss.changed, loss.matched),
+    )
+
+
+def _notes(model: StressedModel) -> tuple[str, ...]:
+    harms = [f"{number}. {_harm_text(harm)}" for number, harm in enumerate(model.most_harmful, start=1)]
+    heading = "Largest mean losses over the severities:" if harms else "No disturbance has a mean loss."
+    untouched = _untouched(model)
+    unchanged = f"Every trial has the same success and number of actions under {', '.join(untouched)}."
+    shown = [*_shown(model, Conclusion.FIRST_BETTER, "loss"), *_shown(model, Conclusion.SECOND_BETTER, "gain")]
+    return (*shown, heading, *harms, *([unchanged] if untouched else []))
+
+
+def _shown(model: StressedModel, conclusion: Conclusion, what: str) -> list[str]:
+    """Return in a sentence which disturbances change success, by test and interval."""
+    found = [loss.disturbance for loss in model.losses if loss.rate.conclusion is conclusion]
+    names = ", ".join(f"{member.name}@{member.severity}" for member in found)
+    if not found and what == "loss":
+        return ["No loss is shown: none has an interval above 0 and a Holm p of at most 0.05."]
+    return [f"A {what} of success is shown, by interval and Holm p: {names}."] if found else []
+
+
+def _untouched(model: StressedModel) -> list[str]:
+    names = dict.fromkeys(loss.disturbance.name for loss in model.losses)
+    return [name for name in names if not any(loss.changed for loss in model.losses if loss.disturbance.name == name)]
+
+
+def _harm_text(harm: Harm) -> str:
+    examples = ", ".join(
+        f"{trial.goal} from {trial.start} (episode {trial.disturbed}, undisturbed {trial.undisturbed})"
+        for trial in harm.examples
+    )
+    return f"{harm.name}: {100 * harm.mean_loss:.1f} points{f'; lost: {examples}' if examples else ''}"
+
+
+def _loss_fields(loss: Loss) -> dict[str, Any]:
+    rate, disturbed = loss.rate, loss.rate.compared[1]
+    return {
+        "disturbance": loss.disturbance.name,
+        "severity": loss.disturbance.severity,
+        "value": loss.disturbance.value,
+        "unit": loss.disturbance.kind.unit,
+        "campaigns": list(loss.campaigns),
+        "successes": disturbed.successes,
+        "episodes": disturbed.trials,
+        "success_rate": finite(disturbed.rate),
+        "loss": finite(rate.difference),
+        "ci_low": finite(rate.interval.low),
+        "ci_high": finite(rate.interval.high),
+        "p": finite(rate.p),
+        "adjusted_p": finite(rate.adjusted_p),
+        "conclusion": rate.conclusion.value,
+        "effects": [_effect_fields(effect) for effect in loss.effects],
+        "changed": loss.changed,
+        "matched": loss.matched,
+        "lost": [_trial_fields(trial) for trial in loss.lost],
+    }
+
+
+def _effect_fields(effect: EffectComparison) -> dict[str, Any]:
+    return {
+        "measure": effect.measure,
+        "undisturbed": finite(effect.first),
+        "disturbed": finite(effect.second),
+        "loss": finite(effect.difference),
+        "ci_low": finite(effect.interval.low),
+        "ci_high": finite(effect.interval.high),
+    }
+
+
+def _trial_fields(trial: LostTrial) -> dict[str, Any]:
+    return {
+        "goal": trial.goal,
+        "start": trial.start,
+        "undisturbed": trial.undisturbed,
+        "disturbed": trial.disturbed,
+    }
