@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -147,3 +149,14 @@ def test_verdicts_of_people_are_counted_by_author(results: Path) -> None:
     assert [note for check in found.checks for note in check.notes] == [
         "judged a second time, by a person: 1 episode by eve"
     ]
+
+
+def test_a_delay_of_the_model_counts_towards_the_limit_of_time(tmp_path: Path) -> None:
+    (tmp_path / "short.yaml").write_text("name: short\nmax_time_s: 6\n")
+    words = ["--model", "forward", "--goal", "chair", "--starts", "1", "--robot", "simulated:turtlebot2@64x48"]
+    words += ["--protocol", "short.yaml", "--disturb", "latency=1.5", "--workers", "1", "--results", "results"]
+    subprocess.run([sys.executable, "-m", "vsnbench", "run", *words], check=True, capture_output=True, cwd=tmp_path)
+    found = verified(tmp_path / "results", replay=None)
+    assert (lines(found), counts(found)["replay"]) == ([], (1, 0))
+    change(tmp_path / "results", "UPDATE campaign SET conditions = replace(conditions, '1.5', '0.5')")
+    assert any(line.startswith("episode 1: end_reason: time_limit") for line in lines(verified(tmp_path / "results")))

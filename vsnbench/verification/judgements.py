@@ -127,7 +127,10 @@ class _EpisodeCheck:
         result, world = step.result, self._world(step)
         path_m = before.distance_to(world) if before is not None and world is not None else 0.0
         driving_s = result.duration_s if result is not None else 0.0
-        thinking_s = 0.0 if self.condition.row.simulated else step.timings.infer_s or 0.0
+        thinking_s = step.timings.infer_s or 0.0
+        if self.condition.row.simulated:  # only a disturbance takes time, once for each decision
+            is_decision = step.part is None or step.part[0] == 1
+            thinking_s = self.condition.disturbances["latency"] or 0.0 if is_decision else 0.0
         if result is not None and result.path_m is not None:
             path_m = max(path_m, result.path_m)
         return spent.after(driving_s=0.0 if math.isnan(driving_s) else driving_s, thinking_s=thinking_s, path_m=path_m)

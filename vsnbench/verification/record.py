@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, Row, select
 
 from vsnbench.errors import RecordError
+from vsnbench.protocol.disturbances import DISTURBANCES, Disturbance, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
@@ -45,6 +46,12 @@ class RecordedCondition:
     def is_simulated_here(self) -> bool:
         """Whether the robot was the simulated one, without a person who places it."""
         return bool(self.row.kind == SIMULATED and self.row.simulated and not self.row.conditions.get(REHEARSAL_KEY))
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """Disturbances of what the policy saw."""
+        recorded = self.row.conditions.get(DISTURBANCES) or {}
+        return Disturbances.of(Disturbance(str(name), float(value)) for name, value in recorded.items())
 
 
 class VerifiedRecord:

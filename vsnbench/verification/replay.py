@@ -10,9 +10,11 @@ from typing import Any
 
 from sqlalchemy import Row
 
+from vsnbench.models.camera_fit import FIT_KEY
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.names import BUILT_IN
 from vsnbench.models.registry import create_policy
+from vsnbench.protocol.disturbances import CURRENT_EDITION, EDITION
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.images import hash_images
 from vsnbench.results.writing.campaigns import ModelIdentity
@@ -97,6 +99,8 @@ def _obstacle(episode: Row[Any], condition: RecordedCondition) -> str:
         return "its site or robot is not known"
     if condition.row.conditions.get("simulator") != simulator_version():
         return f"recorded with another simulator than {simulator_version()}"
+    if condition.disturbances and condition.row.conditions.get(EDITION) != CURRENT_EDITION:
+        return "recorded with another edition of the disturbances"
     return ""
 
 
@@ -118,7 +122,14 @@ def _replay(
 ) -> Iterator[Finding]:
     policy = _built_in(condition) or _RecordedActions(steps)
     comparison = _Comparison(episode.id, steps)
-    plan = EpisodePlan(robot.site, episode.goal, robot.site.start(episode.start), episode.seed, condition.parameters)
+    plan = EpisodePlan(
+        robot.site,
+        episode.goal,
+        robot.site.start(episode.start),
+        episode.seed,
+        condition.parameters,
+        condition.disturbances,
+    )
     try:
         outcome = run_episode(robot, policy, plan, comparison, AbsentOperator(), StopRequests())
     finally:
@@ -133,8 +144,13 @@ def _replay(
 
 
 def _built_in(condition: RecordedCondition) -> Policy | None:
-    """Return the built-in model of a campaign, if it decides without weights and is the same as in the record."""
+    """Return the built-in model of a campaign, if it decides without weights and is the same as in the record.
+
+    A model whose images were cropped or disturbed is not run again: its recorded actions are driven.
+    """
     row = condition.row
+    if condition.disturbances or FIT_KEY in row.conditions:
+        return None
     if row.name not in _WITHOUT_WEIGHTS or row.name not in BUILT_IN or row.code or row.files or row.weights_sha256:
         return None
     policy = create_policy(row.name)
