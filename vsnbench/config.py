@@ -79,6 +79,8 @@ class ModelsConfig:
     """Time limit for an action; None for 10 s with a remote model and no limit otherwise."""
     device: str | None = None
     """`auto`, `cpu`, `cuda` or `mps`, for models that have a device; not for a third-party model in its own process."""
+    fit: str = "full"
+    """Images for a model: the robot's (`full`), or cropped to the field of view that it was trained with (`crop`)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,15 +95,6 @@ def test_the_same_seed_gives_the_same_actions_poses_verdicts_and_pixels(run: Run
     assert story == rows(tmp_path / "two", STORY)
 
 
-def test_trials_run_in_another_order_are_the_same_trials(run: Run, tmp_path: Path) -> None:
-    words = ("--model", "random", "--goal", "chair", "--starts", "1-5", "--max-steps", "4")
-    assert run(*words, "--results", tmp_path / "ordered").code == 0
-    assert run(*words, "--shuffle", "--results", tmp_path / "shuffled").code == 0
-    ordered, shuffled = rows(tmp_path / "ordered", STORY), rows(tmp_path / "shuffled", STORY)
-    assert ordered != shuffled
-    assert sorted(ordered, key=str) == sorted(shuffled, key=str)
-
-
 def test_the_live_viewer_stays_until_ctrl_c_where_a_person_sits_at_a_terminal(tmp_path: Path) -> None:
     leader, follower = pty.openpty()
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}

@@ -1,5 +1,6 @@
-"""`vsnbench run --fit crop`, and the warnings about a camera that the model was not trained with."""
+"""`vsnbench run` with `fit = "crop"`, and the warnings about a camera that the model was not trained with."""
 
+import contextlib
 import json
 import logging
 import math
@@ -17,8 +18,11 @@ from vsnbench.results.schema.migrate import open_record
 NARROW = "tests.cli.turning:Narrow"
 
 
-def run(results: Path, *words: str, model: str = NARROW) -> Done:
-    return vsnbench(results, "run", "--model", model, "--goal", "chair", "--starts", "1", "--workers", "1", *words)
+def run(results: Path, *words: str, model: str = NARROW, fit: str = "full") -> Done:
+    """Run one trial below a `vsnbench.toml` with a fit."""
+    (results / "vsnbench.toml").write_text(f'[models]\nfit = "{fit}"\n')
+    with contextlib.chdir(results):
+        return vsnbench(results, "run", "--model", model, "--goal", "chair", "--starts", "1", "--workers", "1", *words)
 
 
 @dataclass(frozen=True)
@@ -35,12 +39,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Both runs."""
     folder, logged = tmp_path_factory.mktemp("results"), logging.getLogger("vsnbench")
     codes, texts = [], []
-    for words in ((), ("--fit", "crop")):
+    for fit in ("full", "crop"):
         lines: list[str] = []
         handler = logging.Handler(logging.WARNING)
         handler.emit = lambda record, lines=lines: lines.append(record.getMessage())  # type: ignore[method-assign]
         logged.addHandler(handler)
-        codes.append(run(folder, *words).returncode)
+        codes.append(run(folder, fit=fit).returncode)
         logged.removeHandler(handler)
         texts.append("\n".join(lines))
     return Runs(folder, (codes[0], codes[1]), (texts[0], texts[1]))
@@ -91,17 +95,17 @@ def test_a_run_names_each_difference_of_the_camera(runs: Runs) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "model", "code"),
+    ("fit", "words", "model", "code"),
     [
-        (("--fit", "crop"), "forward", "no field of view"),
-        (("--fit", "crop", "--robot", "simulated:stretch@200x600"), NARROW, "horizontally"),
-        (("--fit", "stretch"), NARROW, "full or crop"),
+        ("crop", (), "forward", "no field of view"),
+        ("crop", ("--robot", "simulated:stretch@200x600"), NARROW, "horizontally"),
+        ("stretch", (), NARROW, "full or crop"),
     ],
 )
 def test_an_impossible_crop_is_one_line_and_writes_nothing(
-    tmp_path: Path, words: tuple[str, ...], model: str, code: str
+    tmp_path: Path, fit: str, words: tuple[str, ...], model: str, code: str
 ) -> None:
-    done = run(tmp_path, *words, model=model)
+    done = run(tmp_path, *words, model=model, fit=fit)
     assert done.returncode == 2
     assert code in done.stderr
     assert done.stderr.count("\n") == 1

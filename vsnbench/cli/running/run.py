@@ -62,21 +62,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     seed: Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
     max_steps: MaxSteps = None,
-    shuffle: Annotated[
-        bool, typer.Option("--shuffle", help="Run the trials in random order.", rich_help_panel=EXECUTION_PANEL)
-    ] = False,
     noise: Noise = False,
     disturb: Disturb = None,
-    fit: Annotated[
-        str,
-        typer.Option(
-            "--fit",
-            metavar="full|crop",
-            help="Images for the model: the robot's (full), or cropped to the field of view that the model was trained "
-            "with (crop).",
-            rich_help_panel=MODEL_PANEL,
-        ),
-    ] = "full",
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
@@ -162,11 +149,10 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         parameters=load_protocol(protocol).limited_to(max_steps),
         device=load_config().models.device,
         seed=seeds[0],
-        shuffle=shuffle,
         noise=noise,
         disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
-        fit=fit_of(fit),
+        fit=fit_of(load_config()),
         model_options=options,
         act_timeout_s=act_timeout_s,
         isolation=None if isolate is None else _isolation(isolate),

@@ -15,6 +15,7 @@ from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
+    from vsnbench.config import Config
     from vsnbench.models.camera_fit import Fit
     from vsnbench.results.files.directory import KeepFiles
     from vsnbench.runner.executors.capacity import WorkerOptions
@@ -174,16 +175,19 @@ def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
     return KeepFiles(given)
 
 
-def fit_of(given: str) -> "Fit":
-    """Return the value of `--fit`.
+def fit_of(config: "Config") -> "Fit":
+    """Return how images are fitted to the camera that a model was trained with.
 
     Raises:
-        UsageError: the value is unknown.
+        UsageError: the value in the configuration is unknown.
     """
     from vsnbench.models.camera_fit import Fit
 
+    given = config.models.fit
     if given not in list(Fit):
-        raise UsageError(f"--fit {given}: unknown value", advice=f"give {' or '.join(Fit)}", code="unknown-value")
+        raise UsageError(
+            f"{config.file}: models.fit is {given!r}", advice=f"write {' or '.join(Fit)}", code="unknown-value"
+        )
     return Fit(given)
 
 

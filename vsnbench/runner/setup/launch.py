@@ -128,7 +128,7 @@ def launch(
             protocol=parameters,
             seed=request.seed,
             trials=plan_trials(
-                description.goals, starts, request.repetitions, request.seed if request.shuffle else None, site.excluded
+                description.goals, starts, request.repetitions, site.excluded
             ),
             conditions=description.conditions,
         )

@@ -31,7 +31,6 @@ class RunRequest:
     repetitions: int = 1
     parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
     seed: int = 0
-    shuffle: bool = False
     noise: bool = False
     disturbances: Disturbances = NONE
     """Disturbances of what the model sees."""

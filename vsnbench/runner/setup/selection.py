@@ -1,7 +1,6 @@
 """Site, starts and goals of a campaign, and the trials that follow from them, in order."""
 
 import logging
-import random
 from collections.abc import Container, Sequence
 from difflib import get_close_matches
 
@@ -22,7 +21,6 @@ def plan_trials(
     goals: Sequence[str],
     starts: Sequence[int],
     repetitions: int,
-    shuffle_seed: int | None = None,
     excluded: Container[tuple[str, int]] = (),
 ) -> tuple[PlannedTrial, ...]:
     """Return goals x starting positions x repetitions in the order of running.
@@ -31,7 +29,6 @@ def plan_trials(
         goals: goal categories.
         starts: numbers of starting positions.
         repetitions: number of trials of each goal from each start.
-        shuffle_seed: seed of a random order; None keeps the order given.
         excluded: pairs of goal and starting position to leave out (`Site.excluded`).
 
     Raises:
@@ -50,8 +47,6 @@ def plan_trials(
             "(not_for of the start, or starts of the goal)",
             code="no-trials",
         )
-    if shuffle_seed is not None:
-        random.Random(shuffle_seed).shuffle(trials)  # noqa: S311 - an order, not a secret
     return tuple(trials)
 
 
