@@ -69,7 +69,7 @@ def crop_for(card: ModelCard, robot: str, camera: Camera) -> Camera:
     """
     if card.camera is None or card.camera.horizontal_fov_deg is None:
         raise UsageError(
-            f"models.fit = \"crop\": the card of model {card.name} states no field of view",
+            f'models.fit = "crop": the card of model {card.name} states no field of view',
             advice="state it in the card's `camera`, or remove models.fit from vsnbench.toml",
             code="no-trained-camera",
         )
@@ -77,7 +77,7 @@ def crop_for(card: ModelCard, robot: str, camera: Camera) -> Camera:
         return cropped(card.camera, camera)
     except ValueError as error:
         raise UsageError(
-            f"models.fit = \"crop\": the camera of robot {robot} sees {error} that model {card.name} was trained with",
+            f'models.fit = "crop": the camera of robot {robot} sees {error} that model {card.name} was trained with',
             advice="an image can only be narrowed: use a wider camera, or remove models.fit from vsnbench.toml",
             code="narrower-camera",
         ) from error

@@ -24,7 +24,7 @@ def command(
     ] = "0",
     signers: Annotated[
         Path | None,
-        typer.Option("--signers", metavar="FILE", help="Trusted signers (ssh-keygen): NAME ssh-ed25519 AAAA…"),
+        typer.Option("--signers", metavar="FILE", help="File of trusted signers, in the format of ssh-keygen."),
     ] = None,
     as_json: Json = False,
 ) -> None:

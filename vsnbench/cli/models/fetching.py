@@ -12,7 +12,9 @@ from vsnbench.text.terminal import Console
 def fetch(
     name: Annotated[
         str,
-        typer.Argument(help="coco-detector, mask-rcnn, vlv-value, pirlnav-il, pirlnav-rl, or a model.", metavar="NAME"),
+        typer.Argument(
+            help="Weights: coco-detector, mask-rcnn, vlv-value, pirlnav-il, pirlnav-rl, or a model.", metavar="NAME"
+        ),
     ],
     url: Annotated[
         str | None,

@@ -94,8 +94,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
         vsnbench stress --model pirlnav --goal chair
         vsnbench stress --model pirlnav,vlv --goal all --figure stress.svg
-        vsnbench stress --model vlv --goal bed --disturb odometry_drift --severity 1-5
-        vsnbench stress --model mylab.policy:Policy --goal chair --starts 1-5 --json
+        vsnbench stress --model vlv --goal bed --disturb dropped_frames
+        vsnbench stress --model mylab.policy:Policy --goal chair --json
 
     Runs every trial undisturbed and with each disturbance at each severity,
     from the same starting positions with the same seeds, in simulation.

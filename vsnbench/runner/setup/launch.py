@@ -127,9 +127,7 @@ def launch(
             model=description.model,
             protocol=parameters,
             seed=request.seed,
-            trials=plan_trials(
-                description.goals, starts, request.repetitions, site.excluded
-            ),
+            trials=plan_trials(description.goals, starts, request.repetitions, site.excluded),
             conditions=description.conditions,
         )
         request.results.prepare()
