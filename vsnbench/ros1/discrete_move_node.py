@@ -31,6 +31,9 @@ from vsnbench.values.robot_profile import RobotProfile
 
 __all__ = ["NODE", "DiscreteMoveNode"]
 
+_FIRST_ODOMETRY_S = 2.0
+"""Longest wait for odometry before the services are advertised."""
+
 
 class _CallerAwareService(Service):  # type: ignore[misc]  # ROS ships no types
     """A service whose handler can check that its caller is connected; rospy runs each call in a thread."""
@@ -68,6 +71,8 @@ class DiscreteMoveNode(DiscreteMoveTask):
         OdometrySubscription(names, self.take_odometry, queue_size=10)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         subscribe_hazards(names, self._mover.take_hazard)
+        # A client may call as soon as the service exists, and needs odometry then.
+        self._has_odometry.wait(_FIRST_ODOMETRY_S)
         Service(f"{names.discrete_move}/reset", Trigger, self._on_reset)
         # The same type as discrete_move: its text carries the JSON of a movement.
         self._drive = _CallerAwareService(f"{names.discrete_move}/drive", DiscreteServer, self._on_drive)
