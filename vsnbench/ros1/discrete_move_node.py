@@ -72,7 +72,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         subscribe_hazards(names, self._mover.take_hazard)
         # A client may call as soon as the service exists, and needs odometry then.
-        self._has_odometry.wait(_FIRST_ODOMETRY_S)
+        self._odometry_arrived.wait(_FIRST_ODOMETRY_S)
         Service(f"{names.discrete_move}/reset", Trigger, self._on_reset)
         # The same type as discrete_move: its text carries the JSON of a movement.
         self._drive = _CallerAwareService(f"{names.discrete_move}/drive", DiscreteServer, self._on_drive)

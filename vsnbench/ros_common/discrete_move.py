@@ -43,7 +43,7 @@ class DiscreteMoveTask(NodeTask):
         self._command_topic = names.command
         self._mover = mover
         self._closed = threading.Event()
-        self._has_odometry = threading.Event()
+        self._odometry_arrived = threading.Event()
 
     @abstractmethod
     def send(self, command: Command) -> None:
@@ -95,7 +95,7 @@ class DiscreteMoveTask(NodeTask):
     def take_odometry(self, pose: tuple[float, float, float], stamp_s: float, _sender: Any) -> None:
         """Take the odometry of the base: metres, radians, seconds."""
         self._mover.take_odometry(*pose, stamp_s)
-        self._has_odometry.set()
+        self._odometry_arrived.set()
 
     def take_foreign_command(self, twist: Any, sender: str) -> None:
         """Take a velocity that another node published on the command topic."""

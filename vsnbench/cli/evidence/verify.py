@@ -26,6 +26,9 @@ def command(
         Path | None,
         typer.Option("--signers", metavar="FILE", help="File of trusted signers, in the format of ssh-keygen."),
     ] = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="HTML page to write, with what was checked.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Verify results that you or others recorded. Needs no network, and writes nothing there.
@@ -38,7 +41,7 @@ def command(
 
         vsnbench verify study.zip
         vsnbench verify results --replay 20
-        vsnbench verify study.zip --replay all --json
+        vsnbench verify study.zip --replay all --page verified.html
     """
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.verification.verify import VerifyOptions, verify
@@ -46,6 +49,10 @@ def command(
     options = VerifyOptions(_replays(replay), signers)
     with ProgressBars() as progress:
         found = verify(path, progress.show, options)
+    if page is not None:
+        from vsnbench.verification.page import write_page
+
+        write_page(found, page)
     if as_json:
         print_json(_fields(found))
     else:
