@@ -1,6 +1,6 @@
 """Files of a bundle that follow from its record: tables, report, conditions, study and environment.
 
-`vsnbench bundle` writes them; whoever checks a bundle writes them again and compares.
+`vsnbench bundle` writes them; `vsnbench verify` writes them again and compares.
 """
 
 import csv

@@ -60,7 +60,7 @@ def try_each(checks: Mapping[str, Callable[[], str]]) -> list[ContractFinding]:
 
 
 def camera_findings(policy: Policy, profile: RobotProfile | None) -> tuple[ContractFinding, ...]:
-    """Return the comparison of the trained camera with that of a robot; differences are no failure."""
+    """Return the comparison of the trained camera with that of a robot. A difference is not a failure."""
     if profile is None:
         return ()
     return (ContractFinding("camera", True, comparison_text(policy.card, profile.name, profile.camera)),)

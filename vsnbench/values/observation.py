@@ -31,7 +31,7 @@ class InstanceImage:
     """Labels of the simulator: the object at each pixel."""
 
     ids: npt.NDArray[np.int32]
-    """(H, W); 0 is no object, k > 0 the k-th object of the site."""
+    """(H, W); 0 is the background, k > 0 the k-th object of the site."""
     categories: Mapping[int, str]
     """Category of each possible id."""
 

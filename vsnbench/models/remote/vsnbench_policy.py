@@ -182,8 +182,8 @@ class Observation:
 
     rgb: (H, W, 3) uint8. depth_m: (H, W) float32 metres along the optical axis, NaN where invalid. pose: Pose.
     stamp_s: seconds on the robot's clock. camera: Camera. beyond_range: (H, W) bool: depth is invalid because the
-    surface is farther than the camera's range; None if there is no such pixel, or if that is unknown. budget: what is
-    left of the limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
+    surface is farther than the camera's range; None if there is no such pixel, or if that is unknown. budget: the
+    remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
     """
 
     budget: dict[str, Any] | None = None
@@ -234,7 +234,7 @@ def serve(  # noqa: PLR0913 - what its command line has
             the same time, so the card states `deterministic: False`.
 
     Raises:
-        ValueError: the card is invalid, a token is missing, or the policy cannot serve so many sessions.
+        ValueError: the card is invalid, a token is missing, or the policy cannot serve this number of sessions.
     """
     token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
     model = _Model(policy, sessions, batch)
@@ -341,7 +341,7 @@ class _Model:
     """Calls the policy for all sessions, in one thread; a context manager that ends the thread."""
 
     def __init__(self, policy: Any, sessions: int, batch: int) -> None:
-        """Create the policy's objects. Raises ValueError if it cannot serve so many sessions."""
+        """Create the policy's objects. Raises ValueError if it cannot serve this number."""
         if not 1 <= sessions <= MAX_SESSIONS or batch < 1:
             raise ValueError(f"sessions must be 1 to {MAX_SESSIONS}, and batch at least 1")
         creates = not any(hasattr(policy, name) for name in ("act", "act_batch")) or inspect.isclass(policy)
