@@ -184,7 +184,7 @@ def test_an_existing_file_stays(record: Path, tmp_path: Path) -> None:
 def test_a_running_episode_is_named(tmp_path: Path) -> None:
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
         trials = journal.find_or_create_campaign(plan()).trials
-        assert "there is no episode to bundle" in refusal(tmp_path, tmp_path / "b.zip", "--campaign", "1")
+        assert "no episodes to bundle" in refusal(tmp_path, tmp_path / "b.zip", "--campaign", "1")
         running = begun(journal, trials[0])
         assert f"episode {running.id} is running" in refusal(tmp_path, tmp_path / "b.zip", "--campaign", "1")
 

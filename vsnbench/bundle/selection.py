@@ -88,7 +88,7 @@ def _check_episodes(connection: Connection, campaigns: Sequence[int]) -> None:
         .limit(1)
     )
     if connection.scalar(episodes) is None:
-        raise UsageError("there is no episode to bundle", advice="`vsnbench run` runs trials", code="nothing-to-bundle")
+        raise UsageError("no episodes to bundle", advice="`vsnbench run` runs trials", code="nothing-to-bundle")
     running = connection.scalar(episodes.where(Episode.state.in_([state.value for state in ACTIVE])))
     if running is not None:
         raise UsageError(

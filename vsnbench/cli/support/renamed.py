@@ -36,6 +36,7 @@ RENAMED: Mapping[str, str] = {
     "run --device": "`device` in section [models] of vsnbench.toml",
     "run --python": "--isolate PYTHON",
     "run --isolate-memory": "`memory_gib` in section [isolation] of vsnbench.toml",
+    "run --shuffle": "",
     "run --yes": "",
     "run -y": "",
     **{f"run {old}": new for old, new in _CONSOLE.items()},
