@@ -32,7 +32,6 @@ NOT_RUN = {
     "a robot": "a base, a camera and an operator",
     "a robot on ROS 1": "runs below against a simulated robot, if ROS 1 is installed",
     "ROS 1": "runs below, in four terminals, if ROS 1 is installed",
-    "ROS 1 and a person": "tests/web/ros_operator.py plays the operator in tests/robots and tests/ros2",
     "a robot on ROS 2": "tests/ros2 runs the same commands against a simulated robot",
     "ROS 2": "its packages must not share an environment with the tests; tests/ros2 runs the rehearsal",
     "the robot's computer": "drivers of base and camera",

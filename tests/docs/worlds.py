@@ -107,6 +107,7 @@ def _finished_study(shell: Shell) -> None:
 BEFORE: dict[str, Callable[[Shell], None]] = {
     "bundle.md": _finished_study,
     "console.md": _locked_study,
+    "export.md": _two_models,
     "look.md": _pairs,
     "models.md": _spinner,
     "pirlnav.md": _released_pirlnav,
