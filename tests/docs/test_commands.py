@@ -37,7 +37,6 @@ NOT_RUN = {
     "the robot's computer": "drivers of base and camera",
     "a cluster": "tests/runner/executors runs trials on a local Ray cluster",
     "a bare machine": "installs hundreds of megabytes; `make test` begins with `make setup`",
-    "hours": "trains for hours",
     "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
