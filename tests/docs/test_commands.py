@@ -3,10 +3,8 @@
 import os
 import re
 import shlex
-import sqlite3
 import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -133,16 +131,6 @@ def type_as_meant(shell: Shell, command: str) -> None:
         shell.types_and_interrupts(line)
     else:
         shell.types(line, next((codes for start, codes in ENDS_WITH.items() if line.startswith(start)), (0,)))
-
-
-@pytest.mark.slow
-def test_the_sql_query_of_the_results_page_runs(tmp_path: Path, machine: dict[str, str]) -> None:
-    shell = Shell(tmp_path, machine)
-    BEFORE["results.md"](shell)
-    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
-    (question,) = re.findall(r"^```sql\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-    with closing(sqlite3.connect(tmp_path / "results" / "vsnbench.db")) as record:
-        assert record.execute(question).fetchall() == [("bed", 0, 1)]
 
 
 @pytest.fixture
