@@ -2,10 +2,10 @@
 
 Views of generated flats from free poses of the Turtlebot 2: for each of the seven goal categories, 1 to 4.5 m away,
 half of them with the whole goal in the image and half with it cut by the edge or partly hidden; and views without a
-goal. A goal is recognised if a box of its COCO class with a score of at least 0.25 overlaps the box of its visible pixels by at
-least 0.3 (intersection over union). A box of a goal's class that overlaps no visible object of that class by 0.3 is a
-false goal detection, in any view; every such box counts. The views follow from the seeds. A fifth of the seeds is for
-the final figure only.
+goal. A goal is recognised if a box of its COCO class with a score of at least 0.25 overlaps the box of its visible
+pixels by at least 0.3 (intersection over union). A box of a goal's class that overlaps no visible object of that class
+by 0.3 is a false goal detection, in any view; every such box counts. The views follow from the seeds. A fifth of the
+seeds is for the final figure only.
 
     python benchmarks/realism.py [--views 700] [--held-out | --apartment] [--detector FILE ...] [--jobs 3]
                                  [--json FILE] [--picture FILE]
@@ -61,12 +61,12 @@ Image = npt.NDArray[np.uint8]
 class Task:
     """Views of one site, for a worker process."""
 
-    place: int | str
-    """Seed of a generated flat, or name of a site."""
+    site: str
+    """Name of a site; empty for the generated flat of the seed."""
+    seed: int
+    """Decides the poses, too."""
     detectors: tuple[Path, ...]
-    count: int = 1
-    """Whole views and cut views for each category."""
-    pictured: bool = False
+    pictured: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +90,11 @@ def main() -> None:
     options = parser.parse_args()
     flats = -(-options.views // GOAL_VIEWS)
     detectors = tuple(options.detector)
-    if options.apartment:
-        tasks = [Task("apartment", detectors, flats, options.picture is not None)]
-    else:
-        pictured = PICTURED_FLATS if options.picture else 0
-        tasks = [
-            Task(seed, detectors, pictured=k < pictured) for k, seed in enumerate(seeds(held_out=options.held_out))
-        ]
+    site = "apartment" if options.apartment else ""
+    pictured = PICTURED_FLATS if options.picture else 0
+    tasks = [
+        Task(site, seed, detectors, pictured=k < pictured) for k, seed in enumerate(seeds(held_out=options.held_out))
+    ]
     rows, pictures = collect(tasks, flats, options.jobs)
     titles = [Network(path).title for path in detectors]
     columns = {title: [row[k] for row in rows] for k, title in enumerate(titles)}
@@ -146,11 +144,9 @@ def network(path: Path) -> Network:
 def measure(task: Task) -> Measured:
     """Render the views of a site and run the detectors on them."""
     compute_with_one_thread()
-    site = generate_site(task.place) if isinstance(task.place, int) else load_site(task.place)
-    seed = task.place if isinstance(task.place, int) else 0
-    flat = Flat(site)
+    flat = Flat(load_site(task.site) if task.site else generate_site(task.seed))
     rows, pictures = [], []
-    for view in views_of(flat, task.count, seed):
+    for view in views_of(flat, task.seed):
         found = [network(path).find(view.rgb, LEAST_SCORE) for path in task.detectors]
         rows.append(tuple(recognise(view.objects, view.goal, view.extent, boxes) for boxes in found))
         if task.pictured and view.goal:
@@ -158,11 +154,11 @@ def measure(task: Task) -> Measured:
     return Measured(tuple(rows), tuple(pictures))
 
 
-def views_of(flat: Flat, count: int, seed: int) -> Iterator[View]:
+def views_of(flat: Flat, seed: int) -> Iterator[View]:
     """Yield the views of a site; those of a category do not depend on the other categories."""
     for k, category in enumerate(CATEGORIES):
-        yield from goal_views(flat, category, count, np.random.default_rng([8, seed, k]))
-    yield from views_without_goal(flat, OTHER_VIEWS * count, np.random.default_rng([9, seed]))
+        yield from goal_views(flat, category, 1, np.random.default_rng([8, seed, k]))
+    yield from views_without_goal(flat, OTHER_VIEWS, np.random.default_rng([9, seed]))
 
 
 def drawn(view: View, found: Sequence[Found], row: Recognition) -> Image:

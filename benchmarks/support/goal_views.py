@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,7 +13,7 @@ from benchmarks.support.coco_network import Box
 from vsnbench.protocol.free_space import FreeSpace, free_space
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.primitives import Scene
-from vsnbench.simulator.rendering.mesh import build_mesh
+from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
 from vsnbench.simulator.rendering.raster import draw_faces
 from vsnbench.simulator.rendering.renderer import Renderer, camera_axes, eye_of
 from vsnbench.simulator.scene import build_scene
@@ -44,6 +44,8 @@ _HALF_SPREAD_RAD = math.radians(35)
 """Largest angle between heading and goal; half the camera's angle of view is 30°."""
 _CANVAS = 3
 """Silhouettes are drawn on a canvas this many times as wide and high as the image."""
+_STRIDE = 3
+"""Every third row and column of the free space is enough."""
 _POSES = 200
 """Poses tried for one category in one site."""
 
@@ -86,6 +88,7 @@ class Flat:
         self.space: FreeSpace = free_space(site, profile.base.radius_m)
         self._scene = build_scene(site)
         self._renderer = Renderer(self._scene)
+        self._mesh = build_mesh(self._scene)
         self._meshes = {
             number: build_mesh(Scene(parts, self._scene.bounds, self._scene.ceiling_height_m))
             for number, thing in enumerate(site.objects, start=1)
@@ -93,20 +96,26 @@ class Flat:
             and (parts := tuple(part for part in self._scene.primitives if part.instance == number))
         }
 
-    def view(self, pose: Pose) -> tuple[View, npt.NDArray[np.int32]]:
-        """Return the view from a pose and the object of each pixel."""
+    def view(self, pose: Pose) -> View:
+        """Return the view from a pose."""
         frame = self._renderer.render(self.camera, pose)
-        objects = tuple(
-            Visible(thing.category, box)
-            for number, thing in enumerate(self.site.objects, start=1)
-            if (box := _box_of(frame.instance == number)) is not None
-        )
-        return View(frame.rgb, objects), frame.instance
+        boxes = ((thing.category, _box_of(frame.instance == k)) for k, thing in enumerate(self.site.objects, start=1))
+        return View(frame.rgb, tuple(Visible(category, box) for category, box in boxes if box is not None))
+
+    def instances(self, pose: Pose) -> npt.NDArray[np.int32]:
+        """Return the object of each pixel, 1 + its index, without shading the image."""
+        seen = self._faces_seen(self._mesh, pose, 1)
+        numbers = self._mesh.instances[self._mesh.owner[seen]]
+        return np.where(seen >= 0, numbers, 0).astype(np.int32)
 
     def silhouette_px(self, number: int, pose: Pose) -> int:
         """Return the pixels of an object that nothing hides and no edge cuts."""
-        mesh, eye = self._meshes[number], eye_of(self.camera, pose)
-        shape = (_CANVAS * self.camera.height, _CANVAS * self.camera.width)
+        return int(np.count_nonzero(self._faces_seen(self._meshes[number], pose, _CANVAS) >= 0))
+
+    def _faces_seen(self, mesh: Mesh, pose: Pose, scale: int) -> npt.NDArray[np.int32]:
+        """Return the face of each pixel of a canvas `scale` times as wide and high as the image; -1 for none."""
+        eye = eye_of(self.camera, pose)
+        shape = (scale * self.camera.height, scale * self.camera.width)
         nearness, seen = np.empty(shape, np.float32), np.empty(shape, np.int32)
         draw_faces(
             np.array([eye.x_m, eye.y_m, eye.z_m]),
@@ -122,7 +131,7 @@ class Flat:
             nearness,
             seen,
         )
-        return int(np.count_nonzero(seen >= 0))
+        return seen
 
 
 def goal_views(flat: Flat, category: str, count: int, random: np.random.Generator) -> Iterator[View]:
@@ -139,14 +148,13 @@ def goal_views(flat: Flat, category: str, count: int, random: np.random.Generato
         goal_x_m, goal_y_m = flat.site.objects[number - 1].position
         towards_rad = math.atan2(goal_y_m - y_m, goal_x_m - x_m)
         pose = Pose(float(x_m), float(y_m), towards_rad + float(random.uniform(-1, 1)) * _HALF_SPREAD_RAD)
-        view, instance = flat.view(pose)
-        extent = _extent_of(flat, number, pose, instance)
-        if extent is None or not wanted[extent]:
+        mask = flat.instances(pose) == number
+        extent = _extent_of(flat, number, pose, mask)
+        box = _box_of(mask)
+        if extent is None or box is None or not wanted[extent]:
             continue
         wanted[extent] -= 1
-        box = _box_of(instance == number)
-        if box is not None:
-            yield View(view.rgb, view.objects, Visible(category, box), extent)
+        yield replace(flat.view(pose), goal=Visible(category, box), extent=extent)
         if not any(wanted.values()):
             return
 
@@ -159,9 +167,8 @@ def views_without_goal(flat: Flat, count: int, random: np.random.Generator) -> I
         row, column = random.choice(free)
         heading_rad = float(random.uniform(-math.pi, math.pi))
         pose = Pose(float(flat.space.x_m[row, column]), float(flat.space.y_m[row, column]), heading_rad)
-        view, instance = flat.view(pose)
-        if not np.isin(instance, goals).any():
-            yield view
+        if not np.isin(flat.instances(pose), goals).any():
+            yield flat.view(pose)
             count -= 1
         if not count:
             return
@@ -170,15 +177,15 @@ def views_without_goal(flat: Flat, count: int, random: np.random.Generator) -> I
 def _places_near(flat: Flat, number: int) -> npt.NDArray[np.float64]:
     """Return the free positions (N, 2) in range of an object."""
     shape = flat.site.objects[number - 1].shape
-    free = flat.space.cells
-    places = np.stack([flat.space.x_m[free], flat.space.y_m[free]], axis=1)
+    sparse = (slice(None, None, _STRIDE), slice(None, None, _STRIDE))
+    free = flat.space.cells[sparse]
+    places = np.stack([flat.space.x_m[sparse][free], flat.space.y_m[sparse][free]], axis=1)
     distance_m = shapely.distance(shapely.points(places), shape)
     return places[(distance_m >= NEAREST_M) & (distance_m <= FARTHEST_M)]
 
 
-def _extent_of(flat: Flat, number: int, pose: Pose, instance: npt.NDArray[np.int32]) -> Extent | None:
-    """Return how much of a goal a view shows; None if too little."""
-    mask = instance == number
+def _extent_of(flat: Flat, number: int, pose: Pose, mask: npt.NDArray[np.bool_]) -> Extent | None:
+    """Return how much of a goal with the pixels of a mask a view shows; None if too little."""
     visible_px = int(np.count_nonzero(mask))
     if visible_px < SMALLEST_SHARE * mask.size:
         return None
