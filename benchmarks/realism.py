@@ -3,12 +3,15 @@
 Views of generated flats from free poses of the Turtlebot 2: for each of the seven goal categories, 1 to 4.5 m away,
 half of them with the whole goal in the image and half with it cut by the edge or partly hidden; and views without a
 goal. A goal is recognised if a box of its COCO class with a score of at least 0.25 overlaps the box of its visible
-pixels by at least 0.3 (intersection over union). A box of a goal's class that overlaps no visible object of that class
-by 0.3 is a false goal detection, in any view; every such box counts. The views follow from the seeds. A fifth of the
-seeds is for the final figure only.
+pixels by at least 0.3 (intersection over union); boxes end at the image's edge. A box of a goal's class that overlaps
+no visible object of that class by 0.3 is a false goal detection, in any view; every such box counts. The views follow
+from the seeds. A fifth of the seeds is for the final figure only.
 
-    python benchmarks/realism.py [--views 700] [--held-out | --apartment] [--detector FILE ...] [--jobs 3]
+    python benchmarks/realism.py [--views 700] [--held-out | --apartment] [--detector FILE ...] [--jobs 4]
                                  [--json FILE] [--picture FILE]
+
+The default detectors are in the directory of weights: `vsnbench models fetch coco-detector` stores the first, and
+benchmarks/support/ssd_conversion.py writes the second.
 """
 
 import argparse
@@ -43,6 +46,7 @@ from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.simulator.generated_sites.generate import generate_site
 from vsnbench.sites.site import load_site
 
+DETECTORS = (weights_directory() / ONNX_FILE, weights_directory() / "ssd.onnx")
 SEEDS = range(9400, 10_000)
 """In no split of training, validation and test."""
 HELD_OUT = 5
@@ -83,8 +87,8 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=700, help="views with a goal; 3 more without for every 7")
     parser.add_argument("--held-out", action="store_true", help="the seeds for the final figure only")
     parser.add_argument("--apartment", action="store_true", help="the embedded apartment instead of generated flats")
-    parser.add_argument("--detector", type=Path, nargs="+", default=[weights_directory() / ONNX_FILE])
-    parser.add_argument("--jobs", type=int, default=3, help="worker processes")
+    parser.add_argument("--detector", type=Path, nargs="+", default=DETECTORS)
+    parser.add_argument("--jobs", type=int, default=4, help="worker processes")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--picture", type=Path, help="contact sheet with the first detector's boxes")
     options = parser.parse_args()
@@ -147,7 +151,11 @@ def measure(task: Task) -> Measured:
     flat = Flat(load_site(task.site) if task.site else generate_site(task.seed))
     rows, pictures = [], []
     for view in views_of(flat, task.seed):
-        found = [network(path).find(view.rgb, LEAST_SCORE) for path in task.detectors]
+        height, width = view.rgb.shape[:2]
+        found = [
+            [item.within(width, height) for item in network(path).find(view.rgb, LEAST_SCORE)]
+            for path in task.detectors
+        ]
         rows.append(tuple(recognise(view.objects, view.goal, view.extent, boxes) for boxes in found))
         if task.pictured and view.goal:
             pictures.append(drawn(view, found[0], rows[-1][0]))

@@ -2,7 +2,7 @@
 
 import ast
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,12 @@ class Found:
     label: str
     score: float
     box: Box
+
+    def within(self, width: int, height: int) -> "Found":
+        """Return the part of the box in the image."""
+        left, top, right, bottom = self.box
+        box = (max(left, 0.0), max(top, 0.0), min(right, float(width)), min(bottom, float(height)))
+        return replace(self, box=box)
 
 
 class Network:
@@ -52,8 +58,13 @@ class Network:
 
 def overlap(one: Box, other: Box) -> float:
     """Return the intersection over union of two boxes."""
-    width = min(one[2], other[2]) - max(one[0], other[0])
-    height = min(one[3], other[3]) - max(one[1], other[1])
-    shared = max(width, 0) * max(height, 0)
+    shared = shared_area(one, other)
     areas = [(box[2] - box[0]) * (box[3] - box[1]) for box in (one, other)]
     return shared / (sum(areas) - shared)
+
+
+def shared_area(one: Box, other: Box) -> float:
+    """Return the area of the intersection of two boxes."""
+    width = min(one[2], other[2]) - max(one[0], other[0])
+    height = min(one[3], other[3]) - max(one[1], other[1])
+    return max(width, 0) * max(height, 0)

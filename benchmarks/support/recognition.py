@@ -4,14 +4,14 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from benchmarks.support.coco_network import Box, Found, overlap
+from benchmarks.support.coco_network import Box, Found, overlap, shared_area
 from benchmarks.support.goal_views import CLASS_OF_CATEGORY, Extent, Visible
 
 LEAST_SCORE = 0.25
 LEAST_OVERLAP = 0.3
 NOTHING = "nothing"
 """What a missed goal is called if no box of any class overlaps it."""
-_BACKGROUND = "building"
+_BUILDING = "building"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Recognition:
     called: str
     """Class of the box that overlaps the goal: its own class if any box has it, otherwise that of the best score."""
     false: tuple[tuple[str, str], ...]
-    """False goal detections: COCO class, and the category of the object that the box overlaps most."""
+    """False goal detections: COCO class, and what covers most of the box."""
 
     @property
     def recognised(self) -> bool:
@@ -41,7 +41,7 @@ def recognise(
         labels = [item.label for item in boxes if overlap(item.box, goal.box) >= LEAST_OVERLAP]
         own = CLASS_OF_CATEGORY[goal.category]
         called = own if own in labels else next(iter(labels), NOTHING)
-    false = tuple((item.label, most_overlapped(item.box, objects)) for item in boxes if is_false(item, objects))
+    false = tuple((item.label, shown_in(item.box, objects)) for item in boxes if is_false(item, objects))
     return Recognition(goal.category if goal else None, extent, called, false)
 
 
@@ -53,10 +53,11 @@ def is_false(item: Found, objects: Iterable[Visible]) -> bool:
     return all(overlap(item.box, thing.box) < LEAST_OVERLAP for thing in same)
 
 
-def most_overlapped(box: Box, objects: Iterable[Visible]) -> str:
-    """Return the category of the object that a box overlaps most, or `building` if none by `LEAST_OVERLAP`."""
-    best = max(objects, key=lambda thing: overlap(box, thing.box), default=None)
-    return best.category if best and overlap(box, best.box) >= LEAST_OVERLAP else _BACKGROUND
+def shown_in(box: Box, objects: Iterable[Visible]) -> str:
+    """Return the category of the object that covers most of a box, or `building` if none covers half of it."""
+    area = (box[2] - box[0]) * (box[3] - box[1])
+    best = max(objects, key=lambda thing: shared_area(box, thing.box), default=None)
+    return best.category if best and shared_area(box, best.box) >= area / 2 else _BUILDING
 
 
 @dataclass(frozen=True, slots=True)
