@@ -65,6 +65,10 @@ class Visible:
 
     category: str
     box: Box
+    share: float = 1.0
+    """Of the image's pixels."""
+    distance_m: float = 0.0
+    """Median depth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,8 +103,13 @@ class Flat:
     def view(self, pose: Pose) -> View:
         """Return the view from a pose."""
         frame = self._renderer.render(self.camera, pose)
-        boxes = ((thing.category, _box_of(frame.instance == k)) for k, thing in enumerate(self.site.objects, start=1))
-        return View(frame.rgb, tuple(Visible(category, box) for category, box in boxes if box is not None))
+        objects = []
+        for number, thing in enumerate(self.site.objects, start=1):
+            mask = frame.instance == number
+            if (box := _box_of(mask)) is not None:
+                share = np.count_nonzero(mask) / mask.size
+                objects.append(Visible(thing.category, box, share, float(np.median(frame.depth_m[mask]))))
+        return View(frame.rgb, tuple(objects))
 
     def instances(self, pose: Pose) -> npt.NDArray[np.int32]:
         """Return the object of each pixel, 1 + its index, without shading the image."""
