@@ -8,7 +8,7 @@ no visible object of that class by 0.3 is a false goal detection, in any view; e
 from the seeds. A fifth of the seeds is for the final figure only.
 
     python benchmarks/realism.py [--views 700] [--held-out | --apartment] [--detector FILE ...] [--jobs 4]
-                                 [--json FILE] [--picture FILE]
+                                 [--json FILE] [--before FILE] [--picture FILE]
 
 The default detectors are in the directory of weights: `vsnbench models fetch coco-detector` stores the first, and
 benchmarks/support/ssd_conversion.py writes the second.
@@ -18,11 +18,12 @@ import argparse
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -58,6 +59,7 @@ OTHER_VIEWS = 6
 """Views without a goal in one flat."""
 PICTURED_FLATS = 3
 
+Figures = dict[str, Any]
 Image = npt.NDArray[np.uint8]
 
 
@@ -89,7 +91,8 @@ def main() -> None:
     parser.add_argument("--apartment", action="store_true", help="the embedded apartment instead of generated flats")
     parser.add_argument("--detector", type=Path, nargs="+", default=DETECTORS)
     parser.add_argument("--jobs", type=int, default=4, help="worker processes")
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--json", type=Path, help="file of figures; this run's are added to it")
+    parser.add_argument("--before", type=Path, help="file of earlier figures, for the columns `before`")
     parser.add_argument("--picture", type=Path, help="contact sheet with the first detector's boxes")
     options = parser.parse_args()
     flats = -(-options.views // GOAL_VIEWS)
@@ -101,10 +104,13 @@ def main() -> None:
     ]
     rows, pictures = collect(tasks, flats, options.jobs)
     titles = [Network(path).title for path in detectors]
-    columns = {title: [row[k] for row in rows] for k, title in enumerate(titles)}
-    print(as_markdown(columns))
+    measured = {title: figures_of([row[k] for row in rows]) for k, title in enumerate(titles)}
+    kind = "apartment" if options.apartment else "held out" if options.held_out else "default"
+    before = json.loads(options.before.read_text(encoding="utf-8")).get(kind, {}) if options.before else {}
+    print(as_markdown(measured, before))
     if options.json:
-        options.json.write_text(json.dumps({title: as_json(column) for title, column in columns.items()}, indent=1))
+        known = json.loads(options.json.read_text(encoding="utf-8")) if options.json.exists() else {}
+        options.json.write_text(json.dumps(known | {kind: measured}, indent=1) + "\n", encoding="utf-8")
     if options.picture:
         cv2.imwrite(str(options.picture), contact_sheet(pictures))
 
@@ -196,46 +202,51 @@ def contact_sheet(pictures: Sequence[Image]) -> Image:
     return np.vstack([np.hstack(cells[k : k + len(CATEGORIES)]) for k in range(0, len(cells), len(CATEGORIES))])
 
 
-def as_json(rows: Sequence[Recognition]) -> dict[str, object]:
+def figures_of(rows: Sequence[Recognition]) -> Figures:
     """Return the figures of a detector."""
     without = [row for row in rows if row.goal is None]
+    cells = {category: {extent: recall(rows, category, extent) for extent in Extent} for category in CATEGORIES}
     return {
         "recall": {
-            category: {
-                extent.value: {"views": cell.views, "recognised": cell.recognised}
-                for extent in Extent
-                for cell in [recall(rows, category, extent)]
-            }
-            for category in CATEGORIES
+            category: {extent.value: [cell.recognised, cell.views] for extent, cell in row.items()}
+            for category, row in cells.items()
         },
-        "confusions": {category: dict(confusions(rows, category).most_common(5)) for category in CATEGORIES},
+        "confusions": {category: dict(confusions(rows, category).most_common(4)) for category in CATEGORIES},
         "views": len(rows),
-        "false_per_image": round(false_per_image(rows), 4),
-        "false_per_image_without_goal": round(false_per_image(without), 4),
-        "false_kinds": [[*kind, count] for kind, count in false_kinds(rows).most_common(12)],
+        "views_without_goal": len(without),
+        "false_per_image": round(false_per_image(rows), 3),
+        "false_per_image_without_goal": round(false_per_image(without), 3),
+        "false_kinds": [f"{label} on {thing} {count}" for (label, thing), count in false_kinds(rows).most_common(8)],
     }
 
 
-def as_markdown(columns: dict[str, list[Recognition]]) -> str:
-    """Return a table for each detector."""
+def as_markdown(measured: Mapping[str, Figures], before: Mapping[str, Figures]) -> str:
+    """Return a table for each detector, with columns of earlier figures if there are any."""
     lines = []
-    for title, rows in columns.items():
-        lines += [f"### {title}", "", "| category | whole | cut | the missed are called |", "| --- | --- | --- | --- |"]
+    for title, figures in measured.items():
+        sources = [source for source in (before.get(title), figures) if source]
+        when = ["before", "after"] if len(sources) == 2 else [""]
+        heads = [f"{extent.value} {word}".strip() for extent in Extent for word in when]
+        lines += [f"### {title}", "", f"| category | {' | '.join(heads)} | the missed are called |"]
+        lines.append("| --- " * (len(heads) + 2) + "|")
         for category in CATEGORIES:
-            cells = [recall(rows, category, extent) for extent in Extent]
-            shares = " | ".join(f"{cell.share:.0%} ({cell.recognised}/{cell.views})" for cell in cells)
-            called = ", ".join(f"{label} {count}" for label, count in confusions(rows, category).most_common(4))
-            lines.append(f"| {category} | {shares} | {called} |")
-        without = [row for row in rows if row.goal is None]
-        lines += [
-            "",
-            f"False goal detections: {false_per_image(rows):.2f} per image in {len(rows)} views, "
-            f"{false_per_image(without):.2f} in the {len(without)} without a goal. Most frequent (class on what): "
-            + ", ".join(f"{label} on {thing} {count}" for (label, thing), count in false_kinds(rows).most_common(8))
-            + ".",
-            "",
-        ]
+            shares = [_share(source["recall"][category][extent.value]) for extent in Extent for source in sources]
+            called = ", ".join(f"{label} {count}" for label, count in figures["confusions"][category].items())
+            lines.append(f"| {category} | {' | '.join(shares)} | {called or '–'} |")
+        lines.append("")
+        for word, source in zip(when, sources, strict=True):
+            lines.append(
+                f"False goal detections {word}".strip() + f": {source['false_per_image']:.2f} per image in "
+                f"{source['views']} views, {source['false_per_image_without_goal']:.2f} in the "
+                f"{source['views_without_goal']} without a goal. Most frequent (class on what): "
+                + f"{', '.join(source['false_kinds'])}.\n"
+            )
     return "\n".join(lines)
+
+
+def _share(cell: Sequence[int]) -> str:
+    recognised, views = cell
+    return f"{recognised / views:.0%} ({recognised}/{views})" if views else "–"
 
 
 if __name__ == "__main__":
