@@ -39,4 +39,5 @@ def test_boxes_are_decoded_from_their_anchors() -> None:
 def test_a_class_keeps_the_best_of_the_same_boxes_and_the_background_is_not_a_class() -> None:
     same = [[0.0] * 4] * _HEADS
     _, labels, scores = detect(same, [{62: 0.0, 0: 9.0}, {62: 1.0}, {63: -1.0}, {}, {}, {}])
-    assert sorted(zip(labels.tolist(), scores.round(3).tolist(), strict=True)) == [(62, 0.731), (63, 0.269)]
+    assert labels.tolist() == [62, 63]
+    assert scores == pytest.approx([0.731, 0.269], abs=1e-3)
