@@ -55,6 +55,7 @@ HELD_OUT = 5
 CATEGORIES = tuple(CLASS_OF_CATEGORY)
 GOAL_VIEWS = 2 * len(CATEGORIES)
 """Views with a goal in one flat: one whole and one cut for each category."""
+MOST_VIEWS = len(SEEDS) // HELD_OUT * GOAL_VIEWS
 OTHER_VIEWS = 6
 """Views without a goal in one flat."""
 PICTURED_FLATS = 3
@@ -95,6 +96,11 @@ def main() -> None:
     parser.add_argument("--before", type=Path, help="file of earlier figures, for the columns `before`")
     parser.add_argument("--picture", type=Path, help="contact sheet with the first detector's boxes")
     options = parser.parse_args()
+    for path in [*options.detector, *filter(None, [options.before])]:
+        if not path.is_file():
+            parser.error(f"no file {path}; the first lines of {Path(__file__).name} say where detectors come from")
+    if not 0 < options.views <= MOST_VIEWS:
+        parser.error(f"--views is 1 to {MOST_VIEWS}")
     flats = -(-options.views // GOAL_VIEWS)
     detectors = tuple(options.detector)
     site = "apartment" if options.apartment else ""
@@ -179,7 +185,7 @@ def drawn(view: View, found: Sequence[Found], row: Recognition) -> Image:
     """Draw the goal white, boxes of goals' classes green if correct and red if false, and other boxes grey."""
     image = view.rgb[..., ::-1].copy()
     for item in found:
-        if item.label not in CATEGORIES and item.label not in CLASS_OF_CATEGORY.values():
+        if item.label not in CLASS_OF_CATEGORY.values():
             colour = (150, 150, 150)
         else:
             colour = (50, 50, 230) if is_false(item, view.objects) else (60, 180, 60)
