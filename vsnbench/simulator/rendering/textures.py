@@ -275,6 +275,13 @@ def texture_atlas() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     return cached_array("textures", code_key(__file__), np.uint8, shape, _drawn), starts.astype(np.int64)
 
 
+def mean_colors() -> npt.NDArray[np.float64]:
+    """Return the (T, 3) mean multipliers of all textures."""
+    atlas, starts = texture_atlas()
+    each = (4 * SIZE * SIZE - 1) // 3
+    return np.asarray(atlas[starts[-1] :: each, :3] / FULL)
+
+
 def _drawn() -> npt.NDArray[np.uint8]:
     """Draw every texture at every size."""
     layers = []
