@@ -127,17 +127,20 @@ def _baked(
     albedo = mesh.colors * mean_colors()[mesh.texture[mesh.faces[:, 0]]]
     indirect = light_bounces.reflected(lit, sources, owners, albedo, mesh.glow)
     walls = (lit[:, 3] != 0) & (category == "wall")[owners]
-    lit[:, :3] = _exposed(lit[:, :3] + indirect + np.array(_AMBIENT), walls)
-    lit[:, 3] = lit[:, 3] != 0
-    values = lit[copies]
+    factor = _exposure(lit[walls, :3] + indirect[walls] + np.array(_AMBIENT))
+    values, reflected = lit[copies], indirect[copies]
+    values[:, 3] = values[:, 3] != 0
+    even = np.isin(category, ("wall", "ceiling"))[mesh.owner] & (size.min(1) > 2)
+    light_bounces.smooth(start[even], size[even], values[:, 3] != 0, reflected)
+    values[:, :3] = (values[:, :3] + reflected + np.array(_AMBIENT)) * factor
     fill_buried(start, size, values)
     return values
 
 
-def _exposed(light: Floats, walls: npt.NDArray[np.bool_]) -> Floats:
-    """Return the light at a camera's exposure: dark sites stay darker than bright ones, but less so."""
-    level = float(np.median(light[walls].mean(axis=1))) if walls.any() else _EXPOSED
-    return np.asarray(light * (_EXPOSED / max(level, 0.05)) ** 0.7)
+def _exposure(walls: Floats) -> float:
+    """Return the camera's exposure for the (N, 3) light on walls: dark sites stay darker, but less so."""
+    level = float(np.median(walls.mean(axis=1))) if len(walls) else _EXPOSED
+    return (_EXPOSED / max(level, 0.05)) ** 0.7
 
 
 def _in_parts(work: Callable[[slice], None], count: int) -> None:

@@ -169,3 +169,25 @@ def reflected(
         radiance[-1] = _OUTSIDE
         _gather(sources, radiance, indirect)
     return indirect
+
+
+@compiled
+def smooth(start: Any, size: Any, shown: Any, values: Any) -> None:
+    """Replace the light (N, 3) of each cell of the given faces by the mean of its neighbours that are `shown` (N,).
+
+    It hides the pattern of the directions on wide, even surfaces.
+    """
+    for face in range(len(start)):
+        wide, high, at = size[face, 0], size[face, 1], start[face]
+        copy = values[at : at + wide * high].copy()
+        for t in range(high):
+            for s in range(wide):
+                for channel in range(3):
+                    total = weight = 0.0
+                    for j in range(max(t - 2, 0), min(t + 3, high)):
+                        for i in range(max(s - 2, 0), min(s + 3, wide)):
+                            if shown[at + j * wide + i]:
+                                total += copy[j * wide + i, channel]
+                                weight += 1.0
+                    if weight > 0.0:
+                        values[at + t * wide + s, channel] = total / weight
