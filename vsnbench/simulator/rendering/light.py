@@ -21,8 +21,8 @@ from vsnbench.simulator.rendering import textures
 from vsnbench.simulator.rendering.mesh import Floats, Mesh, linear
 from vsnbench.simulator.rendering.textures import mean_colors
 
-_CELL_M = {"floor": 0.05, "wall": 0.1, "ceiling": 0.2}
-_FURNITURE_CELL_M = 0.07
+_CELL_M = {"floor": 0.05, "wall": 0.14, "ceiling": 0.2}
+_FURNITURE_CELL_M = 0.09
 _DIRECTIONS = (16, 48)
 """Minimum and maximum number of directions in which a point receives reflected light."""
 _RAYS = 6_000_000
@@ -63,11 +63,15 @@ def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
     spans = np.maximum(mesh.extent[:, 1::2] - mesh.extent[:, ::2], 1e-9)
     scale = (size - 1) / spans
     place = np.stack([scale[:, 0], -mesh.extent[:, 0] * scale[:, 0], scale[:, 1], -mesh.extent[:, 2] * scale[:, 1]], 1)
-    key = key_of(code_key(
-        __file__, light_rays.__file__, light_bounces.__file__, mesh_module.__file__, textures.__file__
-    ), scene)
+    key = key_of(
+        code_key(__file__, light_rays.__file__, light_bounces.__file__, mesh_module.__file__, textures.__file__), scene
+    )
     values = cached_array(
-        "light", key, np.float32, (int(cells.sum()), 4), lambda: _baked(scene, mesh, visible, (size, start, cells, place))
+        "light",
+        key,
+        np.float32,
+        (int(cells.sum()), 4),
+        lambda: _baked(scene, mesh, visible, (size, start, cells, place)),
     )
     return LightMaps(start, size, place, values)
 

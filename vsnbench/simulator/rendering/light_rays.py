@@ -187,9 +187,7 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
 
 
 @compiled
-def _add_window(  # noqa: PLR0913 - compiled functions take arrays, not objects
-    start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray: Any, stamps: Any, value: Any
-) -> None:
+def _add_window(start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray: Any, stamps: Any, value: Any) -> None:
     """Add the light of a window, sampled at 3 x 4 points, so that shadows are soft."""
     facing = 0.0
     for k in range(3):
@@ -223,9 +221,7 @@ def _add_window(  # noqa: PLR0913 - compiled functions take arrays, not objects
 
 
 @compiled
-def _add_lamp(  # noqa: PLR0913 - compiled functions take arrays, not objects
-    start: Any, normal: Any, owner: Any, world: Any, lamp: Any, ray: Any, stamps: Any, value: Any
-) -> None:
+def _add_lamp(start: Any, normal: Any, owner: Any, world: Any, lamp: Any, ray: Any, stamps: Any, value: Any) -> None:
     """Add the light of a lamp, sampled at four points of its horizontal disc."""
     total = 0.0
     for part in range(4):

@@ -17,8 +17,8 @@ from vsnbench.simulator.rendering.textures import SKY, texture_atlas
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
-_NOISE = 0.022
-"""Standard deviation of the sensor's noise as a share of the light."""
+_NOISE = 0.05
+"""Standard deviation of the sensor's noise as a share of the light, before the image is softened."""
 _GAIN = 1.15
 """Exposure of the film curve."""
 _CONTRAST = 0.4
@@ -104,7 +104,7 @@ class Renderer:
             return np.reciprocal(self._buffers[height, width][0])
 
     def _look(self, eye: Eye, width: int, height: int, focal_px: float) -> Look:
-        from vsnbench.simulator.rendering.shading import shade_pixels
+        from vsnbench.simulator.rendering.shading import shade_pixels, soften
 
         at, axes, cx, cy = self._find_faces(eye, width, height, focal_px)
         nearness, seen = self._buffers[height, width]
@@ -128,6 +128,7 @@ class Renderer:
             look.rgb,
             look.depth_m,
         )
+        soften(look.rgb)
         return look
 
     def _find_faces(

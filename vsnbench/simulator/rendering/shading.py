@@ -17,7 +17,7 @@ STRETCH = 16
 """Number of pixels of a row that are shaded together, with one texture size."""
 TONES = 4096
 """Steps of the table from light to sRGB, which ends at twice the light of white."""
-GRAIN = 8192
+GRAIN = 2048
 """Number of pixels after which the sensor's noise repeats along a row; a power of two."""
 VIGNETTE = 0.22
 """Share of the light that is missing in the corners of an image."""
@@ -74,7 +74,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
     normals, axis_s, axis_t, texture, texture_map, owner, tints, glow, light_start, light_size, light_map = surface
     height, width = nearness.shape
     places = np.empty((5, STRETCH), np.int32)
-    shares = np.empty((9, STRETCH), np.float32)
+    shares = np.empty((8, STRETCH), np.float32)
     fall_off = -VIGNETTE / (centre_x * centre_x + centre_y * centre_y + 1.0)
     for row in range(height):
         for x in range(width):
@@ -127,8 +127,10 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                 level = 0
                 level_at = np.int64(0)
                 bits = _BITS
+                middle = (first + last) * 0.5 - centre_x
+                # The fall-off of the lens is the same for one stretch: it is smaller than the noise.
+                steps = tint * np.float32((edge + fall_off * middle * middle) * (TONES / 2.0))
                 if picture != 0:
-                    middle = (first + last) * 0.5 - centre_x
                     far = depth[row, (first + last) // 2] if (first + last) // 2 < end else depth[row, first]
                     tilt = max(abs(n_b + n_c * middle), 0.02)
                     footprint = far / focal / np.sqrt(tilt) * np.sqrt(map_s * map_t) * SIZE
@@ -145,7 +147,6 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                     offset = (first + k) - centre_x
                     s = s_a + z * (s_b + s_c * offset)
                     t = t_a + z * (t_b + t_c * offset)
-                    shares[8, k] = np.float32((edge + fall_off * offset * offset) * _PER_LIGHT)
                     ls, lt = s * l_s + lo_s, t * l_t + lo_t
                     ls = 0.0 if ls < 0.0 else ls
                     lt = 0.0 if lt < 0.0 else lt
@@ -190,7 +191,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                         + four_at(light, q) * shares[2, k]
                         + four_at(light, q + 1) * shares[3, k]
                     )
-                    color = (color + own) * tint
+                    color = (color + own) * steps
                     if picture != 0:
                         texel = (
                             four_at(atlas, places[1, k]) * shares[4, k]
@@ -199,9 +200,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                             + four_at(atlas, places[4, k]) * shares[7, k]
                         )
                         color = color * (texel * _PER_STORED)
-                    red, green, blue = first_three_steps(
-                        color * shares[8, k] * four_at(grain, noise_from + k), TONES - 1
-                    )
+                    red, green, blue = first_three_steps(color * four_at(grain, noise_from + k), TONES - 1)
                     colors[k, 0] = tones[red]
                     colors[k, 1] = tones[green]
                     colors[k, 2] = tones[blue]
@@ -263,6 +262,25 @@ def _shade_sky(  # noqa: PLR0913 - compiled functions take arrays, not objects
             high = atlas[p10, channel] * (_ONE - fu) + atlas[p11, channel] * fu
             value = (low * (_ONE - fv) + high * fv) * bright
             rgb[row, x, channel] = tones[min(int(value * _PER_LIGHT), TONES - 1)]
+
+
+@compiled
+def soften(rgb: Any) -> None:
+    """Blur an image (H, W, 3) uint8 over its direct neighbours in place, as a lens and a Bayer filter do."""
+    height, width = rgb.shape[0], rgb.shape[1] * 3
+    pixels = rgb.reshape(height, width)
+    above = pixels[0].astype(np.uint16)
+    sums = np.empty(width + 6, np.uint16)
+    for row in range(height):
+        here, below = pixels[row], pixels[min(row + 1, height - 1)]
+        for k in range(width):
+            value = np.uint16(here[k])
+            sums[k + 3] = np.uint16(above[k] + np.uint16(value + value) + np.uint16(below[k]))
+            above[k] = value
+        sums[:3], sums[width + 3 :] = sums[3:6], sums[width : width + 3]
+        for k in range(width):
+            middle = np.uint16(sums[k + 3] + sums[k + 3])
+            here[k] = np.uint8(np.uint16(sums[k] + middle + sums[k + 6] + np.uint16(8)) >> np.uint16(4))
 
 
 @compiled

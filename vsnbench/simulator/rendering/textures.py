@@ -113,7 +113,7 @@ def _two_tone(share: Plane, dark: tuple[float, float, float], light: tuple[float
 
 
 def _wood(rng: np.random.Generator) -> Plane:
-    return _two_tone(_grain(rng, 9), (0.72, 0.67, 0.62), (1.26, 1.27, 1.26))
+    return _two_tone(_grain(rng, 9), (0.74, 0.72, 0.72), (1.24, 1.27, 1.34))
 
 
 def _planks(rng: np.random.Generator) -> Plane:
