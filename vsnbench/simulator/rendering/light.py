@@ -1,7 +1,7 @@
 """Light on every face of a scene, computed once for all images.
 
-Daylight and some sun come through the windows, lamps and ceiling lights add theirs, and ambient light, reduced in
-corners and under furniture, is added.
+Daylight and some sun come through the windows, lamps and ceiling lights add theirs, and surfaces reflect it onto each
+other, so that corners and contacts are dark and colours bleed. The camera's exposure belongs to the site.
 """
 
 import math
@@ -23,9 +23,9 @@ from vsnbench.simulator.rendering.textures import mean_colors
 
 _CELL_M = {"floor": 0.05, "wall": 0.14, "ceiling": 0.2}
 _FURNITURE_CELL_M = 0.09
-_DIRECTIONS = (16, 48)
+_DIRECTIONS = (8, 48)
 """Minimum and maximum number of directions in which a point receives reflected light."""
-_RAYS = 6_000_000
+_RAYS = 5_000_000
 """Number of rays that a scene with many surfaces shares among its points."""
 _SUN = (0.36, -0.76, 0.54, 1.5, 1.36, 1.1)
 """Direction to the sun, not normalized, and its RGB light."""
@@ -144,7 +144,7 @@ def _baked(
 def _exposure(walls: Floats) -> float:
     """Return the camera's exposure for the (N, 3) light on walls: dark sites stay darker, but less so."""
     level = float(np.median(walls.mean(axis=1))) if len(walls) else _EXPOSED
-    return (_EXPOSED / max(level, 0.05)) ** 0.7
+    return float((_EXPOSED / max(level, 0.05)) ** 0.7)
 
 
 def _in_parts(work: Callable[[slice], None], count: int) -> None:
