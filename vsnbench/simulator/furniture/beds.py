@@ -2,7 +2,7 @@
 
 import math
 
-from vsnbench.simulator.furniture.canvas import Canvas, multiply, recolored, rgb, turn
+from vsnbench.simulator.furniture.canvas import Canvas, multiply, pick, recolored, rgb, turn
 from vsnbench.simulator.primitives import Material, Shape
 
 _WOODS = ("#6b4426", "#b98a5a", "#3f2c20", "#e2d3b8")
@@ -14,7 +14,7 @@ def bed(c: Canvas) -> None:
     linen = Material(rgb("#f1eee6"), "cloth")
     cover = c.paint("#6d4d8e", "cloth")
     padded = random.random() < 0.4
-    wood = recolored(cover, 0.6) if padded else Material(rgb(random.choice(_WOODS)), "wood", 0.15)
+    wood = recolored(cover, 0.6) if padded else Material(rgb(pick(random, _WOODS)), "wood", 0.15)
     board = min(0.08, c.depth / 10)
     top = c.height * (0.66 if c.height < 0.7 else 0.55)
     head = c.back + board
@@ -42,16 +42,18 @@ def bed(c: Canvas) -> None:
     for side in (c.right + 0.006, c.left - 0.006):  # hanging folds
         for k in range(5):
             x = fold + (k + 0.5) * (c.front - fold) / 5 + random.uniform(-0.08, 0.08)
-            c.place(Shape.ELLIPSOID, (x, side, (low + high) / 2), (0.05, 0.012, 0.45 * (high - low)), cover, solid=False)
+            c.place(
+                Shape.ELLIPSOID, (x, side, (low + high) / 2), (0.05, 0.012, 0.45 * (high - low)), cover, solid=False
+            )
     for k in range(pillows):
         y = c.right + (k + 0.5) * c.width / pillows
-        half = min(0.34, 0.44 * c.width / pillows)
+        wide = min(0.34, 0.44 * c.width / pillows)
         for away, angle, thing in ((0.1, -1.0, linen), (0.27, -0.5, recolored(linen, 0.96))):
             lift = 0.2 * abs(math.sin(angle)) * 0.6
             c.place(
                 Shape.BOX,
                 (head + away, y, top + 0.05 + lift),
-                (0.2, half, 0.065),
+                (0.2, wide, 0.065),
                 thing,
                 multiply(turn((0, 1, 0), angle), turn((0, 0, 1), 0.04 * (-1) ** k)),
                 bevel_m=0.05,

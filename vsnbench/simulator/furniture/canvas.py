@@ -1,13 +1,17 @@
 """Drawing surface of furniture models: the object's box in metres, with shapes and materials."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from random import Random
+from typing import TypeVar
+
+import numpy as np
+from numpy.random import Generator
 
 from vsnbench.simulator.primitives import Material, Quaternion, Shape, Vector
 
 Span = tuple[float, float]
+_Item = TypeVar("_Item")
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -94,9 +98,9 @@ class Canvas:
     parts: list[Part] = field(default_factory=list)
 
     @property
-    def random(self) -> Random:
+    def random(self) -> Generator:
         """Random numbers that depend only on the seed."""
-        return Random(self.seed)
+        return np.random.default_rng(self.seed)
 
     @property
     def back(self) -> float:
@@ -171,7 +175,7 @@ class Canvas:
         shape = Shape.CYLINDER if round_ else Shape.BOX
         self.place(shape, middle, (width / 2, width / 2, length / 2), material, rotation)
 
-    def place(  # noqa: PLR0913 - the values of a part
+    def place(
         self,
         shape: Shape,
         centre: Vector,
@@ -208,6 +212,11 @@ class Canvas:
                     self.cylinder(x, y, (0, top), half, material)
                 else:
                     self.box((x - half, x + half), (y - half, y + half), (0, top), material)
+
+
+def pick(random: Generator, items: Sequence[_Item]) -> _Item:
+    """Return a random item."""
+    return items[int(random.integers(len(items)))]
 
 
 def recolored(material: Material, factor: float) -> Material:

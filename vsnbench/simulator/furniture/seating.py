@@ -2,7 +2,7 @@
 
 import math
 
-from vsnbench.simulator.furniture.canvas import Canvas, recolored, rgb, turn
+from vsnbench.simulator.furniture.canvas import Canvas, pick, recolored, rgb, turn
 from vsnbench.simulator.primitives import Material, Shape
 
 _DARK = Material(rgb("#2a2b2e"), "plain", 0.2)
@@ -87,8 +87,28 @@ def office_chair(c: Canvas) -> None:
 
 
 def armchair(c: Canvas) -> None:
-    """A deep single seat with broad arms, on short feet."""
-    _couch(c, c.paint("#b5794a", "fabric"), seats=1)
+    """A wooden frame with open arms, a seat cushion and a leaning back cushion."""
+    cloth = c.paint("#b5794a", "fabric")
+    wood = Material(rgb(_WOODS[c.seed % len(_WOODS)]), "wood", 0.2)
+    leg, seat = min(0.05, c.width / 8), 0.46 * c.height
+    arm, lean = 0.66 * c.height, min(0.2, 0.26 * c.depth)
+    for y in (c.right + leg / 2, c.left - leg / 2):
+        c.beam((c.front - leg, y, 0), (c.front - 1.6 * leg, y, arm), leg, wood, round_=False)
+        c.beam((c.back + leg, y, 0), (c.back + 1.4 * leg, y, arm), leg, wood, round_=False)
+        c.box((c.back + leg / 2, c.front), (y - 0.7 * leg, y + 0.7 * leg), (arm - 0.01, arm + 0.025), wood, 0.01)
+        c.box((c.back + leg, c.front - leg), (y - leg / 3, y + leg / 3), (seat - 0.17, seat - 0.11), wood)
+    inner = (c.right + 1.3 * leg, c.left - 1.3 * leg)
+    c.box((c.back + lean, c.front - leg), inner, (seat - 0.16, seat - 0.12), wood)
+    c.box((c.back + lean, c.front - 0.02), inner, (seat - 0.13, seat), cloth, 0.045)
+    half = (0.06, inner[1], (c.height - seat) / 2 + 0.02)
+    c.place(
+        Shape.BOX,
+        (c.back + lean * 0.75, 0, (seat + c.height) / 2),
+        half,
+        recolored(cloth, 1.05),
+        turn((0, 1, 0), -0.28),
+        bevel_m=0.04,
+    )
 
 
 def sofa(c: Canvas) -> None:
@@ -104,7 +124,9 @@ def _couch(c: Canvas, cloth: Material, seats: int) -> None:
     arm_top = random.uniform(0.68, 0.78) * c.height
     seam = 0.006
     c.legs(0.04, 0.05, foot, Material(rgb("#3d2a1c"), "wood"), round_=True)
-    c.box((c.back, c.front - 0.02), (c.right + 0.01, c.left - 0.01), (foot, seat - cushion), recolored(cloth, 0.92), 0.01)
+    c.box(
+        (c.back, c.front - 0.02), (c.right + 0.01, c.left - 0.01), (foot, seat - cushion), recolored(cloth, 0.92), 0.01
+    )
     c.box((c.back, c.back + back), (c.right + 0.02, c.left - 0.02), (foot, 0.93 * c.height), cloth, 0.05)
     rolled = random.random() < 0.4
     for edge, inner in ((c.right, c.right + arm), (c.left, c.left - arm)):
@@ -120,13 +142,13 @@ def _couch(c: Canvas, cloth: Material, seats: int) -> None:
         y = (middle - wide / 2 + seam, middle + wide / 2 - seam)
         c.box((c.back + back, c.front), y, (seat - cushion + seam, seat), recolored(cloth, 1.04), 0.045)
         high = (c.height - seat) / 2
-        half = (0.085 * c.depth, wide / 2 - seam, 1.02 * high)
+        back_half = (0.085 * c.depth, wide / 2 - seam, 1.02 * high)
         at = (c.back + back + 0.07 * c.depth, middle, seat + high)
-        c.place(Shape.BOX, at, half, recolored(cloth, 1.07), lean, bevel_m=0.05)
+        c.place(Shape.BOX, at, back_half, recolored(cloth, 1.07), lean, bevel_m=0.05)
     pillow = min(0.21, 0.26 * c.height)
     colors = ("#d9b65c", "#d8d3c5", "#b5603a", "#4f6f7a", "#ece7da")
-    for side in (-1, 1) if seats > 1 else (random.choice((-1, 1)),):
-        cover = Material(rgb(random.choice(colors)), "fabric")
+    for side in (-1, 1) if seats > 1 else (pick(random, (-1, 1)),):
+        cover = Material(rgb(pick(random, colors)), "fabric")
         y = side * (c.width / 2 - arm - 1.05 * pillow)
         angle = turn((0, 1, 0), -0.45)
         half = (0.065, pillow, pillow)

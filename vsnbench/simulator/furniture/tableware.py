@@ -2,9 +2,11 @@
 
 import math
 import zlib
-from random import Random
 
-from vsnbench.simulator.furniture.canvas import Canvas, Part, recolored, rgb, turn
+import numpy as np
+from numpy.random import Generator
+
+from vsnbench.simulator.furniture.canvas import Canvas, Part, pick, recolored, rgb, turn
 from vsnbench.simulator.primitives import Material, Shape
 from vsnbench.sites.site import SiteObject
 
@@ -23,7 +25,7 @@ def things_on(table: SiteObject) -> list[list[Part]]:
     depth, width, _ = table.size_m
     if min(depth, width) < 0.35:
         return []
-    random = Random(zlib.crc32(f"{table.id} {table.size_m}".encode()))
+    random = np.random.default_rng(zlib.crc32(f"{table.id} {table.size_m}".encode()))
     top = _Top(Canvas(depth, width, _HIGHEST_M), random)
     if table.model == "desk":
         top.desk()
@@ -37,7 +39,7 @@ def things_on(table: SiteObject) -> list[list[Part]]:
 class _Top:
     """Puts groups of things on a table's top."""
 
-    def __init__(self, canvas: Canvas, random: Random) -> None:
+    def __init__(self, canvas: Canvas, random: Generator) -> None:
         self._canvas, self._random = canvas, random
         self.groups: list[list[Part]] = []
 
@@ -51,7 +53,7 @@ class _Top:
                 self._setting(side * (c.depth / 2 - 0.19), y, side)
         middle = [self._bottle, self._fruit, self._dish]
         spots = max(2, int(c.width / 0.3))
-        start = random.randrange(len(middle))
+        start = random.integers(len(middle))
         for k in range(spots):
             y = c.right + (k + 0.5) * c.width / spots + random.uniform(-0.03, 0.03)
             middle[(start + k) % len(middle)](random.uniform(-0.03, 0.03), y)
@@ -61,7 +63,7 @@ class _Top:
         c, random = self._canvas, self._random
         things = [self._books, self._mug, self._fruit, self._bottle, self._dish, self._mug]
         spots = max(2, int(c.width / 0.22))
-        start = random.randrange(len(things))
+        start = random.integers(len(things))
         for k in range(spots):
             y = c.right + (k + 0.5) * c.width / spots
             things[(start + k) % len(things)](random.uniform(-0.2, 0.2) * c.depth, y)
@@ -69,7 +71,7 @@ class _Top:
     def desk(self) -> None:
         """A keyboard, paper, a mug, books at one end."""
         c, random = self._canvas, self._random
-        side = random.choice((-1, 1))
+        side = pick(random, (-1, 1))
         self._keyboard(0.18 * c.depth, 0.0)
         self._mug(0.1 * c.depth, side * 0.36 * c.width)
         self._books(-0.15 * c.depth, -side * 0.38 * c.width)
@@ -82,7 +84,7 @@ class _Top:
         """A plate with food, a glass, cutlery."""
         c, random = self._canvas, self._random
         c.cylinder(x, y, (0, 0.022), 0.125, _CHINA, 0.6)
-        food = Material(rgb(random.choice(_FOODS)), "stone")
+        food = Material(rgb(pick(random, _FOODS)), "stone")
         c.ellipsoid((x, y, 0.028), (0.075, 0.075, 0.028), food)
         self._glass(x - side * 0.15, y + 0.12)
         steel = Material(rgb("#b9bcc0"), "metal", 0.7)
@@ -92,7 +94,7 @@ class _Top:
 
     def _glass(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
-        wine = Material(rgb(random.choice(("#7a1f2e", "#e3d9a0", "#cddcdc"))), "plain", 0.7)
+        wine = Material(rgb(pick(random, ("#7a1f2e", "#e3d9a0", "#cddcdc"))), "plain", 0.7)
         c.cylinder(x, y, (0, 0.005), 0.034, _GLASS)
         c.cylinder(x, y, (0.005, 0.085), 0.006, _GLASS)
         c.cylinder(x, y, (0.085, 0.14), 0.038, wine, 0.45)
@@ -100,7 +102,7 @@ class _Top:
 
     def _bottle(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
-        glass = Material(rgb(random.choice(("#22381f", "#3a2415", "#2c4a37", "#7a8f58"))), "plain", 0.7)
+        glass = Material(rgb(pick(random, ("#22381f", "#3a2415", "#2c4a37", "#7a8f58"))), "plain", 0.7)
         c.cylinder(x, y, (0, 0.19), 0.038, glass)
         c.cylinder(x, y, (0.19, 0.235), 0.038, glass, 2.7)
         c.cylinder(x, y, (0.235, 0.305), 0.014, glass)
@@ -109,7 +111,9 @@ class _Top:
 
     def _fruit(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
-        c.cylinder(x, y, (0, 0.075), 0.13, Material(rgb(random.choice(("#e8e4da", "#7a4f2e", "#5f7f8c"))), "plain", 0.4), 0.5)
+        c.cylinder(
+            x, y, (0, 0.075), 0.13, Material(rgb(pick(random, ("#e8e4da", "#7a4f2e", "#5f7f8c"))), "plain", 0.4), 0.5
+        )
         for k in range(6):
             around = math.tau * k / 5
             reach = 0.065 if k < 5 else 0.0
@@ -123,12 +127,12 @@ class _Top:
         c.cylinder(x, y, (0, 0.06), 0.14, _CHINA, 0.55)
         for _ in range(3):
             at = (x + random.uniform(-0.05, 0.05), y + random.uniform(-0.05, 0.05), 0.058)
-            c.ellipsoid(at, (0.07, 0.06, 0.032), Material(rgb(random.choice(_FOODS)), "stone"))
+            c.ellipsoid(at, (0.07, 0.06, 0.032), Material(rgb(pick(random, _FOODS)), "stone"))
         self._end_group()
 
     def _mug(self, x: float, y: float) -> None:
         c = self._canvas
-        glaze = Material(rgb(self._random.choice(_MUGS)), "plain", 0.5)
+        glaze = Material(rgb(pick(self._random, _MUGS)), "plain", 0.5)
         c.cylinder(x, y, (0, 0.095), 0.042, glaze, 0.9)
         c.cylinder(x, y, (0.094, 0.096), 0.036, Material(rgb("#3a2417")))
         c.box((x - 0.006, x + 0.006), (y + 0.04, y + 0.068), (0.025, 0.075), glaze, 0.01)
@@ -137,8 +141,8 @@ class _Top:
     def _books(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
         low = 0.0
-        for _ in range(random.randint(2, 4)):
-            thick, cover = random.uniform(0.015, 0.035), Material(rgb(random.choice(_COVERS)), "plain", 0.2)
+        for _ in range(random.integers(2, 5)):
+            thick, cover = random.uniform(0.015, 0.035), Material(rgb(pick(random, _COVERS)), "plain", 0.2)
             angle = turn((0, 0, 1), random.uniform(-0.35, 0.35))
             c.place(Shape.BOX, (x, y, low + thick / 2), (0.085, 0.12, thick / 2), cover, angle)
             pages = recolored(_CHINA, 0.9)

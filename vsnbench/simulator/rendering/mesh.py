@@ -190,9 +190,10 @@ def _faces_of(primitive: Primitive) -> Floats:
     """Return (n, 4, 3) faces in the primitive's own frame; small round shapes have few."""
     faces = _untapered(primitive)
     if primitive.taper != 1.0:
-        high = (faces[..., 2:] / primitive.half_size[2] + 1) / 2
-        low = min(1.0, primitive.taper)
-        faces = faces * np.concatenate([np.repeat(low + (min(1.0, 1 / primitive.taper) - low) * high, 2, 2), high**0], 2)
+        low, high = min(1.0, primitive.taper), min(1.0, 1 / primitive.taper)
+        share = (faces[..., 2:] / primitive.half_size[2] + 1) / 2
+        faces = faces.copy()
+        faces[..., :2] *= low + (high - low) * share
     return faces
 
 
