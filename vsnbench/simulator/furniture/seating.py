@@ -139,8 +139,8 @@ def _couch(c: Canvas, cloth: Material, seats: int) -> None:
     lean = turn((0, 1, 0), -0.16)
     for k in range(seats):
         middle = c.right + arm + (k + 0.5) * wide
-        y = (middle - wide / 2 + seam, middle + wide / 2 - seam)
-        c.box((c.back + back, c.front), y, (seat - cushion + seam, seat), recolored(cloth, 1.04), 0.045)
+        across = (middle - wide / 2 + seam, middle + wide / 2 - seam)
+        c.box((c.back + back, c.front), across, (seat - cushion + seam, seat), recolored(cloth, 1.04), 0.045)
         high = (c.height - seat) / 2
         back_half = (0.085 * c.depth, wide / 2 - seam, 1.02 * high)
         at = (c.back + back + 0.07 * c.depth, middle, seat + high)
