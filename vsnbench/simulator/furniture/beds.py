@@ -36,7 +36,7 @@ def bed(c: Canvas) -> None:
     c.box((fold - 0.03, fold + 0.2), (c.right + 0.002, c.left - 0.002), (0.62 * top, high + 0.02), linen, 0.03)
     for _ in range(9):
         along = random.uniform(-0.6, 0.6)
-        at = (random.uniform(fold + 0.3, c.front - 0.2), random.uniform(0.8 * c.right, 0.8 * c.left), high - 0.004)
+        at = (fold + random.uniform(0.2, 0.9) * (c.front - fold), random.uniform(-0.8, 0.8) * c.left, high - 0.004)
         half = (random.uniform(0.15, 0.32), random.uniform(0.03, 0.06), 0.02)
         c.place(Shape.ELLIPSOID, at, half, cover, turn((0, 0, 1), along), solid=False)
     for side in (c.right + 0.006, c.left - 0.006):  # hanging folds

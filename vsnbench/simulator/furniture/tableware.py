@@ -83,7 +83,7 @@ class _Top:
     def _setting(self, x: float, y: float, side: int) -> None:
         """A plate with food, a glass, cutlery."""
         c, random = self._canvas, self._random
-        c.cylinder(x, y, (0, 0.022), 0.125, _CHINA, 0.6)
+        c.cylinder(x, y, (0, 0.022), 0.125, _CHINA, 0.9)
         food = Material(rgb(pick(random, _FOODS)), "stone")
         c.ellipsoid((x, y, 0.028), (0.075, 0.075, 0.028), food)
         self._glass(x - side * 0.15, y + 0.12)
@@ -112,7 +112,7 @@ class _Top:
     def _fruit(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
         c.cylinder(
-            x, y, (0, 0.075), 0.13, Material(rgb(pick(random, ("#e8e4da", "#7a4f2e", "#5f7f8c"))), "plain", 0.4), 0.5
+            x, y, (0, 0.075), 0.13, Material(rgb(pick(random, ("#e8e4da", "#7a4f2e", "#5f7f8c"))), "plain", 0.4), 0.72
         )
         for k in range(6):
             around = math.tau * k / 5
@@ -124,7 +124,7 @@ class _Top:
 
     def _dish(self, x: float, y: float) -> None:
         c, random = self._canvas, self._random
-        c.cylinder(x, y, (0, 0.06), 0.14, _CHINA, 0.55)
+        c.cylinder(x, y, (0, 0.06), 0.13, _CHINA, 0.75)
         for _ in range(3):
             at = (x + random.uniform(-0.05, 0.05), y + random.uniform(-0.05, 0.05), 0.058)
             c.ellipsoid(at, (0.07, 0.06, 0.032), Material(rgb(pick(random, _FOODS)), "stone"))
