@@ -50,7 +50,7 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
     """Write which source of light every point sees in every direction into `sources` (N, D).
 
     A source is the index of a point, the number of points + the index of a primitive whose mean light is used, or -1
-    outdoors. The first point has index `first` in `lit`, which is from `direct_light`. `directions` are cosine-weighted
+    outdoors. A point inside a solid has the mean of its own primitive. The first point has index `first` in `lit`, which is from `direct_light`. `directions` are cosine-weighted
     unit vectors on the hemisphere about z; `plan` is from `floor_plan`. `maps` are the faces of each primitive, the
     axes, place, size and start of each face's light map, and the point of each cell. `roof` is the primitive of the
     ceiling, or -1.
@@ -63,7 +63,7 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
     for number in range(len(points)):
         lift = lit[first + number, 3]
         if lift == 0.0:
-            sources[number, :] = -1
+            sources[number, :] = len(lit) + owners[number]
             continue
         normal = normals[number]
         px = points[number, 0] + lift * normal[0]
@@ -81,10 +81,10 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
             ry = p * uy + q * vy + r * normal[1]
             rz = p * uz + q * vz + r * normal[2]
             limit = 50.0
-            if rz < -1e-6 and pz > 0.0:
-                limit = min(limit, pz / -rz)
-            elif rz > 1e-6 and pz < ceiling:
-                limit = min(limit, (ceiling - pz) / rz)
+            if rz < -1e-6:  # a point at the floor's height sees the floor, not what is below it
+                limit = min(limit, max(pz, 1e-3) / -rz)
+            elif rz > 1e-6:
+                limit = min(limit, max(ceiling - pz, 1e-3) / rz)
             at, thing = cast(px, py, pz, rx, ry, rz, limit, False, owners[number], 0, world, stamps)
             if thing < 0:
                 if at >= 50.0:

@@ -213,6 +213,7 @@ def _untapered(primitive: Primitive) -> Floats:
     return np.asarray(unit * np.array(primitive.half_size))
 
 
+_DIGITS = 10
 _SHAPE_IDS = {Shape.BOX: 0, Shape.CYLINDER: 1, Shape.ELLIPSOID: 2, Shape.LEAF: 2}
 _BUILDING = ("wall", "floor", "ceiling")
 
@@ -257,12 +258,14 @@ def build_mesh(scene: Scene) -> Mesh:
     rotations = [np.array(rotation_matrix(primitive.rotation)) for primitive in visible]
     for index, (primitive, rotation) in enumerate(zip(visible, rotations, strict=True)):
         style = TEXTURES[primitive.material.texture]
-        corners = _faces_of(primitive) @ rotation.T + np.array(primitive.centre)
+        # Rounded, because products of matrices differ in the last bits between processors.
+        corners = np.round(_faces_of(primitive) @ rotation.T + np.array(primitive.centre), _DIGITS)
         normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         has_area = np.linalg.norm(normals, axis=1) > 1e-14
-        corners, normals = corners[has_area], _unit(normals[has_area])
-        s, t = _axes(primitive, rotation, corners, normals, style.mapping)
-        along, across = (corners @ s[:, :, None])[..., 0], (corners @ t[:, :, None])[..., 0]
+        corners, normals = corners[has_area], np.round(_unit(normals[has_area]), _DIGITS)
+        s, t = (np.round(axis, _DIGITS) for axis in _axes(primitive, rotation, corners, normals, style.mapping))
+        along = np.round((corners @ s[:, :, None])[..., 0], _DIGITS)
+        across = np.round((corners @ t[:, :, None])[..., 0], _DIGITS)
         extent = np.stack([along.min(1), along.max(1), across.min(1), across.max(1)], axis=1)
         if style.mapping is Mapping.FIT:
             wide, high = extent[:, 1] - extent[:, 0], extent[:, 3] - extent[:, 2]
