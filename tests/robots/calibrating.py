@@ -57,7 +57,7 @@ def doctor(environment: Mapping[str, str], path: Path, kind: str, **fields: obje
     profile = write_profile(path / "robot.yaml", kind, **fields)
     done = typed(environment, "doctor", "--robot", str(profile), "--results", str(path / "results"), "--json")
     assert "Traceback" not in done.stderr
-    return {line["what"]: (line["health"], line["seen"]) for line in json.loads(done.stdout)}
+    return {line["what"]: (line["health"], line["seen"]) for line in json.loads(done.stdout)["checks"]}
 
 
 def finds_the_camera_askew(environment: Mapping[str, str], path: Path, kind: str) -> None:

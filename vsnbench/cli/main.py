@@ -44,7 +44,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "protocol": ("vsnbench.cli.protocol", "List, show and check protocols: the rules of the trials."),
     "robots": ("vsnbench.cli.robots.robots", "List and check robot profiles; run the ROS nodes of a robot."),
     "models": ("vsnbench.cli.models.models", "Create, list, check, serve and fetch models."),
-    "doctor": ("vsnbench.cli.robots.doctor", "Check a robot and this machine before a session."),
+    "doctor": ("vsnbench.cli.robots.doctor", "Check this machine, and a robot, before a session."),
     "place": ("vsnbench.cli.running.place", "Measure how far a robot is from its starting position."),
     "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
     "bundle": ("vsnbench.cli.evidence.bundle", "Pack results into one file that another person can check."),

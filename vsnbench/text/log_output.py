@@ -19,7 +19,7 @@ LEVELS = ("debug", "info", "warning", "error")
 class _FileFormatter(logging.Formatter):
     """UTC time, level, process and logger before each message."""
 
-    converter = time.gmtime
+    converter = time.gmtime  # type: ignore[assignment]
     default_time_format = "%Y-%m-%dT%H:%M:%S"
     default_msec_format = "%s.%03dZ"
 
