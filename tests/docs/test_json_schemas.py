@@ -11,18 +11,12 @@ from jsonschema import Draft202012Validator
 from typer.main import get_command
 
 from tests.cli.console import vsnbench_process
-from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults
+from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults, name_of
 from vsnbench.cli.main import VERBS, build_app
 
 ELSEWHERE = {"robots calibrate": "tests/robots/calibrating.py, with ROS"}
 """Command -> where its output is compared with its schema."""
-NAMES = sorted(
-    {
-        line.split()[0] if line.split()[0] in SINGLE else " ".join(line.split()[:2])
-        for line in COMMANDS.splitlines()
-        if line
-    }
-)
+NAMES = sorted({name_of(line) for line in COMMANDS.splitlines() if line})
 
 
 def commands_with_json() -> Iterator[str]:
