@@ -97,6 +97,7 @@ SLOW = frozenset(
         "site_checks/test_check.py",
         "site_checks/test_mistakes.py",
         "statistics/test_power_independent.py",
+        "test_releases.py",
         "verification/test_hostile_records.py",
         "verification/test_older_records.py",
         "verification/test_verify.py",

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from zipfile import is_zipfile
 
 from sqlalchemy import Connection, Engine
 
@@ -94,6 +95,10 @@ def merge_source(given: str, images: Sequence[Path] = ()) -> MergeSource:
     file = path / DATABASE_NAME if path.is_dir() else path
     if not file.is_file():
         raise RecordError(f"no record at {file}", advice="name a results directory with its database and episodes")
+    if is_zipfile(file):
+        raise RecordError(
+            f"{file} is an archive", advice="unzip it and name the results directory in it", code="archive-given"
+        )
     return MergeSource(given, sqlite_url(file), file.parent)
 
 
