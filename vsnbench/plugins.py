@@ -88,11 +88,10 @@ def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
     for other, module in list(sys.modules.items()):
         if other == "__main__":
             continue
-        file = file_of_module(module)
-        if file is None:
-            continue
-        neighbour = single and not installed and file.parent == own.parent
-        if other == name or other.partition(".")[0] == top or neighbour:
+        of_package = other == name or other.partition(".")[0] == top
+        neighbour = single and not installed and str(getattr(module, "__file__", None)).startswith(f"{own.parent}/")
+        file = file_of_module(module) if of_package or neighbour else None
+        if file is not None and (of_package or file.parent == own.parent):
             yield other, file
 
 

@@ -7,7 +7,6 @@ module hashes the files among their options, and every module of their package t
 import hashlib
 import sys
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -56,20 +55,16 @@ def code_of(policy: Policy) -> dict[str, str]:
     kind = type(policy.model if isinstance(policy, DuckTypedPolicy) else policy)
     if kind.__module__.partition(".")[0] == "vsnbench":
         return dict(policy.card.code)
+    from vsnbench.models.remote.vsnbench_policy import version_of
+
     found = {"class": f"{kind.__module__}:{kind.__qualname__}", "sha256": source_sha256(kind)}
-    if version := _package_version(kind.__module__.partition(".")[0]):
+    if version := version_of(kind.__module__.partition(".")[0]):
         found["version"] = version
     if file := file_of_module(sys.modules.get(kind.__module__)):
         checkout = checkout_of(file)
         if checkout.commit:
             found["commit"] = checkout.commit + ("+changes" if checkout.dirty else "")
     return found
-
-
-def _package_version(top: str) -> str:
-    for distribution in metadata.packages_distributions().get(top, ()):
-        return metadata.version(distribution)
-    return ""
 
 
 def _directory_sha256(directory: Path) -> str:
