@@ -1,5 +1,6 @@
 """The page in a real browser: no network, no complaint on the console, sorted by a click, readable on a phone."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
