@@ -15,7 +15,7 @@ from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.contract import Policy
 from vsnbench.models.duck_typed import DuckTypedPolicy
 from vsnbench.models.names import is_third_party
-from vsnbench.plugins import file_of_module, source_sha256
+from vsnbench.plugins import file_of_module, package_version, source_sha256
 from vsnbench.runtime.git import checkout_of
 
 _MAX_FILES = 10_000
@@ -55,10 +55,8 @@ def code_of(policy: Policy) -> dict[str, str]:
     kind = type(policy.model if isinstance(policy, DuckTypedPolicy) else policy)
     if kind.__module__.partition(".")[0] == "vsnbench":
         return dict(policy.card.code)
-    from vsnbench.models.remote.vsnbench_policy import version_of
-
     found = {"class": f"{kind.__module__}:{kind.__qualname__}", "sha256": source_sha256(kind)}
-    if version := version_of(kind.__module__.partition(".")[0]):
+    if version := package_version(kind.__module__.partition(".")[0]):
         found["version"] = version
     if file := file_of_module(sys.modules.get(kind.__module__)):
         checkout = checkout_of(file)

@@ -576,11 +576,11 @@ def code_of(policy: Any) -> dict[str, str]:
         if file is not None and (name.partition(".")[0] == top or (single and file.parent == own.parent)):
             files.append((name, file))
     found["sha256"] = _hash_of(sorted(files))
-    version = version_of(top)
+    version = _version_of(top)
     return dict(found, version=version) if version else found
 
 
-def version_of(package: str) -> str:
+def _version_of(package: str) -> str:
     """Return the version of the installed distribution that has this top-level package, or an empty string.
 
     A tenth of the time of `importlib.metadata.packages_distributions`, which splits every path of every distribution.
