@@ -317,9 +317,8 @@ def test_a_backup_never_overwrites_and_never_appears_half_written(sqlite: str, t
 
 
 def test_a_record_that_was_made_in_memory_is_one_that_migrations_made_and_replaces_none(
-    sqlite: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sqlite: str, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(migrate, "_empty_records", [])
     get_ready(sqlite)
     assert not list(tmp_path.iterdir()), "what is about to be run may still be refused"
     create_record(sqlite)

@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -25,10 +26,6 @@ if TYPE_CHECKING:
 
 HEAD: Final = "0009"
 """Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
-
-
-_empty_records: list[bytes] = []
-"""Empty database created in memory, as the content of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,36 +86,54 @@ def _check_readable(engine: Engine) -> None:
     )
 
 
+@cache
+def _empty_record() -> bytes:
+    """Return an empty record as the content of a file; the migrations run once per process."""
+    engine = open_engine("sqlite://")
+    with engine.connect() as connection:  # an in-memory database exists as long as its connection
+        upgrade(engine)
+        content = _raw(connection).serialize()
+    engine.dispose()
+    return content
+
+
 def get_ready(url: str) -> None:
-    """Create an empty record in memory for a missing database, while the caller waits for other processes.
+    """Prepare an empty record for a missing database, while the caller waits for other processes.
 
     Nothing is written yet, because the run may still be refused.
     """
     path = sqlite_path(url)
-    if path is None or path.exists() or _empty_records:
-        return
-    engine = open_engine("sqlite://")
-    with engine.connect() as connection:  # an in-memory database exists as long as its connection
-        upgrade(engine)
-        _empty_records.append(_raw(connection).serialize())
-    engine.dispose()
+    if path is not None and not path.exists():
+        _empty_record()
 
 
 def create_record(url: str) -> None:
-    """Write the empty record from `get_ready` if there is no database.
+    """Write an empty record if there is no SQLite database.
 
     Concurrent processes, and file systems without hard links, leave it to `upgrade`.
     """
     path = sqlite_path(url)
-    if path is None or path.exists() or not _empty_records:
+    if path is None or path.exists() or not path.parent.is_dir():
         return
     part = part_path(path)
     with contextlib.suppress(OSError):  # another process has created it, or hard links are not supported
         try:
-            part.write_bytes(_empty_records[0])
+            part.write_bytes(_empty_record())
             os.link(part, path)
         finally:
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def record_in_memory() -> Iterator[Engine]:
+    """Yield an empty record in memory."""
+    engine = open_engine("sqlite://")
+    try:
+        with engine.connect() as connection:
+            _raw(connection).deserialize(_empty_record())
+        yield engine  # its connections of this thread are the same
+    finally:
+        engine.dispose()
 
 
 def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
