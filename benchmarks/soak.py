@@ -13,144 +13,40 @@ record is checked. Exits with 1 if a trial is lost or has two results, or a proc
 
 import argparse
 import os
-import re
 import signal
 import subprocess
 import sys
 import time
 import urllib.parse
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
-from sqlalchemy import Engine, create_engine, text
+from sqlalchemy import text
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.support.process_samples import SampleFile, bytes_below, read_samples, samples_of, table  # noqa: E402
+from benchmarks.support.process_samples import HALF_HOUR_S, SampleFile, bytes_below, read_samples, samples_of, table  # noqa: E402
+from benchmarks.support.record_checks import print_faults, print_totals  # noqa: E402
 from benchmarks.support.soak_clients import Client, ConsoleOperator, ResultsReader  # noqa: E402
+from benchmarks.support.soak_world import Command, World  # noqa: E402
 from tests.results.postgresql_server import new_database, running_server  # noqa: E402
 from tests.web.browser import Browser  # noqa: E402
-from vsnbench.robots.profiles import embedded_profiles  # noqa: E402
 from vsnbench.viewer.viewers import _program, free_port  # noqa: E402
 
 SAMPLE_S = 30.0
 WARM_UP_S = 1200.0
-ADDRESS = re.compile(r"http://\S+token=\S+")
-MODEL = '''"""A random walk that takes 50 ms a step, as a small network does."""
-
-import random
-import time
-
-from vsnbench import Action, Decision, ModelCard, Observation, Policy
-
-
-class PacedWalk(Policy):
-    card = ModelCard("paced-walk")
-
-    def reset(self, goal: str, seed: int) -> None:
-        self.chance = random.Random(seed)
-
-    def act(self, observation: Observation) -> Decision:
-        time.sleep(0.05)
-        return Decision(self.chance.choice((Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)))
-'''
 SWEEP = ("--model", "random,forward", "--goal", "all", "--max-steps", "40", "--keep", "images", "--workers", "2")
 ALONE = ("--goal", "chair", "--max-steps", "20", "--repetitions", "1000")
 LOST = (
-    "SELECT count(*) FROM trial WHERE campaign_id IN (SELECT campaign_id FROM trial JOIN episode ON trial_id = "
-    "trial.id) AND NOT EXISTS (SELECT 1 FROM episode WHERE trial_id = trial.id AND state IN ('judged', 'awaiting'))"
+    "SELECT count(*) FROM trial JOIN campaign ON campaign.id = campaign_id JOIN model ON model.id = model_id WHERE "
+    "model.name IN ('random', 'forward') AND EXISTS (SELECT 1 FROM episode JOIN trial AS of_same ON of_same.id = "
+    "trial_id WHERE of_same.campaign_id = trial.campaign_id) AND NOT EXISTS (SELECT 1 FROM episode WHERE trial_id = "
+    "trial.id AND state = 'judged')"
 )
-TWICE = (
-    "SELECT count(*) FROM (SELECT trial_id FROM episode WHERE state IN ('judged', 'awaiting') GROUP BY trial_id HAVING "
-    "count(*) > 1) AS twice"
-)
-
-
-@dataclass
-class Command:
-    """A `vsnbench` command of the soak, its output in a file."""
-
-    name: str
-    popen: "subprocess.Popen[bytes]"
-    log: Path
-
-    @property
-    def output(self) -> str:
-        """What it has printed."""
-        return self.log.read_text(errors="replace")
-
-    def address(self) -> str:
-        """Wait for the address of its page."""
-        give_up_s = time.monotonic() + 120
-        while (found := ADDRESS.search(self.output)) is None:
-            if self.popen.poll() is not None or time.monotonic() > give_up_s:
-                raise SystemExit(f"{self.name} does not serve its page:\n{self.output[-2000:]}")
-            time.sleep(0.2)
-        return found[0]
-
-    def interrupt(self) -> int | None:
-        """End it with Ctrl-C and return its exit code; None if it goes on."""
-        if self.popen.poll() is None:
-            self.popen.send_signal(signal.SIGINT)
-        with suppress(subprocess.TimeoutExpired):
-            return self.popen.wait(60)
-        return None
-
-    def end(self) -> None:
-        """End it however it is."""
-        if self.popen.poll() is None:
-            self.popen.terminate()
-            self.popen.wait(60)
-
-
-class World:
-    """The folder, database and environment that the commands share."""
-
-    def __init__(self, folder: Path, url: str) -> None:
-        self.folder = folder
-        self.url = url
-        self.engine: Engine = create_engine(url, pool_size=1, isolation_level="AUTOCOMMIT")
-        for name in ("tmp", "cache"):
-            (folder / name).mkdir()
-        profile = embedded_profiles()["turtlebot2"].read_text().replace("name: turtlebot2", "name: small")
-        profile = re.sub(r"width: \d+", "width: 64", re.sub(r"height: \d+", "height: 48", profile))
-        (folder / "small.yaml").write_text(profile)
-        (folder / "paced_walk.py").write_text(MODEL)
-        self.environment = {
-            **os.environ,
-            "TMPDIR": str(folder / "tmp"),
-            "XDG_CACHE_HOME": str(folder / "cache"),
-            "PYTHONPATH": str(ROOT),
-        }
-
-    def start(self, name: str, *words: str) -> Command:
-        """Start a command with the shared record."""
-        log = self.folder / f"{name.replace(' ', '-')}.log"
-        command = [sys.executable, "-m", "vsnbench.cli.main", *words, "--results", "results", "--db", self.url]
-        with log.open("ab") as sink:
-            popen = subprocess.Popen(
-                command,
-                cwd=self.folder,
-                env=self.environment,
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=sink,
-                start_new_session=True,
-            )
-        return Command(name, popen, log)
-
-    def run(self, name: str, *words: str) -> Command:
-        """Start a run of the small robot."""
-        return self.start(name, "run", "--robot", "simulated:small.yaml", *words)
-
-    def count(self, query: str) -> int:
-        """Return the number that a query gives."""
-        with self.engine.connect() as connection:
-            return int(connection.execute(text(query)).scalar_one())
+"""Number of trials of the sweep, in campaigns that were begun, without a result."""
 
 
 def commands_of(world: World) -> Iterator[Command]:
@@ -163,8 +59,36 @@ def commands_of(world: World) -> Iterator[Command]:
     yield world.start("browse", "browse", "--port", "0")
 
 
+class SecondViewer:
+    """A viewer of the live stream that keeps what it is sent, in memory too: it is opened anew every half hour."""
+
+    def __init__(self, world: World, command: Command) -> None:
+        self._world, self._command = world, command
+        self._popen: subprocess.Popen[bytes] | None = None
+        self._since_s = 0.0
+        self.refresh()
+
+    @property
+    def pid(self) -> int:
+        """Process ID now."""
+        assert self._popen is not None
+        return self._popen.pid
+
+    def refresh(self) -> None:
+        """Open it, or open it anew after half an hour."""
+        if self._popen is None or time.monotonic() - self._since_s > HALF_HOUR_S:
+            self.close()
+            self._popen, self._since_s = follow_live(self._world, self._command), time.monotonic()
+
+    def close(self) -> None:
+        """End it."""
+        if self._popen is not None:
+            self._popen.kill()
+            self._popen.wait(30)
+
+
 def follow_live(world: World, command: Command) -> "subprocess.Popen[bytes]":
-    """Start a second viewer of the live stream, which keeps what it is sent."""
+    """Start a viewer of the live stream."""
     location = Browser(command.address()).enter().ask("GET", "/").headers["location"]
     (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(location).query)["url"]
     return subprocess.Popen(
@@ -183,8 +107,8 @@ def soak(world: World, hours: float, stack: ExitStack) -> list[str]:
         stack.callback(command.end)
         commands.append(command)
     by_name = {command.name: command for command in commands}
-    viewer = follow_live(world, by_name["live"])
-    stack.callback(viewer.kill)
+    viewer = SecondViewer(world, by_name["live"])
+    stack.callback(viewer.close)
     clients: dict[str, Client] = {
         "console": ConsoleOperator(by_name["console"].address()),
         "browse": ResultsReader(by_name["browse"].address()),
@@ -201,6 +125,7 @@ def soak(world: World, hours: float, stack: ExitStack) -> list[str]:
             with disk.open("a") as file:
                 file.write(f"{passed_s:7.0f} s  {disk_line(world)}\n")
         numbers += 1
+        viewer.refresh()
         if ended := [command.name for command in commands if command.popen.poll() is not None]:
             wrong.append(f"ended before its time: {', '.join(ended)}")
             break
@@ -217,8 +142,7 @@ def soak(world: World, hours: float, stack: ExitStack) -> list[str]:
             command.end()
         if "Traceback" in command.output:
             wrong.append(f"traceback in {command.log}")
-    viewer.terminate()
-    viewer.wait(30)
+    viewer.close()
     print(f"{time.monotonic() - began:.0f} s; {disk_line(world)}")
     left = [process for process in everything if process.is_running() and "postgres" not in process.name()]
     return wrong + [f"left running: {left}"] * bool(left)
@@ -248,22 +172,11 @@ def finish_sweep(world: World) -> None:
 
 def record_faults(world: World) -> list[str]:
     """Print what became of the trials; return what is wrong."""
-    sweep = "campaign_id IN (SELECT campaign.id FROM campaign JOIN model ON model.id = model_id WHERE model.name IN "
-    found: Mapping[str, int] = {
-        "episodes judged": world.count("SELECT count(*) FROM episode WHERE state = 'judged'"),
-        "episodes void": world.count("SELECT count(*) FROM episode WHERE state = 'void'"),
-        "trials of the sweep lost": world.count(f"{LOST} AND {sweep} ('random', 'forward'))"),
-        "trials with two results": world.count(TWICE),
-        "episodes still active": world.count(
-            "SELECT count(*) FROM episode WHERE state IN ('claimed', 'placed', 'running')"
-        ),
-        "episodes with other steps than actions": world.count(
-            "SELECT count(*) FROM episode WHERE actions <> (SELECT count(*) FROM step WHERE episode_id = episode.id)"
-        ),
-    }
-    for name, count in found.items():
-        print(f"{count:7d} {name}")
-    return [f"{count} {name}" for name, count in list(found.items())[2:] if count]
+    print_totals(world.engine)
+    wrong = print_faults(world.engine, left_out=("trials without a result",))
+    lost = world.count(LOST)
+    print(f"{lost:7d} trials of the sweep without a result")
+    return wrong + [f"{lost} trials lost"] * bool(lost)
 
 
 def main() -> int:

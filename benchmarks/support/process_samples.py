@@ -75,9 +75,7 @@ def family(root: int) -> list[tuple[str, psutil.Process]]:
     except psutil.Error:
         return []
     workers = sorted((child.pid for role, child in found if role == ", worker"))
-    return [
-        (f"{role} {workers.index(child.pid) + 1}" if role == ", worker" else role, child) for role, child in found
-    ]
+    return [(f"{role} {workers.index(child.pid) + 1}" if role == ", worker" else role, child) for role, child in found]
 
 
 class SampleFile:
