@@ -83,12 +83,16 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: tuple[Count, ...] = Field(default=(2000, 1000, 2200), min_length=1, description="number of updates in each round")
+    updates: tuple[Count, ...] = Field(
+        default=(2000, 1000, 2200), min_length=1, description="number of updates in each round"
+    )
     lanes: Count = 32
     steps: Count = Field(default=48, description="steps between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)
     largest_gradient: float = Field(default=1.0, gt=0)
-    least_inflection_weight: float = Field(default=1.0, ge=0, description="lower limit of the weight, which is otherwise the ratio in the data")
+    least_inflection_weight: float = Field(
+        default=1.0, ge=0, description="lower limit of the weight, which is otherwise the ratio in the data"
+    )
 
 
 class Validation(_Strict):
