@@ -1,4 +1,4 @@
-"""Calls the command line as a user does: in this process for speed, or in one of its own where it must be killed."""
+"""Runs the command line in this process, or in a separate one that a test can kill."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ from vsnbench.cli.main import main
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command printed, and its exit code."""
+    """Output and exit code of a command."""
 
     code: int
     out: str
@@ -22,7 +22,7 @@ class Answer:
 
 
 def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
-    """Run a command in this process, whose environment stays as it was: a lab's file writes its defaults there."""
+    """Run a command in this process, and restore the environment, which a configuration file changes."""
     monkeypatch.setattr(sys, "argv", ["vsnbench", *words])
     capsys.readouterr()
     environment, code = dict(os.environ), 0
@@ -39,7 +39,7 @@ def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 
 @contextmanager
 def vsnbench_process(words: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
-    """Start a command in a process of its own; it is ended with the block."""
+    """Start a command in a separate process, which ends with the block."""
     process = subprocess.Popen(
         [sys.executable, "-m", "vsnbench.cli.main", *words],
         stdout=subprocess.PIPE,

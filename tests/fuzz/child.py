@@ -1,4 +1,4 @@
-"""The child that takes a target's inputs: `python -m tests.fuzz.child TARGET SEED FIRST END`; a line of JSON each."""
+"""Child process that runs a target's inputs: `python -m tests.fuzz.child TARGET SEED FIRST END`."""
 
 import contextlib
 import io
@@ -20,7 +20,7 @@ from vsnbench.errors import VsnbenchError
 def main(name: str, seed: int, first: int, end: int) -> None:
     """Run the inputs `first` to `end - 1`."""
     report = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(2, 1)  # whatever a library prints must not mix with the report
+    os.dup2(2, 1)  # output of libraries must not mix with the report
     target = TARGETS[name]
     home = Path.cwd() / "target"
     home.mkdir()
@@ -53,14 +53,14 @@ def main(name: str, seed: int, first: int, end: int) -> None:
 
 @contextlib.contextmanager
 def quiet() -> Any:
-    """Keep what is printed."""
+    """Capture the output."""
     heard = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(heard):
         yield heard
 
 
 def data_bytes() -> int:
-    """Return what counts towards RLIMIT_DATA now."""
+    """Return the current memory that counts towards RLIMIT_DATA."""
     (line,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData")]
     return int(line.split()[1]) * 1024
 

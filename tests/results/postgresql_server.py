@@ -1,4 +1,4 @@
-"""A real PostgreSQL on loopback, in a folder of its own under /tmp; stopped and removed at the end."""
+"""A PostgreSQL server on loopback in its own folder under /tmp, removed at the end."""
 
 import os
 import pwd
@@ -16,7 +16,7 @@ from sqlalchemy import create_engine, text
 
 @contextmanager
 def running_server() -> Iterator[str]:
-    """Give the URL of a server without the name of a database."""
+    """Yield the URL of a server without the name of a database."""
     binaries = _binaries()
     folder = Path(tempfile.mkdtemp(prefix="vsnbench-pg-", dir="/tmp"))
     user = _server_user()
@@ -65,7 +65,7 @@ def _binaries() -> Path:
 
 
 def _server_user() -> pwd.struct_passwd | None:
-    """PostgreSQL refuses to run as root; any other user runs it as itself."""
+    """Return the user for PostgreSQL, which refuses to run as root."""
     if os.getuid():
         return None
     names = {entry.pw_name: entry for entry in pwd.getpwall()}

@@ -27,11 +27,11 @@ def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStud
 
 
 def amend(journal: Journal, study: RecordedStudy, content: str) -> None:
-    """Let another text be the plan."""
+    """Replace the text of the plan."""
     journal.amend_study(study.id, StudyChange(content, hash_of(content), "Which?", "we had to", f"+{content.strip()}"))
 
 
 def apply_merge(journal: Journal, study: RecordedStudy, ranks: range) -> None:
-    """Run these of its scheduled trials."""
+    """Run some of its scheduled trials."""
     for one in journal.study_progress(study.id)[ranks.start : ranks.stop]:
         run(journal, one.trial, stopped(success=one.rank % 3 == 0), steps=1)

@@ -1,4 +1,4 @@
-"""A small made-up episode: every kind of entry, diagnostics included."""
+"""A small synthetic episode with all kinds of entries and diagnostics."""
 
 import math
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ from vsnbench.cli.support.log_level import VARIABLE, verbose
 
 
 @pytest.mark.parametrize(("count", "level"), [(1, logging.INFO), (2, logging.DEBUG), (3, logging.DEBUG)])
-def test_verbose_lowers_the_level_of_this_process_and_its_children_while_it_is_entered(count: int, level: int) -> None:
+def test_verbose_lowers_the_level_of_this_process_and_its_children_in_its_context(count: int, level: int) -> None:
     logger = logging.getLogger("vsnbench")
     before = logger.level, os.environ.get(VARIABLE)
     with verbose(count):
