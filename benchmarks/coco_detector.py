@@ -12,37 +12,30 @@ in frames of a scanned house with those that a person sees. `speed` times a fram
 """
 
 import argparse
-import ast
 import itertools
 import json
 import math
 import statistics
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from benchmarks.support.coco_network import Found, Network, overlap
+from benchmarks.support.goal_views import SMALLEST_SHARE, Flat, Visible
+from benchmarks.support.recognition import LEAST_OVERLAP
 from vsnbench.models.checkpoints.weights import weights_directory
 from vsnbench.models.vlv.detectors.choosing import ONNX_FILE
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL
-from vsnbench.protocol.free_space import free_space
-from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.generated_sites.generate import generate_site
-from vsnbench.simulator.rendering.renderer import Frame, Renderer
-from vsnbench.simulator.scene import build_scene
-from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 
 CLASSES = tuple(sorted(CLASS_OF_GOAL.values()))
 SCORES = (0.15, 0.20, 0.25, 0.30, 0.35, 0.40, 0.45, 0.50)
 RANGE_M = 5.0
 """Objects farther away do not count as missed; the map ends there."""
-SMALLEST_SHARE = 0.002
-"""Objects that fill less of the image do not count."""
-LEAST_OVERLAP = 0.3
 
 FIGURE_FLATS = range(9300, 9304)
 SHOWN = {
@@ -54,50 +47,6 @@ SHOWN = {
 }
 """What a person sees in the frames of gramuah/ros4vsn, examples/pirlnav/imgs at commit c0887e9: a scan of a real house.
 Bar stools are chairs, a coffee table is not a dining table, and slivers at the edge do not count."""
-
-Box = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A box of the detector."""
-
-    label: str
-    score: float
-    box: Box
-
-
-class Network:
-    """The file in onnxruntime on one thread, without VLV's rules."""
-
-    def __init__(self, path: Path) -> None:
-        import onnxruntime as ort
-
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = 1
-        self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        metadata = self._session.get_modelmeta().custom_metadata_map
-        self._names = ast.literal_eval(metadata["names"])
-        stated = json.loads(metadata.get("reliability", "{}"))
-        self.thresholds = {label: stated.get(label, {}).get("threshold", 0.5) for label in CLASSES}
-
-    def find(self, rgb: np.ndarray, least: float) -> list[Found]:
-        image = np.ascontiguousarray(rgb.transpose(2, 0, 1)[None]).astype(np.float32) / 255
-        boxes, labels, scores = self._session.run(["boxes", "labels", "scores"], {"image": image})
-        return [
-            Found(self._names[label], float(score), tuple(map(float, box)))
-            for box, label, score in zip(boxes, labels, scores, strict=True)
-            if score >= least
-        ]
-
-
-@dataclass(frozen=True, slots=True)
-class Visible:
-    """A visible object."""
-
-    label: str
-    distance_m: float
-    box: Box
 
 
 def main() -> None:
@@ -138,27 +87,17 @@ def measure_views(network: Network, seeds: Iterable[int], count: int) -> dict[st
 
 
 def views_of(seed: int, count: int) -> Iterator[tuple[np.ndarray, list[Visible]]]:
-    """Yield views from random free poses of a generated flat, with the visible objects."""
-    profile = load_profile("turtlebot2")
-    site = generate_site(seed)
-    space = free_space(site, profile.base.radius_m)
-    renderer = Renderer(build_scene(site))
+    """Yield views from random free poses of a generated flat, with the visible objects of VLV's goals."""
+    flat = Flat(generate_site(seed))
     random = np.random.default_rng([7, seed])
-    free = np.argwhere(space.cells)
+    free = np.argwhere(flat.space.cells)
     for row, column in free[random.choice(len(free), count, replace=False)]:
         heading_rad = float(random.uniform(-math.pi, math.pi))
-        pose = Pose(float(space.x_m[row, column]), float(space.y_m[row, column]), heading_rad)
-        frame = renderer.render(profile.camera.without_roll, pose)
-        yield frame.rgb, list(visible_in(frame, site))
-
-
-def visible_in(frame: Frame, site: Site) -> Iterator[Visible]:
-    for index, thing in enumerate(site.objects):
-        mask = frame.instance == index + 1
-        if thing.category in CLASS_OF_GOAL and np.count_nonzero(mask) >= SMALLEST_SHARE * mask.size:
-            rows, columns = np.nonzero(mask)
-            box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-            yield Visible(CLASS_OF_GOAL[thing.category], float(np.median(frame.depth_m[mask])), box)
+        view = flat.view(Pose(float(flat.space.x_m[row, column]), float(flat.space.y_m[row, column]), heading_rad))
+        yield (
+            view.rgb,
+            [item for item in view.objects if item.category in CLASS_OF_GOAL and item.share >= SMALLEST_SHARE],
+        )
 
 
 def precision_and_recall(
@@ -166,7 +105,7 @@ def precision_and_recall(
 ) -> dict[str, float | int]:
     correct = boxes = hit = visible = 0
     for seen, found in rows:
-        objects = [item for item in seen if item.label == label]
+        objects = [item for item in seen if CLASS_OF_GOAL[item.category] == label]
         hits: set[int] = set()
         for item in found:
             if item.label == label and item.score >= least:
@@ -181,15 +120,6 @@ def precision_and_recall(
         "visible": visible,
         "recall": round(hit / visible, 3) if visible else 0.0,
     }
-
-
-def overlap(one: Box, other: Box) -> float:
-    """Return the intersection over union of two boxes."""
-    width = min(one[2], other[2]) - max(one[0], other[0])
-    height = min(one[3], other[3]) - max(one[1], other[1])
-    shared = max(width, 0) * max(height, 0)
-    areas = [(box[2] - box[0]) * (box[3] - box[1]) for box in (one, other)]
-    return shared / (sum(areas) - shared)
 
 
 def reliability(table: dict[str, dict[str, dict[str, float | int]]]) -> dict[str, dict[str, float]]:
@@ -218,7 +148,7 @@ def measure_frames(network: Network, directory: Path) -> dict[str, object]:
         shown = {f"{episode}/{k}" for episode, numbers in SHOWN[label].items() for k in numbers}
         table[label] = {"frames that show it": len(shown & set(rows))}
         for least in (*SCORES, None):
-            limit = network.thresholds[label] if least is None else least
+            limit = network.threshold(label) if least is None else least
             names = {name for name, found in rows.items() if any(found_as(item, label, limit) for item in found)}
             cell = {"found": len(names & shown), "false": sorted(names - shown)}
             table[label][f"own, {limit}" if least is None else str(least)] = cell
@@ -239,9 +169,9 @@ def draw_figure(network: Network, path: Path) -> dict[str, object]:
             image = rgb[..., ::-1].copy()
             hit: set[int] = set()
             for item in network.find(rgb, 0.05):
-                if item.label not in CLASSES or item.score < network.thresholds[item.label]:
+                if item.label not in CLASSES or item.score < network.threshold(item.label):
                     continue
-                same = {k for k, thing in enumerate(seen) if thing.label == item.label}
+                same = {k for k, thing in enumerate(seen) if CLASS_OF_GOAL[thing.category] == item.label}
                 covered = {k for k in same if overlap(item.box, seen[k].box) >= LEAST_OVERLAP}
                 hit |= covered
                 counts["correct" if covered else "false"] += 1

@@ -118,6 +118,41 @@ def test_a_round_outline_collides_inside_itself() -> None:
     assert sum(4 * part.half_size[0] * part.half_size[1] for part in solids) > 0.9 * shape.area
 
 
+def things_on_tables(*objects: SiteObject) -> list[Primitive]:
+    return [part for part in build_scene(a_site(*objects)).primitives if part.category == "tableware"]
+
+
+@pytest.mark.parametrize("model", ["dining_table", "coffee_table", "desk"])
+def test_things_on_a_table_lie_on_its_top_without_a_contact(model: str) -> None:
+    table = SiteObject(
+        id="table", category="table", model=model, position=(3, 2), heading_deg=40, size_m=(0.9, 1.6, 0.7)
+    )
+    things = things_on_tables(table)
+    assert things
+    for part in things:
+        assert not part.solid
+        assert part.instance == 0
+        assert table.shape.buffer(1e-9).covers(Point(part.centre[:2]))
+        assert part.centre[2] - extents(part.shape, part.half_size, part.rotation)[2] >= 0.7 - 1e-9
+
+
+def test_no_thing_lies_where_another_object_is() -> None:
+    table = SiteObject(id="table", category="table", position=(3, 2), size_m=(0.9, 1.6, 0.7))
+    screen = SiteObject(id="screen", category="monitor", position=(3, 2.2), size_m=(0.5, 0.8, 0.5), elevation_m=0.7)
+    alone, shared = things_on_tables(table), things_on_tables(table, screen)
+    assert 0 < len(shared) < len(alone)
+    assert not any(screen.shape.contains(Point(part.centre[:2])) for part in shared)
+
+
+def test_objects_of_the_same_size_and_colour_look_alike_and_others_differ() -> None:
+    def look(width: float) -> list[tuple[float, ...]]:
+        chair = SiteObject(id="chair", category="chair", position=(3, 2), size_m=(0.5, width, 0.9), color="#336699")
+        return [part.centre for part in parts_of(a_site(chair))]
+
+    assert look(0.5) == look(0.5)
+    assert len({len(look(0.4 + 0.01 * k)) for k in range(12)}) > 1
+
+
 def test_objects_that_are_not_solid_have_no_contact() -> None:
     rug = SiteObject(id="rug", category="rug", position=(3, 2), size_m=(2, 1, 0.01), solid=False)
     assert not any(part.solid for part in parts_of(a_site(rug)))

@@ -14,6 +14,8 @@ class Shape(StrEnum):
     CYLINDER = "cylinder"
     """Along its own z axis; half sizes are (radius, radius, half length)."""
     ELLIPSOID = "ellipsoid"
+    LEAF = "leaf"
+    """A pointed lens along its own x axis with a ridge on both sides; physics and shadows use its ellipsoid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,10 @@ class Primitive:
     """Whether a robot can touch it."""
     visible: bool = True
     """Whether the camera sees it; the outline of a surveyed footprint is solid but not visible."""
+    taper: float = 1.0
+    """Width of a box or cylinder at its bottom relative to its top; physics and shadows use the untapered shape."""
+    bevel_m: float = 0.0
+    """Width of the bevel on a box's edges; physics and shadows use the box."""
 
 
 @dataclass(frozen=True, slots=True)

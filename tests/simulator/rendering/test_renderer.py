@@ -11,7 +11,7 @@ import pytest
 
 from tests.simulator.scenery import LOOKS, a_site
 from vsnbench.simulator.primitives import Scene, Shape
-from vsnbench.simulator.rendering.mesh import SEMANTIC_CLASSES, semantic_id
+from vsnbench.simulator.rendering.mesh import SEMANTIC_CLASSES, build_mesh, semantic_id
 from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer, eye_of
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Door, Site, SiteObject, Wall, Window
@@ -89,8 +89,23 @@ def traced(scene: Scene, eye: Eye, camera: Camera) -> tuple[npt.NDArray[np.float
     }
     spec = mujoco.MjSpec()
     shown = [primitive for primitive in scene.primitives if primitive.visible]
-    for primitive in shown:
+    mesh = build_mesh(scene)
+    for index, primitive in enumerate(shown):
         x, y, z = primitive.half_size
+        if primitive.shape not in shapes or primitive.bevel_m or primitive.taper != 1.0:
+            corners = mesh.corners[slice(*mesh.faces[index])]
+            middle = corners.mean((0, 1))
+            quads = np.arange(len(corners) * 4).reshape(-1, 4)
+            four = (corners[:, 2] != corners[:, 3]).any(1)
+            triangles = np.concatenate([quads[:, [0, 1, 2]], quads[four][:, [0, 2, 3]]])
+            spec.add_mesh(
+                name=f"mesh{index}",
+                uservert=(corners - middle).reshape(-1),
+                userface=triangles.reshape(-1),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            )
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"mesh{index}", pos=middle)
+            continue
         size = [x, z, 0] if primitive.shape is Shape.CYLINDER else [x, y, z]
         spec.worldbody.add_geom(type=shapes[primitive.shape], size=size, pos=primitive.centre, quat=primitive.rotation)
     model = spec.compile()

@@ -5,8 +5,8 @@ import numpy.typing as npt
 import pytest
 
 from tests.simulator.rendering.test_renderer import CAMERA, furnished
-from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer, eye_of
-from vsnbench.simulator.rendering.shading import STRETCH, TONES
+from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer, _seed_of, eye_of
+from vsnbench.simulator.rendering.shading import GRAIN, STRETCH, TONES, VIGNETTE, grain_start, soften
 from vsnbench.simulator.rendering.textures import FULL, LEVELS, SIZE, SKY
 from vsnbench.simulator.scene import build_scene
 from vsnbench.values.pose import Pose
@@ -19,7 +19,36 @@ def test_surface_pixels_equal_scalar_arithmetic(pose: Pose) -> None:
     faces = renderer._buffers[CAMERA.height, CAMERA.width][1].copy()
     rgb, shaded = shade_alone(renderer, eye, frame, faces)
     assert np.count_nonzero(shaded) > 0.9 * shaded.size
-    assert np.array_equal(frame.rgb[shaded], rgb[shaded])
+    inner = shaded.copy()
+    for dy, dx in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)):
+        inner &= np.roll(shaded, (dy, dx), (0, 1))
+    assert np.count_nonzero(inner) > 0.8 * inner.size
+    assert np.array_equal(frame.rgb[inner], softened(rgb)[inner])
+
+
+def test_softening_equals_the_sum_over_nine_pixels() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (7, 9, 3)).astype(np.uint8)
+    expected = softened(image)
+    soften(image)
+    assert np.array_equal(image, expected)
+
+
+def test_noise_differs_between_poses_and_repeats_for_the_same_pose() -> None:
+    renderer, pose = Renderer(build_scene(furnished())), Pose(1.0, 1.0, 0.5)
+    assert np.array_equal(renderer.look(CAMERA, pose).rgb, renderer.render(CAMERA, pose).rgb)
+    seed = _seed_of(eye_of(CAMERA, pose))
+    assert seed == _seed_of(eye_of(CAMERA, Pose(1.0, 1.0, 0.5 + 1e-9))), "rounding errors do not change the noise"
+    assert seed != _seed_of(eye_of(CAMERA, Pose(1.001, 1.0, 0.5)))
+    starts = {int(grain_start(7, row)) for row in range(100)}
+    assert len(starts) > 90
+    assert all(0 <= start < GRAIN for start in starts)
+
+
+def softened(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Return the image (H, W, 3), each pixel averaged with its neighbours by the weights 1, 2, 1 along both sides."""
+    wide = np.pad(image, ((1, 1), (1, 1), (0, 0)), "edge").astype(int)
+    rows = wide[:-2] + 2 * wide[1:-1] + wide[2:]
+    return np.asarray((rows[:, :-2] + 2 * rows[:, 1:-1] + rows[:, 2:] + 8) >> 4, np.uint8)
 
 
 def shade_alone(
@@ -36,7 +65,10 @@ def shade_alone(
     rgb = np.zeros((height, width, 3), np.uint8)
     shown = (faces >= 0) & (mesh.texture[faces] != SKY)
     f32 = np.float32
+    fall_off = -VIGNETTE / (cx * cx + cy * cy + 1)
     for row in range(height):
+        noise_at = grain_start(_seed_of(eye), row)
+        edge = 1 + fall_off * (row - cy) * (row - cy)
         ahead = forward + (row - cy) / focal * down
         column = 0
         while column < width:
@@ -62,10 +94,12 @@ def shade_alone(
                 cells = light.start[face] + j * wide + i
                 corners = (cells, cells + 1, cells + wide, cells + wide + 1)
                 color = between(light.values, corners, (ls - i).astype(f32), (lt - j).astype(f32))
-                color = (color + f32(mesh.glow[thing])) * mesh.colors[thing].astype(f32)
+                middle = (start + end) * 0.5 - cx
+                to_steps = f32((edge + fall_off * middle * middle) * (TONES / 2))
+                color = (color + f32(mesh.glow[thing])) * (mesh.colors[thing].astype(f32) * to_steps)
                 if picture != 0:
-                    middle = (start + end) // 2
-                    far = frame.depth_m[row, middle if middle < run else start]
+                    centre = (start + end) // 2
+                    far = frame.depth_m[row, centre if centre < run else start]
                     normal = mesh.normals[face]
                     tilt = abs(dot(normal, ahead) + dot(normal, right) / focal * ((start + end) * 0.5 - cx))
                     footprint = far / focal / np.sqrt(max(tilt, 0.02)) * np.sqrt(map_s * map_t) * SIZE
@@ -78,7 +112,8 @@ def shade_alone(
                     base = picture * ((4 * SIZE * SIZE - 1) // 3) + level_start[size_level]
                     texels = tuple(base + ((iv + b) % size) * size + (iu + a) % size for b in (0, 1) for a in (0, 1))
                     color = color * (between(atlas, texels, (u - iu).astype(f32), (v - iv).astype(f32)) * f32(1 / FULL))
-                steps = np.minimum((color * f32(TONES / 2)).astype(int), TONES - 1)
+                noise = renderer._grain[((noise_at + start) & (GRAIN - 1)) + np.arange(end - start), :3]
+                steps = np.minimum((color * noise).astype(int), TONES - 1)
                 rgb[row, start:end] = tones[steps]
     return rgb, shown
 

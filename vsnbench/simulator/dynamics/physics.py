@@ -31,7 +31,7 @@ _STOPPING_STEPS = 100
 _NEAR_M = 0.02
 """Solids nearer than this to the shell are simulated."""
 _BUILT_IN = frozenset({"floor", "ceiling"})
-_EDITION = 1
+_EDITION = 2
 """Increased when the pixels or the motion of the same trial change."""
 
 
@@ -289,9 +289,10 @@ def _world_xml(solids: list[Primitive], base: Base) -> str:
 def _geom_xml(number: int, solid: Primitive) -> str:
     """Return one solid as an immovable geom."""
     a, b, c = solid.half_size
+    shape = Shape.ELLIPSOID if solid.shape is Shape.LEAF else solid.shape
     size = f"{a} {c}" if solid.shape is Shape.CYLINDER else f"{a} {b} {c}"
     position = " ".join(map(str, solid.centre))
     rotation = " ".join(map(str, solid.rotation))
     return f"""
-    <geom name="solid{number}" class="solid" type={quoteattr(solid.shape.value)} size="{size}" pos="{position}"
+    <geom name="solid{number}" class="solid" type={quoteattr(shape.value)} size="{size}" pos="{position}"
           quat="{rotation}"/>"""

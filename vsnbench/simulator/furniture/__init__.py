@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Callable
 
 from vsnbench.errors import SiteError
-from vsnbench.simulator.furniture import bathroom, decoration, kitchen, seating, storage, tables
+from vsnbench.simulator.furniture import bathroom, beds, decoration, kitchen, seating, storage, tables
 from vsnbench.simulator.furniture.canvas import Canvas, Part, rgb
 from vsnbench.sites.site import SiteObject
 
@@ -12,7 +12,7 @@ Model = Callable[[Canvas], None]
 
 MODELS: dict[str, dict[str, Model]] = {
     "bathtub": {"bathtub": bathroom.bathtub},
-    "bed": {"bed": seating.bed},
+    "bed": {"bed": beds.bed},
     "bookshelf": {"bookshelf": storage.bookshelf},
     "cabinet": {"cabinet": storage.cabinet, "sideboard": storage.sideboard},
     "chair": {
@@ -95,7 +95,8 @@ def furnish(thing: SiteObject) -> list[Part]:
     if is_extruded(thing):
         return []
     color = thing.color if thing.category in MODELS and thing.model not in PLAIN_MODELS else plain_color(thing)
-    canvas = Canvas(*thing.size_m, color=rgb(color) if color else None)
+    seed = zlib.crc32(f"{thing.category} {thing.model} {thing.size_m} {color}".encode())
+    canvas = Canvas(*thing.size_m, color=rgb(color) if color else None, seed=seed)
     models[thing.model or next(iter(models))](canvas)
     if not canvas.parts:  # too small for details
         plain_box(canvas)

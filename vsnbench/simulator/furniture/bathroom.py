@@ -16,18 +16,24 @@ def toilet(c: Canvas) -> None:
     reach = (c.depth - tank) / 2
     middle = c.back + tank + reach
     wide = 0.46 * c.width
-    c.box((c.back, c.back + tank), (c.right, c.left), (rim, c.height - 0.03), white)
+    c.box((c.back, c.back + tank), (c.right, c.left), (rim, c.height - 0.03), white, 0.025)
     c.box((c.back, c.back + tank + 0.008), (c.right, c.left), (c.height - 0.03, c.height), recolored(white, 0.97))
     c.cylinder(c.back + tank / 2, 0, (c.height - 0.008, c.height), 0.022, _STEEL)
-    c.box((c.back, middle), (-0.55 * wide, 0.55 * wide), (0, rim - 0.05), white)
-    c.cylinder(middle, 0, (0, 0.45 * rim), 0.62 * min(reach, wide), white)
+    c.box((c.back, middle), (-0.55 * wide, 0.55 * wide), (0, rim - 0.05), white, 0.04)
+    c.cylinder(middle, 0, (0, 0.45 * rim), 0.7 * min(reach, wide), white, 0.8)
     c.ellipsoid((middle, 0, 0.62 * rim), (reach, wide, 0.38 * rim), white)
     c.ellipsoid((middle, 0, rim - 0.02), (reach, wide, 0.035), recolored(white, 0.93))
     c.ellipsoid((middle, 0, rim + 0.022), (reach * 0.99, wide * 0.99, 0.022), white)
     water = Material(rgb("#6d7a80"), "plain", 0.4)
     c.ellipsoid((middle + 0.04 * reach, 0, rim + 0.028), (reach * 0.68, wide * 0.62, 0.02), water)
     leaning = c.back + tank
-    c.box((leaning, leaning + 0.022), (-0.9 * wide, 0.9 * wide), (rim + 0.02, c.height - 0.05), recolored(white, 0.98))
+    c.box(
+        (leaning, leaning + 0.022),
+        (-0.9 * wide, 0.9 * wide),
+        (rim + 0.02, c.height - 0.05),
+        recolored(white, 0.98),
+        0.01,
+    )
 
 
 def vanity(c: Canvas) -> None:

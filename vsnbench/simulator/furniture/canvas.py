@@ -1,12 +1,17 @@
 """Drawing surface of furniture models: the object's box in metres, with shapes and materials."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.random import Generator
 
 from vsnbench.simulator.primitives import Material, Quaternion, Shape, Vector
 
 Span = tuple[float, float]
+_Item = TypeVar("_Item")
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -72,6 +77,9 @@ class Part:
     half_size: Vector
     material: Material
     rotation: Quaternion = UPRIGHT
+    taper: float = 1.0
+    bevel_m: float = 0.0
+    solid: bool = True
 
 
 @dataclass(slots=True)
@@ -85,7 +93,14 @@ class Canvas:
     width: float
     height: float
     color: Vector | None = None
+    seed: int = 0
+    """Selects among the variants of a model."""
     parts: list[Part] = field(default_factory=list)
+
+    @property
+    def random(self) -> Generator:
+        """Random numbers that depend only on the seed."""
+        return np.random.default_rng(self.seed)
 
     @property
     def back(self) -> float:
@@ -111,7 +126,7 @@ class Canvas:
         """Return a material in the object's own colour, or in `code` if the site gives none."""
         return Material(self.color or rgb(code), texture, shininess, glow)
 
-    def box(self, x: Span, y: Span, z: Span, material: Material) -> None:
+    def box(self, x: Span, y: Span, z: Span, material: Material, bevel_m: float = 0.0, *, solid: bool = True) -> None:
         """Add a box between the given edges."""
         edges = []
         for span, low, high in (
@@ -129,12 +144,15 @@ class Canvas:
                 _vector((start + end) / 2 for start, end in edges),
                 _vector((end - start) / 2 for start, end in edges),
                 material,
+                bevel_m=min(bevel_m, *(0.4 * (end - start) for start, end in edges)),
+                solid=solid,
             )
         )
 
-    def cylinder(self, x: float, y: float, z: Span, radius: float, material: Material) -> None:
-        """Add an upright cylinder."""
-        self.place(Shape.CYLINDER, (x, y, sum(z) / 2), (radius, radius, abs(z[1] - z[0]) / 2), material)
+    def cylinder(self, x: float, y: float, z: Span, radius: float, material: Material, taper: float = 1.0) -> None:
+        """Add an upright cylinder, or a cone whose bottom is `taper` times as wide as its top."""
+        half = (radius, radius, abs(z[1] - z[0]) / 2)
+        self.place(Shape.CYLINDER, (x, y, sum(z) / 2), half, material, taper=taper)
 
     def rod(self, axis: str, centre: Vector, radius: float, length: float, material: Material) -> None:
         """Add a horizontal cylinder along `x` or `y`."""
@@ -145,8 +163,29 @@ class Canvas:
         """Add an ellipsoid."""
         self.place(Shape.ELLIPSOID, centre, half_size, material)
 
+    def beam(self, start: Vector, end: Vector, width: float, material: Material, *, round_: bool = True) -> None:
+        """Add a straight bar between two points, round or square."""
+        along = _vector(b - a for a, b in zip(start, end, strict=True))
+        length = math.hypot(*along)
+        lean = turn((0, 1, 0), math.acos(along[2] / length))
+        rotation = multiply(turn((0, 0, 1), math.atan2(along[1], along[0])), lean)
+        if not round_:  # sides parallel to the object's
+            rotation = multiply(rotation, turn((0, 0, 1), -math.atan2(along[1], along[0])))
+        middle = _vector((a + b) / 2 for a, b in zip(start, end, strict=True))
+        shape = Shape.CYLINDER if round_ else Shape.BOX
+        self.place(shape, middle, (width / 2, width / 2, length / 2), material, rotation)
+
     def place(
-        self, shape: Shape, centre: Vector, half_size: Vector, material: Material, rotation: Quaternion = UPRIGHT
+        self,
+        shape: Shape,
+        centre: Vector,
+        half_size: Vector,
+        material: Material,
+        rotation: Quaternion = UPRIGHT,
+        taper: float = 1.0,
+        bevel_m: float = 0.0,
+        *,
+        solid: bool = True,
     ) -> None:
         """Add any shape, shrunk and moved to fit into the object's box."""
         room = (self.depth / 2, self.width / 2, self.height / 2)
@@ -161,7 +200,8 @@ class Canvas:
             axis + min(max(value - axis, need - free), free - need)
             for value, axis, free, need in zip(centre, middle, room, reach, strict=True)
         )
-        self.parts.append(Part(shape, clipped, half, material, rotation))
+        bevel_m = min(bevel_m, 0.8 * min(half)) if shape is Shape.BOX else 0.0
+        self.parts.append(Part(shape, clipped, half, material, rotation, taper, bevel_m, solid))
 
     def legs(self, inset: float, thickness: float, top: float, material: Material, round_: bool = False) -> None:
         """Add four legs from the floor to `top`, `inset` from the edges."""
@@ -172,6 +212,11 @@ class Canvas:
                     self.cylinder(x, y, (0, top), half, material)
                 else:
                     self.box((x - half, x + half), (y - half, y + half), (0, top), material)
+
+
+def pick(random: Generator, items: Sequence[_Item]) -> _Item:
+    """Return a random item."""
+    return items[int(random.integers(len(items)))]
 
 
 def recolored(material: Material, factor: float) -> Material:

@@ -1,11 +1,12 @@
 """Light on every face of a scene, computed once for all images.
 
-Daylight and some sun come through the windows, lamps and ceiling lights add theirs, and ambient light, reduced in
-corners and under furniture, is added.
+Daylight and some sun come through the windows, lamps and ceiling lights add theirs, and surfaces reflect it onto each
+other, so that corners and contacts are dark and colours bleed. The camera's exposure belongs to the site.
 """
 
 import math
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -16,15 +17,24 @@ from vsnbench.files.disk_cache import cached_array, code_key, key_of
 from vsnbench.simulator.furniture.canvas import extents, rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
 from vsnbench.simulator.rendering import mesh as mesh_module
+from vsnbench.simulator.rendering import textures
 from vsnbench.simulator.rendering.mesh import Floats, Mesh, linear
+from vsnbench.simulator.rendering.textures import mean_colors
 
-_CELL_M = {"floor": 0.08, "wall": 0.14, "ceiling": 0.2}
-_FURNITURE_CELL_M = 0.1
-_DIRECTIONS = 24
+_CELL_M = {"floor": 0.05, "wall": 0.14, "ceiling": 0.2}
+_FURNITURE_CELL_M = 0.09
+_DIRECTIONS = (8, 48)
+"""Minimum and maximum number of directions in which a point receives reflected light."""
+_RAYS = 5_000_000
+"""Number of rays that a scene with many surfaces shares among its points."""
 _SUN = (0.36, -0.76, 0.54, 1.5, 1.36, 1.1)
 """Direction to the sun, not normalized, and its RGB light."""
-_CEILING_LIGHT = (0.52, 0.48, 0.41)
-_LAMP = (0.2, 0.16, 0.1)
+_CEILING_LIGHT = (0.78, 0.72, 0.62)
+_LAMP = (0.3, 0.24, 0.15)
+_AMBIENT = (0.06, 0.058, 0.056)
+"""Light that reaches every point, in place of more reflections."""
+_EXPOSED = 0.62
+"""Median light on walls that the camera's exposure aims at."""
 _GRID_M = 0.4
 
 
@@ -44,7 +54,7 @@ class LightMaps:
 
 def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
     """Return the light of a scene, computed once and then cached on disk."""
-    from vsnbench.simulator.rendering import light_rays
+    from vsnbench.simulator.rendering import light_bounces, light_rays
 
     visible = [primitive for primitive in scene.primitives if primitive.visible]
     size = _grid_sizes(mesh, visible)
@@ -53,9 +63,15 @@ def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
     spans = np.maximum(mesh.extent[:, 1::2] - mesh.extent[:, ::2], 1e-9)
     scale = (size - 1) / spans
     place = np.stack([scale[:, 0], -mesh.extent[:, 0] * scale[:, 0], scale[:, 1], -mesh.extent[:, 2] * scale[:, 1]], 1)
-    key = key_of(code_key(__file__, light_rays.__file__, mesh_module.__file__), scene)
+    key = key_of(
+        code_key(__file__, light_rays.__file__, light_bounces.__file__, mesh_module.__file__, textures.__file__), scene
+    )
     values = cached_array(
-        "light", key, np.float32, (int(cells.sum()), 4), lambda: _baked(scene, mesh, visible, size, start, cells)
+        "light",
+        key,
+        np.float32,
+        (int(cells.sum()), 4),
+        lambda: _baked(scene, mesh, visible, (size, start, cells, place)),
     )
     return LightMaps(start, size, place, values)
 
@@ -64,51 +80,79 @@ def _baked(
     scene: Scene,
     mesh: Mesh,
     visible: list[Primitive],
-    size: npt.NDArray[np.int32],
-    start: npt.NDArray[np.int64],
-    cells: npt.NDArray[np.int64],
+    maps: tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64], Floats],
 ) -> npt.NDArray[np.float32]:
-    """Compute the light of all cells, (N, 4)."""
-    from vsnbench.simulator.rendering.light_rays import fill_buried, light_points
+    """Compute the light of all cells, (N, 4). `maps` has size, start, number of cells and place of the faces' maps."""
+    from vsnbench.simulator.rendering import light_bounces
+    from vsnbench.simulator.rendering.light_rays import direct_light, fill_buried
 
+    size, start, cells, place = maps
     points, normals, owners = _samples(mesh, size, start, cells)
     x, y, z = _SUN[:3]
     length = math.sqrt(x * x + y * y + z * z)
     sun = np.array([x / length, y / length, z / length, *_SUN[3:]])
-    world, directions, panes, lamps = (
-        _world(scene, mesh, visible),
-        _hemisphere(_DIRECTIONS),
-        _panes(visible),
-        _lamps(visible),
-    )
+    world, panes, lamps = _world(scene, mesh, visible), _panes(visible), _lamps(visible)
     # Facets of a round shape share corners: compute the light of each corner once.
     keys = np.round(np.column_stack([points, normals, owners]), 6)
     _, first, copies = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    copies = copies.reshape(-1)
     points, normals, owners = points[first], normals[first], owners[first]
-    lit = np.zeros((len(first), 4), np.float32)
-
-    def light_part(part: slice) -> None:
-        light_points(
+    lit = np.empty((len(first), 4), np.float32)
+    _in_parts(
+        lambda part: direct_light(
+            points[part], normals[part], owners[part], world, panes, lamps, sun, scene.ceiling_height_m, lit[part]
+        ),
+        len(first),
+    )
+    directions = _hemisphere(int(np.clip(_RAYS // len(first), *_DIRECTIONS)))
+    category = np.array([primitive.category for primitive in visible])
+    slabs = np.flatnonzero(category == "floor")
+    roofs = np.flatnonzero((category == "ceiling") & (mesh.shapes == 0))
+    on_floor = (category == "floor")[owners] & (normals[:, 2] > 0.5) & (mesh.half_sizes[owners, 2] < 0.02)
+    plan = light_bounces.floor_plan(points, on_floor, scene.bounds, len(first) + int(slabs[0]) if len(slabs) else -1)
+    sources = np.empty((len(first), len(directions)), np.int32)
+    _in_parts(
+        lambda part: light_bounces.find_sources(
             points[part],
             normals[part],
             owners[part],
+            part.start,
+            lit,
             world,
-            mesh.colors,
             directions,
-            panes,
-            lamps,
-            sun,
             scene.ceiling_height_m,
-            lit[part],
-        )
-
-    workers = os.cpu_count() or 1
-    step = max(1, -(-len(first) // (4 * workers)))
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(light_part, [slice(k, k + step) for k in range(0, len(first), step)]))
-    values = lit[copies.reshape(-1)]
+            plan,
+            (mesh.faces, mesh.axis_s, mesh.axis_t, place, size, start, copies),
+            int(roofs[0]) if len(roofs) else -1,
+            sources[part],
+        ),
+        len(first),
+    )
+    albedo = mesh.colors * mean_colors()[mesh.texture[mesh.faces[:, 0]]]
+    indirect = light_bounces.reflected(lit, sources, owners, albedo, mesh.glow)
+    walls = (lit[:, 3] != 0) & (category == "wall")[owners]
+    factor = _exposure(lit[walls, :3] + indirect[walls] + np.array(_AMBIENT))
+    values, reflected = lit[copies], indirect[copies]
+    values[:, 3] = values[:, 3] != 0
+    even = np.isin(category, ("wall", "ceiling"))[mesh.owner] & (size.min(1) > 2)
+    light_bounces.smooth(start[even], size[even], values[:, 3] != 0, reflected)
+    values[:, :3] = (values[:, :3] + reflected + np.array(_AMBIENT)) * factor
     fill_buried(start, size, values)
     return values
+
+
+def _exposure(walls: Floats) -> float:
+    """Return the camera's exposure for the (N, 3) light on walls: dark sites stay darker, but less so."""
+    level = float(np.median(walls.mean(axis=1))) if len(walls) else _EXPOSED
+    return float((_EXPOSED / max(level, 0.05)) ** 0.7)
+
+
+def _in_parts(work: Callable[[slice], None], count: int) -> None:
+    """Call `work` with slices of `count` items on all processors."""
+    workers = os.cpu_count() or 1
+    step = max(1, -(-count // (4 * workers)))
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(work, [slice(k, min(k + step, count)) for k in range(0, count, step)]))
 
 
 def _grid_sizes(mesh: Mesh, visible: list[Primitive]) -> npt.NDArray[np.int32]:
@@ -247,16 +291,16 @@ def _panes(visible: list[Primitive]) -> Floats:
 
 
 def _lamps(visible: list[Primitive]) -> Floats:
-    """Return (L, 7) lamps: position, RGB power and instance; ceiling lights belong to the building."""
+    """Return (L, 8) lamps: position, RGB power, instance and radius; ceiling lights belong to the building."""
     rows = []
     for primitive in visible:
         if primitive.category == "ceiling" and primitive.material.glow > 0:
             x, y, z = primitive.centre
-            rows.append([x, y, z - 0.1, *_CEILING_LIGHT, 0])
+            rows.append([x, y, z - 0.1, *_CEILING_LIGHT, 0, 0.3])
     for instance in sorted({primitive.instance for primitive in visible if primitive.category == "lamp"}):
         bright = [p for p in visible if p.instance == instance and p.material.glow > 0]
         if bright:
             middle = np.mean([p.centre for p in bright], axis=0)
             red, green, blue = linear(bright[0].material.color)
-            rows.append([*middle, _LAMP[0] * red * 1.2, _LAMP[1] * green * 1.3, _LAMP[2] * blue * 1.6, instance])
-    return np.array(rows).reshape(-1, 7)
+            rows.append([*middle, _LAMP[0] * red * 1.2, _LAMP[1] * green * 1.3, _LAMP[2] * blue * 1.6, instance, 0.1])
+    return np.array(rows).reshape(-1, 8)

@@ -144,163 +144,137 @@ def _cast_from(
 
 
 @compiled
-def light_points(  # noqa: PLR0913 - compiled functions take arrays, not objects
+def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
     points: Any,
     normals: Any,
     owners: Any,
     world: Any,
-    albedo: Any,
-    directions: Any,
     panes: Any,
     lamps: Any,
     sun: Any,
     ceiling: Any,
     values: Any,
 ) -> None:
-    """Write the linear RGB light at every point into `values` (N, 4); the fourth value is 0 for a point inside a solid.
+    """Write the linear RGB light that reaches every point from windows, lamps and the sun into `values` (N, 4).
 
-    `directions` are cosine-weighted unit vectors on the hemisphere about z. Rows of `panes` have centre, two half axes
-    and inward normal of a window. Rows of `lamps` have position, RGB power and instance. `sun` has the direction to the
-    sun and its RGB light.
+    The fourth value is the distance from the surface at which rays start, metres, or 0 for a point inside a solid.
+    Rows of `panes` have centre, two half axes, inward normal and area of a window. Rows of `lamps` have position, RGB
+    power, instance and radius. `sun` has the direction to the sun and its RGB light.
     """
-    reach = 1.4
     start, ray = np.empty(3), np.empty(3)
-    stamps = np.zeros(len(albedo) + 1, np.int64)
+    stamps = np.zeros(len(world[5]) + 1, np.int64)
     for number in range(len(points)):
         normal = normals[number]
         owner = owners[number]
+        values[number, :] = 0.0
+        at = 0.0
         for lift in (_SKIN_M, 0.03):  # a thin covering may be on the point
             for k in range(3):
                 start[k] = points[number, k] + lift * normal[k]
             at, _ = _cast_from(start, normal, 1e-3, True, owner, 0, world, stamps)
             if at != 0.0:
+                values[number, 3] = lift
                 break
         if at == 0.0:
-            values[number, :] = 0.0
             continue
-        # Frame around the normal (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
-        sign = 1.0 if normal[2] >= 0.0 else -1.0
-        a = -1.0 / (sign + normal[2])
-        b = normal[0] * normal[1] * a
-        ux, uy, uz = 1.0 + sign * normal[0] * normal[0] * a, sign * b, -sign * normal[0]
-        vx, vy, vz = b, sign + normal[1] * normal[1] * a, -normal[1]
-        red = green = blue = 0.0
-        for k in range(len(directions)):
-            p, q, r = directions[k, 0], directions[k, 1], directions[k, 2]
-            ray[0] = p * ux + q * vx + r * normal[0]
-            ray[1] = p * uy + q * vy + r * normal[1]
-            ray[2] = p * uz + q * vz + r * normal[2]
-            limit = reach
-            floor = -1
-            if ray[2] < -1e-6 and start[2] > 0.0:
-                down = start[2] / -ray[2]
-                if down < limit:
-                    limit, floor = down, 1
-            elif ray[2] > 1e-6 and start[2] < ceiling and (ceiling - start[2]) / ray[2] < limit:
-                limit, floor = (ceiling - start[2]) / ray[2], 2
-            at, thing = cast(
-                start[0], start[1], start[2], ray[0], ray[1], ray[2], limit, False, owner, 0, world, stamps
-            )
-            share = min(1.0, at / reach)
-            # Open directions receive ambient light; near surfaces reflect part of it.
-            share = np.sqrt(share)
-            back_r = back_g = back_b = 0.0
-            if thing >= 0:
-                back_r, back_g, back_b = albedo[thing, 0], albedo[thing, 1], albedo[thing, 2]
-            elif floor == 1:
-                back_r, back_g, back_b = 0.38, 0.27, 0.18
-            elif floor == 2:
-                back_r, back_g, back_b = 0.8, 0.79, 0.76
-            red += share + (1.0 - share) * 0.5 * back_r
-            green += share + (1.0 - share) * 0.5 * back_g
-            blue += share + (1.0 - share) * 0.5 * back_b
-        ambient = (0.44 + 0.04 * normal[2]) / len(directions)
-        red *= ambient * 1.0
-        green *= ambient * 0.985
-        blue *= ambient * 0.96
         for pane in range(len(panes)):
-            facing = 0.0
-            for k in range(3):
-                facing += (start[k] - panes[pane, k]) * panes[pane, 9 + k]
-            side = 1.0 if facing > 0.0 else -1.0
-            for part in range(6):
-                across = ((part % 3) - 1) * 0.66
-                up = ((part // 3) - 0.5) * 1.0
-                length = facing_us = facing_pane = 0.0
-                for k in range(3):
-                    ray[k] = panes[pane, k] + across * panes[pane, 3 + k] + up * panes[pane, 6 + k] - start[k]
-                    length += ray[k] * ray[k]
-                    facing_us += ray[k] * normal[k]
-                    facing_pane -= ray[k] * panes[pane, 9 + k] * side
-                if facing_us <= 0.0 or facing_pane <= 0.0:
-                    continue
-                form = panes[pane, 12] / 6.0 * facing_us * facing_pane / (np.pi * (length * length + 0.02))
-                form -= 8e-4  # distant windows need many rays and add little light
-                if form <= 0.0:
-                    continue
-                length = np.sqrt(length)
-                for k in range(3):
-                    ray[k] /= length
-                at, thing = cast(
-                    start[0], start[1], start[2], ray[0], ray[1], ray[2], length - 1e-3, True, owner, 0, world, stamps
-                )
-                if thing < 0:
-                    red += 3.1 * form
-                    green += 3.25 * form
-                    blue += 3.45 * form
+            _add_window(start, normal, owner, world, panes[pane], ray, stamps, values[number])
         for lamp in range(len(lamps)):
-            length = facing_us = 0.0
-            for k in range(3):
-                ray[k] = lamps[lamp, k] - start[k]
-                length += ray[k] * ray[k]
-                facing_us += ray[k] * normal[k]
-            if facing_us <= 0.0:
-                continue
-            form = facing_us / (np.sqrt(length) * (length + 0.15))
-            form -= 0.02
-            if form <= 0.0:
-                continue
-            length = np.sqrt(length)
-            for k in range(3):
-                ray[k] /= length
-            at, thing = cast(
-                start[0],
-                start[1],
-                start[2],
-                ray[0],
-                ray[1],
-                ray[2],
-                length - 1e-3,
-                True,
-                owner,
-                int(lamps[lamp, 6]),
-                world,
-                stamps,
-            )
-            if thing < 0:
-                red += lamps[lamp, 3] * form
-                green += lamps[lamp, 4] * form
-                blue += lamps[lamp, 5] * form
+            _add_lamp(start, normal, owner, world, lamps[lamp], ray, stamps, values[number])
         facing_us = sun[0] * normal[0] + sun[1] * normal[1] + sun[2] * normal[2]
         if facing_us > 0.0 and start[2] < ceiling:
+            _add_sun(start, facing_us, owner, world, sun, ceiling, ray, stamps, values[number])
+
+
+@compiled
+def _add_window(start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray: Any, stamps: Any, value: Any) -> None:
+    """Add the light of a window, sampled at 3 x 4 points, so that shadows are soft."""
+    facing = 0.0
+    for k in range(3):
+        facing += (start[k] - pane[k]) * pane[9 + k]
+    side = 1.0 if facing > 0.0 else -1.0
+    total = 0.0
+    for part in range(12):
+        across = ((part % 3) - 1) * 0.66
+        up = ((part // 3) - 1.5) * 0.5
+        length = facing_us = facing_pane = 0.0
+        for k in range(3):
+            ray[k] = pane[k] + across * pane[3 + k] + up * pane[6 + k] - start[k]
+            length += ray[k] * ray[k]
+            facing_us += ray[k] * normal[k]
+            facing_pane -= ray[k] * pane[9 + k] * side
+        if facing_us <= 0.0 or facing_pane <= 0.0:
+            continue
+        form = pane[12] / 12.0 * facing_us * facing_pane / (np.pi * (length * length + 0.02))
+        form -= 4e-4  # distant windows need many rays and add little light
+        if form <= 0.0:
+            continue
+        length = np.sqrt(length)
+        for k in range(3):
+            ray[k] /= length
+        _, thing = _cast_from(start, ray, length - 1e-3, True, owner, 0, world, stamps)
+        if thing < 0:
+            total += form
+    value[0] += 3.1 * total
+    value[1] += 3.25 * total
+    value[2] += 3.45 * total
+
+
+@compiled
+def _add_lamp(start: Any, normal: Any, owner: Any, world: Any, lamp: Any, ray: Any, stamps: Any, value: Any) -> None:
+    """Add the light of a lamp, sampled at four points of its horizontal disc."""
+    total = 0.0
+    for part in range(4):
+        length = facing_us = 0.0
+        for k in range(3):
+            ray[k] = lamp[k] - start[k]
+        ray[0] += lamp[7] * ((part % 2) - 0.5)
+        ray[1] += lamp[7] * ((part // 2) - 0.5)
+        for k in range(3):
+            length += ray[k] * ray[k]
+            facing_us += ray[k] * normal[k]
+        if facing_us <= 0.0:
+            continue
+        form = facing_us / (np.sqrt(length) * (length + 0.15)) - 0.02
+        if form <= 0.0:
+            continue
+        length = np.sqrt(length)
+        for k in range(3):
+            ray[k] /= length
+        _, thing = _cast_from(start, ray, length - 1e-3, True, owner, int(lamp[6]), world, stamps)
+        if thing < 0:
+            total += 0.25 * form
+    for k in range(3):
+        value[k] += lamp[3 + k] * total
+
+
+@compiled
+def _add_sun(  # noqa: PLR0913 - compiled functions take arrays, not objects
+    start: Any, facing: Any, owner: Any, world: Any, sun: Any, ceiling: Any, ray: Any, stamps: Any, value: Any
+) -> None:
+    """Add the light of the sun, sampled in four directions."""
+    grid_x, grid_y, cell, cell_start = world[0], world[1], world[2], world[3]
+    wide, deep = (cell_start.shape[1] - 1) * cell, cell_start.shape[0] * cell
+    for part in range(4):
+        length = 0.0
+        for k in range(3):
+            ray[k] = sun[k]
+        ray[0] += 0.02 * ((part % 2) - 0.5)
+        ray[2] += 0.02 * ((part // 2) - 0.5)
+        for k in range(3):
+            length += ray[k] * ray[k]
+        length = np.sqrt(length)
+        for k in range(3):
+            ray[k] /= length
+        limit = (ceiling - start[2]) / ray[2]
+        # The ray ends at the ceiling's height: the sun is visible only if the ray has left the building before.
+        x, y = start[0] + limit * ray[0], start[1] + limit * ray[1]
+        if grid_x + cell <= x <= grid_x + wide - cell and grid_y + cell <= y <= grid_y + deep - cell:
+            continue
+        _, thing = _cast_from(start, ray, limit, True, owner, 0, world, stamps)
+        if thing < 0:
             for k in range(3):
-                ray[k] = sun[k]
-            limit = (ceiling - start[2]) / sun[2]
-            at, thing = _cast_from(start, ray, limit, True, owner, 0, world, stamps)
-            if thing < 0:
-                # The ray has reached the ceiling's height: the sun is visible only if the ray has left the building
-                # before.
-                grid_x, grid_y, cell, cell_start = world[0], world[1], world[2], world[3]
-                x, y = start[0] + limit * sun[0], start[1] + limit * sun[1]
-                wide, deep = (cell_start.shape[1] - 1) * cell, cell_start.shape[0] * cell
-                if x < grid_x + cell or y < grid_y + cell or x > grid_x + wide - cell or y > grid_y + deep - cell:
-                    red += sun[3] * facing_us
-                    green += sun[4] * facing_us
-                    blue += sun[5] * facing_us
-        values[number, 0] = red
-        values[number, 1] = green
-        values[number, 2] = blue
-        values[number, 3] = 1.0
+                value[k] += 0.25 * sun[3 + k] * facing
 
 
 @compiled

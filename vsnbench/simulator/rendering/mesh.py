@@ -136,10 +136,74 @@ def _ball_faces(count: int) -> Floats:
     return np.array(faces)
 
 
+def _beveled_faces(half_size: Floats, bevel_m: float) -> Floats:
+    """Return the faces of a box whose edges and corners are cut off."""
+    flat = _box_faces()
+    inner = half_size - bevel_m
+    sides = np.abs(flat).min(1) * np.abs(flat.sum(1)) / 4  # 1 along each face's normal
+    faces = list(flat * (inner + bevel_m * sides[:, None]))
+
+    def corner(signs: tuple[int, ...], axis: int) -> Floats:
+        return np.asarray(np.array(signs) * (inner + bevel_m * (np.arange(3) == axis)))
+
+    for axis, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        for a, b in itertools.product((-1, 1), repeat=2):
+            low, high = ([0, 0, 0] for _ in range(2))
+            low[axis], high[axis] = -1, 1
+            low[first] = high[first] = a
+            low[second] = high[second] = b
+            edge = [corner(tuple(low), first), corner(tuple(low), second)]
+            edge += [corner(tuple(high), second), corner(tuple(high), first)]
+            faces.append(np.array(edge))
+    for signs in itertools.product((-1, 1), repeat=3):
+        tip = [corner(signs, axis) for axis in (0, 1, 2)]
+        faces.append(np.array([*tip, tip[2]]))
+    return _outwards(np.array(faces))
+
+
+def _outwards(faces: Floats) -> Floats:
+    """Return the faces of a convex shape around the origin with their corners counter-clockwise from outside."""
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    inwards = (normals * faces.mean(1)).sum(1) < 0
+    faces[inwards] = faces[inwards][:, [0, 3, 2, 1]]
+    return faces
+
+
+def _leaf_faces() -> Floats:
+    """Return a pointed lens of half sizes 1 along x, broadest before its middle, with a ridge on both sides."""
+    broad, narrow = (-0.25, 0.95), (0.45, 0.62)
+    faces = []
+    for z in (1, -1):
+        for y in (1, -1):
+            ridge = [(-0.25, 0, z), (0.45, 0, 0.75 * z)]
+            rim = [(broad[0], y * broad[1], 0), (narrow[0], y * narrow[1], 0)]
+            side = [
+                [(-1, 0, 0), ridge[0], rim[0], rim[0]],
+                [ridge[0], ridge[1], rim[1], rim[0]],
+                [ridge[1], (1, 0, 0), rim[1], rim[1]],
+            ]
+            faces += side
+    return _outwards(np.array(faces, float))
+
+
 def _faces_of(primitive: Primitive) -> Floats:
     """Return (n, 4, 3) faces in the primitive's own frame; small round shapes have few."""
+    faces = _untapered(primitive)
+    if primitive.taper != 1.0:
+        low, high = min(1.0, primitive.taper), min(1.0, 1 / primitive.taper)
+        share = (faces[..., 2:] / primitive.half_size[2] + 1) / 2
+        faces = faces.copy()
+        faces[..., :2] *= low + (high - low) * share
+    return faces
+
+
+def _untapered(primitive: Primitive) -> Floats:
     if primitive.shape is Shape.BOX:
+        if primitive.bevel_m:
+            return _beveled_faces(np.array(primitive.half_size), primitive.bevel_m)
         unit = _box_faces()
+    elif primitive.shape is Shape.LEAF:
+        unit = _leaf_faces()
     elif primitive.shape is Shape.CYLINDER:
         radius = primitive.half_size[0]
         unit = _cylinder_faces(8 if radius < 0.025 else 12 if radius < 0.06 else 20 if radius < 0.2 else 28)
@@ -149,7 +213,8 @@ def _faces_of(primitive: Primitive) -> Floats:
     return np.asarray(unit * np.array(primitive.half_size))
 
 
-_SHAPE_IDS = {Shape.BOX: 0, Shape.CYLINDER: 1, Shape.ELLIPSOID: 2}
+_DIGITS = 10
+_SHAPE_IDS = {Shape.BOX: 0, Shape.CYLINDER: 1, Shape.ELLIPSOID: 2, Shape.LEAF: 2}
 _BUILDING = ("wall", "floor", "ceiling")
 
 
@@ -158,7 +223,7 @@ def _axes(
 ) -> tuple[Floats, Floats]:
     """Choose the axes (n, 3) of faces: horizontal for building and pictures, along the grain for other objects."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
-    if primitive.shape is Shape.ELLIPSOID:
+    if primitive.shape is Shape.ELLIPSOID or primitive.bevel_m:
         along = np.abs(normals @ rotation[:, 0]) < 0.8
         helper = np.where(along[:, None], rotation[:, 0], rotation[:, 1])
         t = _unit(np.cross(normals, helper))
@@ -193,12 +258,14 @@ def build_mesh(scene: Scene) -> Mesh:
     rotations = [np.array(rotation_matrix(primitive.rotation)) for primitive in visible]
     for index, (primitive, rotation) in enumerate(zip(visible, rotations, strict=True)):
         style = TEXTURES[primitive.material.texture]
-        corners = _faces_of(primitive) @ rotation.T + np.array(primitive.centre)
+        # Rounded, because products of matrices differ in the last bits between processors.
+        corners = np.round(_faces_of(primitive) @ rotation.T + np.array(primitive.centre), _DIGITS)
         normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         has_area = np.linalg.norm(normals, axis=1) > 1e-14
-        corners, normals = corners[has_area], _unit(normals[has_area])
-        s, t = _axes(primitive, rotation, corners, normals, style.mapping)
-        along, across = (corners @ s[:, :, None])[..., 0], (corners @ t[:, :, None])[..., 0]
+        corners, normals = corners[has_area], np.round(_unit(normals[has_area]), _DIGITS)
+        s, t = (np.round(axis, _DIGITS) for axis in _axes(primitive, rotation, corners, normals, style.mapping))
+        along = np.round((corners @ s[:, :, None])[..., 0], _DIGITS)
+        across = np.round((corners @ t[:, :, None])[..., 0], _DIGITS)
         extent = np.stack([along.min(1), along.max(1), across.min(1), across.max(1)], axis=1)
         if style.mapping is Mapping.FIT:
             wide, high = extent[:, 1] - extent[:, 0], extent[:, 3] - extent[:, 2]
@@ -217,7 +284,7 @@ def build_mesh(scene: Scene) -> Mesh:
     owner = np.repeat(np.arange(len(visible), dtype=np.int32), counts)
     ends = np.cumsum(counts)
     radii = [
-        max(primitive.half_size) if primitive.shape is Shape.ELLIPSOID else math.hypot(*primitive.half_size)
+        max(primitive.half_size) if _SHAPE_IDS[primitive.shape] == 2 else math.hypot(*primitive.half_size)
         for primitive in visible
     ]
     textures = np.array([names.index(primitive.material.texture) for primitive in visible], np.int32)

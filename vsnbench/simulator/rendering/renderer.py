@@ -1,6 +1,8 @@
 """Images of a scene: RGB, depth, semantic and instance ids of one view in one pass."""
 
 import math
+import struct
+import zlib
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -14,6 +16,13 @@ from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
 from vsnbench.simulator.rendering.textures import SKY, texture_atlas
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
+
+_NOISE = 0.05
+"""Standard deviation of the sensor's noise as a share of the light, before the image is softened."""
+_GAIN = 1.15
+"""Exposure of the film curve."""
+_CONTRAST = 0.4
+"""Share of an S-curve in the film curve."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +75,7 @@ class Renderer:
         self._mesh, self._light = _prepared(scene)
         self._atlas, self._levels = texture_atlas()
         self._tones = _tone_table()
+        self._grain = _grain_table()
         self._surface = _surface(self._mesh, self._light)
         self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
 
@@ -94,7 +104,7 @@ class Renderer:
             return np.reciprocal(self._buffers[height, width][0])
 
     def _look(self, eye: Eye, width: int, height: int, focal_px: float) -> Look:
-        from vsnbench.simulator.rendering.shading import shade_pixels
+        from vsnbench.simulator.rendering.shading import shade_pixels, soften
 
         at, axes, cx, cy = self._find_faces(eye, width, height, focal_px)
         nearness, seen = self._buffers[height, width]
@@ -113,9 +123,12 @@ class Renderer:
             self._levels,
             SKY,
             self._tones,
+            self._grain,
+            _seed_of(eye),
             look.rgb,
             look.depth_m,
         )
+        soften(look.rgb)
         return look
 
     def _find_faces(
@@ -187,13 +200,30 @@ def camera_axes(eye: Eye) -> npt.NDArray[np.float64]:
     return axes
 
 
+def _seed_of(eye: Eye) -> int:
+    """Return the seed of an image's noise: the same for poses that differ only by rounding errors."""
+    place = (eye.x_m, eye.y_m, eye.z_m, eye.heading_rad, eye.tilt_rad, eye.roll_rad)
+    return zlib.crc32(struct.pack("<6q", *(round(value * 1e5) for value in place)))
+
+
+def _grain_table() -> npt.NDArray[np.float32]:
+    """Return the factors of the sensor's noise, (GRAIN + STRETCH, 4), so that any stretch of a row is one slice."""
+    from vsnbench.simulator.rendering.shading import GRAIN, STRETCH
+
+    uniform = np.random.default_rng(0).integers(-500, 501, (GRAIN, 4, 4)).sum(2)  # nearly normal, deviation 577
+    factors = np.asarray(1 + uniform * (_NOISE / 577), np.float32)
+    return np.concatenate([factors, factors[:STRETCH]])
+
+
 def _tone_table() -> npt.NDArray[np.uint8]:
-    """Return sRGB for light from 0 to 2: linear up to the middle tones, with a soft limit above."""
+    """Return sRGB for light from 0 to 2: a film curve with a toe and a long shoulder."""
     from vsnbench.simulator.rendering.shading import TONES
 
-    light = (np.arange(TONES) + 0.5) * 2 / TONES
-    knee, top = 0.55, 1.0
+    light = (np.arange(TONES) + 0.5) * 2 / TONES * _GAIN
+    knee, top = 0.42, 1.0
     over = np.maximum(light - knee, 0)
     rolled = np.where(light < knee, light, knee + (top - knee) * (1 - np.exp(-over / (top - knee))))
     srgb = np.where(rolled <= 0.0031308, 12.92 * rolled, 1.055 * rolled ** (1 / 2.4) - 0.055)
+    srgb = srgb / srgb[-1]
+    srgb += _CONTRAST * (srgb * srgb * (3 - 2 * srgb) - srgb)
     return np.asarray(np.clip(np.rint(srgb * 255), 0, 255), np.uint8)

@@ -17,6 +17,12 @@ STRETCH = 16
 """Number of pixels of a row that are shaded together, with one texture size."""
 TONES = 4096
 """Steps of the table from light to sRGB, which ends at twice the light of white."""
+GRAIN = 2048
+"""Number of pixels after which the sensor's noise repeats along a row; a power of two."""
+VIGNETTE = 0.22
+"""Share of the light that is missing in the corners of an image."""
+OUTDOORS = 1.7
+"""Brightness of the outdoors at the exposure of a room."""
 _TEXTURE_PIXELS = (4 * SIZE * SIZE - 1) // 3
 _BITS = LEVELS - 1
 _ONE = np.float32(1.0)
@@ -39,6 +45,8 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
     level_start: Any,
     sky: Any,
     tones: Any,
+    grain: Any,
+    seed: Any,
     rgb: Any,
     depth: Any,
 ) -> None:
@@ -58,6 +66,8 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
         level_start: (LEVELS,) start of each size of a texture.
         sky: index of the texture of the outdoors.
         tones: (TONES,) uint8 sRGB by light.
+        grain: (GRAIN + STRETCH, 4) float32 factors of the sensor's noise; the last rows repeat the first.
+        seed: which part of `grain` an image uses.
         rgb: (H, W, 3) uint8, written.
         depth: (H, W) float32, written.
     """
@@ -65,6 +75,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
     height, width = nearness.shape
     places = np.empty((5, STRETCH), np.int32)
     shares = np.empty((8, STRETCH), np.float32)
+    fall_off = -VIGNETTE / (centre_x * centre_x + centre_y * centre_y + 1.0)
     for row in range(height):
         for x in range(width):
             depth[row, x] = _ONE / nearness[row, x]
@@ -72,6 +83,8 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
         bx = axes[2, 0] + down * axes[1, 0]
         by = axes[2, 1] + down * axes[1, 1]
         bz = axes[2, 2] + down * axes[1, 2]
+        noise_at = grain_start(seed, row)
+        edge = 1.0 + fall_off * (row - centre_y) * (row - centre_y)
         column = 0
         while column < width:
             face = seen[row, column]
@@ -82,7 +95,9 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                 continue
             picture = texture[face]
             if picture == sky:
-                _shade_sky(row, column, end, bx, by, bz, axes, focal, centre_x, picture, atlas, tones, rgb)
+                _shade_sky(
+                    row, column, end, bx, by, bz, axes, focal, centre_x, picture, atlas, tones, edge, fall_off, rgb
+                )
                 column = end
                 continue
             thing = owner[face]
@@ -112,8 +127,10 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                 level = 0
                 level_at = np.int64(0)
                 bits = _BITS
+                middle = (first + last) * 0.5 - centre_x
+                # The fall-off of the lens is the same for one stretch: it is smaller than the noise.
+                steps = tint * np.float32((edge + fall_off * middle * middle) * (TONES / 2.0))
                 if picture != 0:
-                    middle = (first + last) * 0.5 - centre_x
                     far = depth[row, (first + last) // 2] if (first + last) // 2 < end else depth[row, first]
                     tilt = max(abs(n_b + n_c * middle), 0.02)
                     footprint = far / focal / np.sqrt(tilt) * np.sqrt(map_s * map_t) * SIZE
@@ -164,6 +181,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                     places[2, k] = row0 + c1
                     places[3, k] = row1 + c0
                     places[4, k] = row1 + c1
+                noise_from = (noise_at + first) & (GRAIN - 1)
                 for k in range(last - first):
                     p = places[0, k]
                     q = p + cells_s
@@ -173,7 +191,7 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                         + four_at(light, q) * shares[2, k]
                         + four_at(light, q + 1) * shares[3, k]
                     )
-                    color = (color + own) * tint
+                    color = (color + own) * steps
                     if picture != 0:
                         texel = (
                             four_at(atlas, places[1, k]) * shares[4, k]
@@ -182,12 +200,20 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
                             + four_at(atlas, places[4, k]) * shares[7, k]
                         )
                         color = color * (texel * _PER_STORED)
-                    red, green, blue = first_three_steps(color * _PER_LIGHT, TONES - 1)
+                    red, green, blue = first_three_steps(color * four_at(grain, noise_from + k), TONES - 1)
                     colors[k, 0] = tones[red]
                     colors[k, 1] = tones[green]
                     colors[k, 2] = tones[blue]
                 first = last
             column = end
+
+
+@compiled
+def grain_start(seed: Any, row: Any) -> Any:
+    """Return the row of `grain` where the noise of an image's row begins, by integer arithmetic alone."""
+    mixed = (np.uint64(seed) + np.uint64(row) * np.uint64(0x9E3779B9)) & np.uint64(0xFFFFFFFF)
+    mixed = (mixed ^ (mixed >> np.uint64(16))) * np.uint64(0x45D9F3B) & np.uint64(0xFFFFFFFF)
+    return np.int64((mixed ^ (mixed >> np.uint64(16))) & np.uint64(GRAIN - 1))
 
 
 @compiled
@@ -204,6 +230,8 @@ def _shade_sky(  # noqa: PLR0913 - compiled functions take arrays, not objects
     picture: Any,
     atlas: Any,
     tones: Any,
+    edge: Any,
+    fall_off: Any,
     rgb: Any,
 ) -> None:
     """Shade a segment of a row that shows the outdoors, by direction alone."""
@@ -227,11 +255,32 @@ def _shade_sky(  # noqa: PLR0913 - compiled functions take arrays, not objects
         p01 = at + (j & (SIZE - 1)) * SIZE + ((i + 1) & (SIZE - 1))
         p10 = at + j1 * SIZE + (i & (SIZE - 1))
         p11 = at + j1 * SIZE + ((i + 1) & (SIZE - 1))
+        offset = x - centre_x
+        bright = np.float32((edge + fall_off * offset * offset) * OUTDOORS / FULL)
         for channel in range(3):
             low = atlas[p00, channel] * (_ONE - fu) + atlas[p01, channel] * fu
             high = atlas[p10, channel] * (_ONE - fu) + atlas[p11, channel] * fu
-            value = (low * (_ONE - fv) + high * fv) / np.float32(FULL)
+            value = (low * (_ONE - fv) + high * fv) * bright
             rgb[row, x, channel] = tones[min(int(value * _PER_LIGHT), TONES - 1)]
+
+
+@compiled
+def soften(rgb: Any) -> None:
+    """Blur an image (H, W, 3) uint8 over its direct neighbours in place, as a lens and a Bayer filter do."""
+    height, width = rgb.shape[0], rgb.shape[1] * 3
+    pixels = rgb.reshape(height, width)
+    above = pixels[0].astype(np.uint16)
+    sums = np.empty(width + 6, np.uint16)
+    for row in range(height):
+        here, below = pixels[row], pixels[min(row + 1, height - 1)]
+        for k in range(width):
+            value = np.uint16(here[k])
+            sums[k + 3] = np.uint16(above[k] + np.uint16(value + value) + np.uint16(below[k]))
+            above[k] = value
+        sums[:3], sums[width + 3 :] = sums[3:6], sums[width : width + 3]
+        for k in range(width):
+            middle = np.uint16(sums[k + 3] + sums[k + 3])
+            here[k] = np.uint8(np.uint16(sums[k] + middle + sums[k + 6] + np.uint16(8)) >> np.uint16(4))
 
 
 @compiled

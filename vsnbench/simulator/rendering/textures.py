@@ -78,17 +78,32 @@ def _plain(_: np.random.Generator) -> Plane:
 
 
 def _plaster(rng: np.random.Generator) -> Plane:
-    return 1 + 0.025 * _clouds(rng, 16, 3) + 0.015 * rng.uniform(-1, 1, (SIZE, SIZE))
+    return 1 + 0.012 * _clouds(rng, 8, 3) + 0.02 * _relief(_clouds(rng, 48, 2)) + 0.01 * _speckle(rng)
+
+
+def _speckle(rng: np.random.Generator) -> Plane:
+    """Return an independent value in [-1, 1] for every pixel."""
+    return rng.uniform(-1, 1, (SIZE, SIZE))
+
+
+def _relief(height: Plane) -> Plane:
+    """Return the shading of a bumpy surface that is lit from above and the left, in [-1, 1]."""
+    slope = np.roll(height, 1, 0) - np.roll(height, -1, 0) + 0.7 * (np.roll(height, -1, 1) - np.roll(height, 1, 1))
+    return np.asarray(np.clip(slope / (2.5 * np.std(slope)), -1, 1))
 
 
 def _grain(rng: np.random.Generator, rings: float) -> Plane:
-    """Streaks along s with slow bends."""
+    """Streaks along s with slow bends, from broad growth rings to fine pores."""
     _, t = _grid()
     bend = 0.09 * _noise(rng, 2, 3) + 0.05 * _noise(rng, 2, 9) + 0.012 * _noise(rng, 6, 6)
-    streaks = 0.5 + 0.5 * np.sin(2 * np.pi * rings * (t + bend))
+    # Growth rings are dark at one edge and fade towards the next ring.
+    phase = rings * (t + bend)
+    rings_ = (phase - np.floor(phase)) ** 1.6
     strength = 0.5 + 0.5 * _noise(rng, 2, 7)
-    fine = _noise(rng, 4, 128) * 0.5 + _noise(rng, 6, 64) * 0.5
-    result: Plane = 0.32 * streaks * strength + 0.38 * (0.5 + 0.5 * fine) + 0.3 * (0.5 + 0.5 * _noise(rng, 2, 16))
+    fine = 0.6 * _noise(rng, 3, 256) + 0.4 * _noise(rng, 5, 128)
+    pores = (_noise(rng, 16, 256) > 0.55) * 0.5
+    broad = 0.5 + 0.5 * _noise(rng, 1, 12)
+    result: Plane = 0.3 * rings_ * strength + 0.4 * (0.5 + 0.5 * fine) + 0.3 * broad - 0.3 * pores
     return result
 
 
@@ -98,7 +113,7 @@ def _two_tone(share: Plane, dark: tuple[float, float, float], light: tuple[float
 
 
 def _wood(rng: np.random.Generator) -> Plane:
-    return _two_tone(_grain(rng, 6), (0.66, 0.62, 0.57), (1.22, 1.22, 1.2))
+    return _two_tone(_grain(rng, 9), (0.74, 0.72, 0.72), (1.24, 1.27, 1.34))
 
 
 def _planks(rng: np.random.Generator) -> Plane:
@@ -138,17 +153,29 @@ def _wall_tiles(rng: np.random.Generator) -> Plane:
 
 
 def _fabric(rng: np.random.Generator) -> Plane:
-    s, t = _grid()
-    weave = np.sin(2 * np.pi * 32 * s) * np.sin(2 * np.pi * 32 * t)
-    return 0.97 + 0.1 * weave + 0.1 * _clouds(rng, 8, 3) + 0.06 * rng.uniform(-1, 1, (SIZE, SIZE))
+    """A coarse weave of mottled yarn, with soft dents."""
+    rows, columns = np.indices((SIZE, SIZE))
+    weave = np.where((rows // 2 + columns // 2) % 2, 0.06, -0.06)
+    yarn = 0.06 * _noise(rng, 256, 64) + 0.06 * _noise(rng, 64, 256)
+    return 0.98 + weave + yarn + 0.05 * _clouds(rng, 3, 3) + 0.05 * _relief(_clouds(rng, 2, 2)) + 0.03 * _speckle(rng)
 
 
 def _cloth(rng: np.random.Generator) -> Plane:
-    return 0.98 + 0.035 * _clouds(rng, 6, 3) + 0.02 * rng.uniform(-1, 1, (SIZE, SIZE))
+    """Linen with folds: creases along ridges of smooth noise."""
+    height = -np.abs(_clouds(rng, 3, 2)) - 0.5 * np.abs(_noise(rng, 7, 4))
+    soft = _relief(_soften(height, 3))
+    return 0.98 + 0.11 * soft + 0.03 * _clouds(rng, 4, 3) + 0.02 * _speckle(rng)
+
+
+def _soften(plane: Plane, reach: int) -> Plane:
+    """Return the mean over the neighbours within `reach` pixels along both sides, seamless."""
+    for axis in (0, 1):
+        plane = np.mean([np.roll(plane, shift, axis) for shift in range(-reach, reach + 1)], axis=0)
+    return plane
 
 
 def _carpet(rng: np.random.Generator) -> Plane:
-    return 0.96 + 0.14 * _clouds(rng, 32, 3) + 0.1 * rng.uniform(-1, 1, (SIZE, SIZE))
+    return 0.96 + 0.04 * _clouds(rng, 4, 3) + 0.1 * _clouds(rng, 64, 2) + 0.12 * _speckle(rng)
 
 
 def _rug(rng: np.random.Generator) -> Plane:
@@ -164,11 +191,16 @@ def _metal(rng: np.random.Generator) -> Plane:
 
 def _stone(rng: np.random.Generator) -> Plane:
     speckle = rng.uniform(0, 1, (SIZE, SIZE))
-    return np.asarray(0.95 + 0.18 * _clouds(rng, 12, 4) + 0.35 * (speckle > 0.93) - 0.25 * (speckle < 0.08))
+    grit = 0.16 * (speckle > 0.95) - 0.18 * (speckle < 0.06)
+    return np.asarray(0.97 + 0.05 * _clouds(rng, 3, 5) + grit + 0.03 * _speckle(rng))
 
 
 def _leaf(rng: np.random.Generator) -> Plane:
-    return 0.95 + 0.22 * _clouds(rng, 6, 3)
+    """Ribs and patches of lighter green."""
+    s, t = _grid()
+    ribs = np.abs(((s + 0.6 * np.abs(t - 0.5)) * 12) % 1 - 0.5) < 0.06
+    tone = 0.95 + 0.25 * _clouds(rng, 5, 3) + 0.12 * ribs
+    return _two_tone(np.clip(tone / 1.6, 0, 1), (0.45, 0.5, 0.35), (1.6, 1.45, 1.3))
 
 
 def _books(rng: np.random.Generator) -> Plane:
@@ -245,12 +277,12 @@ TEXTURES: dict[str, Texture] = {
     "planks": Texture(_planks, (2.4, 1.0), Mapping.LEVEL),
     "tiles": Texture(_tiles, (1.6, 1.6), Mapping.LEVEL),
     "wall_tiles": Texture(_wall_tiles, (1.2, 1.2), Mapping.LEVEL),
-    "fabric": Texture(_fabric, (0.25, 0.25)),
-    "cloth": Texture(_cloth, (0.5, 0.5)),
-    "carpet": Texture(_carpet, (0.5, 0.5), Mapping.LEVEL),
+    "fabric": Texture(_fabric, (0.6, 0.6)),
+    "cloth": Texture(_cloth, (1.1, 1.1)),
+    "carpet": Texture(_carpet, (0.6, 0.6), Mapping.LEVEL),
     "rug": Texture(_rug, (0.8, 0.8), Mapping.LEVEL),
     "metal": Texture(_metal, (0.6, 0.3)),
-    "stone": Texture(_stone, (0.6, 0.6)),
+    "stone": Texture(_stone, (0.8, 0.8)),
     "leaf": Texture(_leaf, (0.3, 0.3)),
     "books": Texture(_books, (0.3, 0.3), Mapping.LEVEL),
     "glass": Texture(_plain),
@@ -273,6 +305,13 @@ def texture_atlas() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     starts = np.cumsum([0, *(size * size for size in sizes)])[:-1]
     shape = (len(TEXTURES) * sum(size * size for size in sizes), 4)
     return cached_array("textures", code_key(__file__), np.uint8, shape, _drawn), starts.astype(np.int64)
+
+
+def mean_colors() -> npt.NDArray[np.float64]:
+    """Return the (T, 3) mean multipliers of all textures."""
+    atlas, starts = texture_atlas()
+    each = (4 * SIZE * SIZE - 1) // 3
+    return np.asarray(atlas[starts[-1] :: each, :3] / FULL)
 
 
 def _drawn() -> npt.NDArray[np.uint8]:

@@ -6,7 +6,8 @@ numbers from 0 to 255. It returns a map of peaks for each class, and the distanc
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 from typing import Any, Final
 
 import numpy as np
@@ -43,18 +44,26 @@ def convert_centernet(graph: Graph) -> bytes:
         ModelError: the graph has an operator or a form of it that the converter does not know, or the extra `neural` is
             not installed.
     """
-    try:
-        from onnx import TensorProto, helper
-    except ImportError as error:
-        raise ModelError("the conversion needs onnx", advice="pip install 'vsnbench[neural]'") from error
-    builder = _Builder()
+    builder = Builder()
     builder.prepare_image()
-    for node in graph.needed(_PEAKS, _EDGES):
-        converter = _CONVERTERS.get(node.op)
+    add_nodes(builder, graph, (_PEAKS, _EDGES), CONVERTERS)
+    builder.find_boxes()
+    properties = {"title": _TITLE, "names": str(list(CLASSES_80)), "reliability": json.dumps(_RELIABILITY)}
+    return detector_file(builder, "centernet", _OBJECTS, properties)
+
+
+def add_nodes(builder: "Builder", graph: Graph, outputs: Sequence[str], converters: Mapping[str, "Converter"]) -> None:
+    """Add the nodes that compute the outputs.
+
+    Raises:
+        ModelError: the graph has an operator or a form of it that the converters do not know.
+    """
+    for node in graph.needed(*outputs):
+        converter = converters.get(node.op)
         if converter is None:
             raise ModelError(
                 f"the converter does not know the operator {node.op} ({node.name})",
-                advice=f"it knows {', '.join(sorted(_CONVERTERS))}",
+                advice=f"it knows {', '.join(sorted(converters))}",
                 code="unknown-operator",
             )
         try:
@@ -64,30 +73,40 @@ def convert_centernet(graph: Graph) -> bytes:
                 f"the converter does not know this form of the operator {node.op} ({node.name}: {error})",
                 code="unknown-operator",
             ) from error
-    builder.find_boxes()
+
+
+def detector_file(builder: "Builder", name: str, count: int | str, properties: Mapping[str, str]) -> bytes:
+    """Return the ONNX file of a graph from `image` to `boxes`, `labels` and `scores` of `count` objects."""
+    from onnx import TensorProto, helper
+
     float32, int64 = TensorProto.FLOAT, TensorProto.INT64
-    onnx_graph = helper.make_graph(
+    graph = helper.make_graph(
         builder.nodes,
-        "centernet",
+        name,
         [helper.make_tensor_value_info("image", float32, [1, 3, "height", "width"])],
         [
-            helper.make_tensor_value_info("boxes", float32, [_OBJECTS, 4]),
-            helper.make_tensor_value_info("labels", int64, [_OBJECTS]),
-            helper.make_tensor_value_info("scores", float32, [_OBJECTS]),
+            helper.make_tensor_value_info("boxes", float32, [count, 4]),
+            helper.make_tensor_value_info("labels", int64, [count]),
+            helper.make_tensor_value_info("scores", float32, [count]),
         ],
         builder.tensors,
     )
-    model = helper.make_model(onnx_graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR_VERSION)
-    properties = {"title": _TITLE, "names": str(list(CLASSES_80)), "reliability": json.dumps(_RELIABILITY)}
-    helper.set_model_props(model, properties)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR_VERSION)
+    helper.set_model_props(model, dict(properties))
     content: bytes = model.SerializeToString(deterministic=True)
     return content
 
 
-class _Builder:
-    """Collects the nodes and tensors of the ONNX graph."""
+class Builder:
+    """Collects the nodes and tensors of the ONNX graph.
+
+    Raises:
+        ModelError: the extra `neural` is not installed.
+    """
 
     def __init__(self) -> None:
+        if find_spec("onnx") is None:
+            raise ModelError("the conversion needs onnx", advice="pip install 'vsnbench[neural]'")
         self.nodes: list[Any] = []
         self.tensors: list[Any] = []
 
@@ -155,7 +174,11 @@ class _Builder:
         self.add("Mul", ["network boxes", "scale"], "boxes")
 
 
-def _convolution(builder: _Builder, node: Node, graph: Graph) -> None:
+Converter = Callable[[Builder, Node, Graph], None]
+"""Adds the nodes of one operator."""
+
+
+def _convolution(builder: Builder, node: Node, graph: Graph) -> None:
     """Add a convolution with its bias and activation."""
     image, weights_name, *rest = node.inputs
     weights = graph.constants[weights_name]
@@ -186,7 +209,7 @@ def _convolution(builder: _Builder, node: Node, graph: Graph) -> None:
         builder.add("Relu", [output], node.name)
 
 
-def _arithmetic(builder: _Builder, node: Node, graph: Graph) -> None:
+def _arithmetic(builder: Builder, node: Node, graph: Graph) -> None:
     """Add a sum or product; a constant is a number, or a number for each channel."""
     inputs = []
     for name in node.inputs:
@@ -200,19 +223,19 @@ def _arithmetic(builder: _Builder, node: Node, graph: Graph) -> None:
     builder.add(node.op, inputs, node.name)
 
 
-def _mean(builder: _Builder, node: Node, graph: Graph) -> None:
+def _mean(builder: Builder, node: Node, graph: Graph) -> None:
     if list(graph.constants[node.inputs[1]]) != [1, 2] or not node.flag("keep_dims"):
         raise ValueError("not a mean over the image")
     builder.add("GlobalAveragePool", [node.inputs[0]], node.name)
 
 
-def _concatenation(builder: _Builder, node: Node, graph: Graph) -> None:
+def _concatenation(builder: Builder, node: Node, graph: Graph) -> None:
     if int(graph.constants[node.inputs[-1]]) not in (3, -1):
         raise ValueError("not along the channels")
     builder.add("Concat", list(node.inputs[:-1]), node.name, axis=1)
 
 
-def _resizing(builder: _Builder, node: Node, graph: Graph) -> None:
+def _resizing(builder: Builder, node: Node, graph: Graph) -> None:
     """Add TensorFlow 1's bilinear resizing, which aligns the upper left corners of pixels."""
     if node.flag("align_corners") or node.flag("half_pixel_centers"):
         raise ValueError("aligned by corners or by centres")
@@ -226,20 +249,20 @@ def _resizing(builder: _Builder, node: Node, graph: Graph) -> None:
     )
 
 
-def _limited(builder: _Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001 - the signature of converters
+def _limited(builder: Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001 - the signature of converters
     builder.add("Clip", [node.inputs[0], builder.number("zero", 0), builder.number("six", 6)], node.name)
 
 
-def _same(builder: _Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001
+def _same(builder: Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001
     builder.add(node.op, list(node.inputs), node.name)
 
 
-def _input(builder: _Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001
+def _input(builder: Builder, node: Node, graph: Graph) -> None:  # noqa: ARG001
     if node.name != _INPUT:
         raise ValueError("a second input")
 
 
-_CONVERTERS: Final[dict[str, Callable[[_Builder, Node, Graph], None]]] = {
+CONVERTERS: Final[dict[str, Converter]] = {
     "Placeholder": _input,
     "Conv2D": _convolution,
     "_FusedConv2D": _convolution,
