@@ -24,5 +24,5 @@ def accessibility_findings(page: Page) -> list[str]:
         page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
         page.evaluate(_SCHEME, scheme)
-        found += [f"{width} px {scheme}: {one}" for one in page.evaluate(_RUN)]
+        found += [f"{width} px {scheme}: {finding}" for finding in page.evaluate(_RUN)]
     return found

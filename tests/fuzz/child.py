@@ -33,30 +33,30 @@ def main(name: str, seed: int, first: int, end: int) -> None:
     for index in range(first, end):
         rng = random.Random(f"{name}/{seed}/{index}")
         began = time.monotonic()
-        finding, said = "", "accepted"
+        finding, outcome = "", "accepted"
         try:
-            with quiet() as heard:
+            with quiet() as stderr:
                 instance.load(rng, index)
-            if "Traceback (most recent call last)" in heard.getvalue():
-                finding = f"a traceback on stderr: {heard.getvalue()[-500:]}"
+            if "Traceback (most recent call last)" in stderr.getvalue():
+                finding = f"a traceback on stderr: {stderr.getvalue()[-500:]}"
         except VsnbenchError as error:
-            said = type(error).__name__
+            outcome = type(error).__name__
         except BaseException as error:
-            said = type(error).__name__
+            outcome = type(error).__name__
             where = traceback.extract_tb(error.__traceback__)[-4:]
             trace = " < ".join(f"{Path(frame.filename).name}:{frame.lineno}" for frame in reversed(where))
-            finding = f"{said}: {str(error)[:200]!r} at {trace}"
-        told: dict[str, Any] = {"index": index, "end": said, "finding": finding, "s": time.monotonic() - began}
+            finding = f"{outcome}: {str(error)[:200]!r} at {trace}"
+        result: dict[str, Any] = {"index": index, "end": outcome, "finding": finding, "s": time.monotonic() - began}
         grown_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib
-        print(json.dumps(told | {"grown_mib": grown_kib / 1024}), file=report)
+        print(json.dumps(result | {"grown_mib": grown_kib / 1024}), file=report)
 
 
 @contextlib.contextmanager
 def quiet() -> Any:
     """Capture the output."""
-    heard = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(heard):
-        yield heard
+    stderr = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(stderr):
+        yield stderr
 
 
 def data_bytes() -> int:

@@ -37,13 +37,18 @@ def lock_drawn(journal: Journal, text: str = "", schedule: Schedule | None = Non
                 base,
                 model=replace(base.model, name=name),
                 trials=[
-                    PlannedTrial(one.goal, one.start, one.repetition) for one in schedule.trials if one.arm == name
+                    PlannedTrial(trial.goal, trial.start, trial.repetition)
+                    for trial in schedule.trials
+                    if trial.arm == name
                 ],
             ),
         )
         for name, code in schedule.codes.items()
     ]
-    trials = [LockedTrial(one.rank, one.block, one.arm, one.goal, one.start, one.repetition) for one in schedule.trials]
+    trials = [
+        LockedTrial(trial.rank, trial.block, trial.arm, trial.goal, trial.start, trial.repetition)
+        for trial in schedule.trials
+    ]
     study = parse_study(text, "study.yaml")
     return journal.lock_study(
         StudyLock(study.title, text, hash_of(text), schedule.fingerprint, 7, study.blind, arms, trials)
@@ -52,8 +57,8 @@ def lock_drawn(journal: Journal, text: str = "", schedule: Schedule | None = Non
 
 def run_ranks(journal: Journal, study: RecordedStudy, ranks: range) -> None:
     """Run some of the scheduled trials; every third one succeeds."""
-    for one in journal.study_progress(study.id)[ranks.start : ranks.stop]:
-        run(journal, one.trial, stopped(success=one.rank % 3 == 0), steps=1)
+    for planned in journal.study_progress(study.id)[ranks.start : ranks.stop]:
+        run(journal, planned.trial, stopped(success=planned.rank % 3 == 0), steps=1)
 
 
 def note_of(journal: Journal, study: RecordedStudy) -> LockNote:

@@ -30,8 +30,8 @@ def corrects_the_profile(environment: Mapping[str, str], path: Path, kind: str, 
     profile = write_profile(path / "robot.yaml", kind, **topics)
     done = typed(environment, "robots", "calibrate", str(profile), "--yes", "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert said["written"]
+    printed = json.loads(done.stdout)
+    assert printed["written"]
     camera = load_profile(profile).camera
     assert camera.mount_height_m == pytest.approx(HEIGHT_M, abs=0.01)
     assert camera.tilt_deg == pytest.approx(TILT_DEG, abs=0.3)

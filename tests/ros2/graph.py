@@ -88,7 +88,7 @@ class Graph2(ProcessGroup):
         self.domain.close()
 
 
-def told(process: Process, words: str) -> float:
+def send_line(process: Process, words: str) -> float:
     """Send a line to a robot of the tests, and return the time (monotonic clock)."""
     assert process.popen.stdin is not None
     process.popen.stdin.write(f"{words}\n".encode())
@@ -97,14 +97,14 @@ def told(process: Process, words: str) -> float:
 
 
 def moves(robot: Process) -> bool:
-    said = [line.split()[0] for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
-    return bool(said) and said[-1] == "moves"
+    states = [line.split()[0] for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return bool(states) and states[-1] == "moves"
 
 
 def stands_since(robot: Process) -> float | None:
     """Return since when the base is at rest, None while it moves."""
-    said = [line.split() for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
-    return float(said[-1][1]) if said and said[-1][0] == "stands" else None
+    states = [line.split() for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return float(states[-1][1]) if states and states[-1][0] == "stands" else None
 
 
 def zeroed_since(robot: Process) -> float | None:
@@ -116,7 +116,7 @@ def zeroed_since(robot: Process) -> float | None:
 def true_pose(robot: Process) -> tuple[float, float, float]:
     """Return the true pose of the base: metres and degrees."""
     before = robot.output.count("\nat ")
-    told(robot, "where")
+    send_line(robot, "where")
     wait_until(lambda: robot.output.count("\nat ") > before, "the robot writes where it is")
     x_m, y_m, heading_deg = map(float, robot.output.rsplit("\nat ", 1)[1].split()[:3])
     return x_m, y_m, heading_deg
@@ -134,7 +134,7 @@ def measured_watchdog() -> Path:
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
     with live_graph(directory) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py")
-        told(robot, "timeout 0.5")
+        send_line(robot, "timeout 0.5")
         doctor = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", directory)
         doctor.wait(120)
         assert "the base stopped" in doctor.output, doctor.output
@@ -190,7 +190,7 @@ class Rig2:
 
     def put_right(self) -> None:
         for words in ("good", "release"):
-            told(self.robot, words)
+            send_line(self.robot, words)
         self.client("halt")
 
 

@@ -14,7 +14,7 @@ from tests.processes import wait_until
 from tests.robots.drives import FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
 from tests.ros1.network import PATIENCE_S
-from tests.ros2.graph import Rig2, live_rig, moves, told, true_pose
+from tests.ros2.graph import Rig2, live_rig, moves, send_line, true_pose
 
 pytestmark = pytest.mark.ros2
 AT_REST_S = 1.0
@@ -73,7 +73,7 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
 )
 def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str, sensor_lost: bool) -> None:
     future = driving(rig, IN_FLIGHT[movement])
-    fault_s = told(rig.robot, fault)
+    fault_s = send_line(rig.robot, fault)
     result = end(rig, f"{movement}: {fault}", future, fault_s, IN_FLIGHT[movement])
     rig.put_right()
     assert result["failure"]
@@ -83,7 +83,7 @@ def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str,
 @pytest.mark.parametrize("movement", IN_FLIGHT)
 def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -> None:
     future = driving(rig, IN_FLIGHT[movement])
-    fault_s = told(rig.robot, "blind")
+    fault_s = send_line(rig.robot, "blind")
     result = end(rig, f"{movement}: camera silent", future, fault_s, IN_FLIGHT[movement])
     rig.put_right()
     assert result["blocked"]
@@ -92,7 +92,7 @@ def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -
 @pytest.mark.parametrize("movement", IN_FLIGHT)
 def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str) -> None:
     """The node next to the base, or the base's own limit, stops it; the resumed workstation does not continue."""
-    told(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
+    send_line(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
     future = driving(rig, IN_FLIGHT[movement])
     stop_s = time.monotonic()
     rig.client.popen.send_signal(signal.SIGSTOP)
@@ -106,7 +106,7 @@ def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str
     why = result["failure"] or result["blocked"]
     row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
     rig.table.rows.append(row)
-    told(rig.robot, "timeout 1000")
+    send_line(rig.robot, "timeout 1000")
     assert result["completed"] is False
     assert true_pose(rig.robot) == stood_at
     assert stood_s < AT_REST_S
@@ -144,7 +144,7 @@ def test_a_killed_node_next_to_the_base_stops_it(tmp_path: Path, movement: str) 
 def test_a_killed_workstation_leaves_a_base_at_rest(tmp_path: Path, movement: str, who: str) -> None:
     with live_rig(tmp_path, next_to_base=who == "next to the base") as rig:
         if rig.node is None:
-            told(rig.robot, "timeout 0.5")
+            send_line(rig.robot, "timeout 0.5")
         future = driving(rig, IN_FLIGHT[movement])
         kill_s = time.monotonic()
         rig.client.popen.kill()

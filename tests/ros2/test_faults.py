@@ -22,9 +22,9 @@ from tests.ros2.graph import (
     live_graph,
     live_rig,
     moves,
+    send_line,
     stands_since,
     start_discrete_move,
-    told,
     true_pose,
 )
 
@@ -67,7 +67,7 @@ def ended(result: dict) -> tuple[str, str]:
 def test_a_fault_in_a_movement_stops_the_base(rig, fault, said, sensor_lost) -> None:
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
-    fault_s = told(rig.robot, fault)
+    fault_s = send_line(rig.robot, fault)
     stood_s = rig.stood_after(fault_s)
     result = future.result(PATIENCE_S)
     times = rig.zeroed_after(fault_s), stood_s
@@ -116,7 +116,7 @@ def test_another_publisher_ends_a_movement_at_once(rig) -> None:
 def test_a_camera_that_fails_is_a_lost_sensor(rig, fault, code) -> None:
     rig.client("begin")
     assert rig.client("observe")["rgb"] == [48, 64, 3]
-    told(rig.robot, fault)
+    send_line(rig.robot, fault)
     # Only images from after the last motion count, so there has to be a motion.
     assert rig.client("execute", "TURN_LEFT")["failure"] == ""
     with pytest.raises(ClientError, match="SensorLostError") as lost:
@@ -133,7 +133,7 @@ def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
     """The node next to the base stops it, or the base itself, with the limit of a Create 3 and a Stretch."""
     rig.client("begin")
     if rig.node is None:
-        told(rig.robot, "timeout 0.5")
+        send_line(rig.robot, "timeout 0.5")
     future = rig.moving("MOVE_FORWARD")
     stop_s = time.monotonic()
     rig.client.popen.send_signal(signal.SIGSTOP)
