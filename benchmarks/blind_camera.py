@@ -1,8 +1,9 @@
-"""Whether a robot with a faulty depth camera is kept from driving into things: refusals, ends and true collisions.
+"""Counts collisions, refusals and end reasons of a robot with a faulty depth camera.
 
-A model that only ever chooses MOVE_FORWARD drives 25 actions from each of 8 starts of the apartment, once for each
-state of the depth camera. In simulation the observation is changed; over ROS the node that plays the robot publishes
-other images (`tests/robots/nodes/faulty_robot.py`); set ROS_DOMAIN_ID or ROS_MASTER_URI to a network of your own.
+A model that always chooses MOVE_FORWARD drives up to 25 actions from each of 8 starts of the apartment, once for each
+state of the depth camera. In simulation, the script changes the observation. Over ROS, the node that simulates the
+robot (`tests/robots/nodes/faulty_robot.py`) publishes faulty images. Set ROS_DOMAIN_ID or ROS_MASTER_URI to an unused
+network.
 
     python benchmarks/blind_camera.py simulation
     python benchmarks/blind_camera.py ros2 --fault nan --fault frozen
@@ -29,7 +30,7 @@ ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"
 
 
 class FaultyNode:
-    """The node that plays a robot over ROS, in a process of its own."""
+    """A separate process with the node that simulates a robot over ROS."""
 
     def __init__(self, generation: str, robot: str) -> None:
         self._process = subprocess.Popen(
@@ -39,8 +40,8 @@ class FaultyNode:
             text=True,
         )
 
-    def tell(self, fault: str) -> None:
-        """Have the camera show a fault from now on, and return once it does."""
+    def set_fault(self, fault: str) -> None:
+        """Set the fault of the camera, and wait until the node confirms it."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f"{fault}\n")
@@ -55,20 +56,20 @@ class FaultyNode:
 
 
 def over_ros(where: str, faults: Sequence[str], starts: Sequence[int], actions: int) -> Iterator[tuple[str, Counts]]:
-    """Drive a robot that is played over ROS; its camera is right while it is put at its start."""
+    """Drive a simulated robot over ROS. Its camera works while the robot is placed at a start."""
     site, node = load_site("apartment"), FaultyNode(where, ROBOTS[where])
     try:
-        node.tell("right")
+        node.set_fault("right")
         with open_robot(ROBOTS[where], site, ProtocolParameters()) as robot:
             for fault in faults:
 
                 def begin_fault(fault: str = fault) -> None:
-                    node.tell(fault)
-                    robot.execute(Action.STOP)  # images count that are younger than the last action
+                    node.set_fault(fault)
+                    robot.execute(Action.STOP)  # the robot only accepts images newer than its last action
 
                 counts = Counts()
                 for start in starts:
-                    node.tell("right")
+                    node.set_fault("right")
                     counts += drive(robot, site, [start], actions, begin_fault)
                 yield fault, counts
     finally:
@@ -84,11 +85,11 @@ def simulated(faults: Sequence[str], starts: Sequence[int], actions: int) -> Ite
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the measurement and print the counts of each fault."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("where", choices=ROBOTS)
     parser.add_argument("--starts", type=int, nargs="+", default=range(1, 9))
-    parser.add_argument("--actions", type=int, default=25, help="of one episode")
+    parser.add_argument("--actions", type=int, default=25, help="maximum number of actions per episode")
     parser.add_argument("--fault", action="append", choices=[*FAULTS, "ahead"], help="default: all but ahead")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args()

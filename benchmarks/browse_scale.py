@@ -2,7 +2,7 @@
 
     python benchmarks/browse_scale.py --directory /var/tmp/browse-10000 [--episodes 10000]
 
-The record is the one of `report_scale.py`: made up by SQL once, without images.
+The record is synthetic and has no images: `make_record` of `report_scale.py` writes it with SQL on the first run.
 """
 
 import argparse
@@ -43,7 +43,7 @@ _SCROLL_MS = """() => new Promise((resolve) => {
 
 
 def main() -> None:
-    """Print the figures as JSON."""
+    """Print the measurements as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--directory", type=Path, required=True)
     parser.add_argument("--episodes", type=int, default=10_000)

@@ -1,10 +1,11 @@
-"""Measures `vsnbench bundle` for 100, 300 and 1,000 episodes: time, disk, memory, and whether the bytes repeat.
+"""Measures `vsnbench bundle` for 100, 300 and 1,000 episodes.
 
     python benchmarks/bundle_scale.py --directory /var/tmp/bundle-1000
 
-Oracle trials are run once. Their rows and images are copied, with UUIDs of their own, to three campaigns of 100, 200
-and 700 episodes. Each time is compared with that of a program which reads the same files and appends them to one.
-Before each run the files leave the page cache, and each time includes the transfer of the output to the disk.
+It measures wall time and processor time in seconds, peak memory in MiB and the size in MB, and checks that repeated
+bundles are identical. It runs 20 oracle trials once, and copies their rows and images, with new UUIDs, into three
+campaigns of 100, 200 and 700 episodes. The baseline reads the same files and appends them to one file. Before each
+run, the script drops the files from the page cache. Each time includes flushing the output to disk.
 """
 
 import argparse
@@ -25,7 +26,7 @@ _COPIED = ("step", "verdict")
 
 
 def main() -> None:
-    """Print one line of JSON per number of episodes."""
+    """Print one line of JSON for each number of episodes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--directory", type=Path, required=True)
     parser.add_argument("--repeats", type=int, default=3)
@@ -38,7 +39,7 @@ def main() -> None:
 
 
 def make_record(results: Path) -> None:
-    """Run 20 trials, and copy them until every campaign is full."""
+    """Run 20 trials, and copy them until each campaign has its number of episodes."""
     base = results.with_name("base")
     run = [sys.executable, "-m", "vsnbench", "run", "--model", "oracle", "--goal", "chair,sofa", "--starts", "1-10"]
     subprocess.run([*run, "--keep", "images", "--results", str(base)], check=True)
@@ -58,7 +59,7 @@ def make_record(results: Path) -> None:
 def add_copy(
     database: sqlite3.Connection, results: Path, episode: dict[str, object], campaign: int, place: int
 ) -> None:
-    """Copy an episode with its rows and files to a further repetition of its trial."""
+    """Copy an episode with its rows and files as a new repetition of its trial."""
     trial = dict(database.execute("SELECT * FROM trial WHERE id = ?", (episode["trial_id"],)).fetchone())
     number = database.execute("SELECT MAX(id) + 1 FROM episode").fetchone()[0]
     of_trial = database.execute("SELECT MAX(id) + 1 FROM trial").fetchone()[0]
@@ -74,13 +75,13 @@ def add_copy(
 
 
 def insert(database: sqlite3.Connection, table: str, row: dict[str, object]) -> None:
-    """Insert a row of any columns."""
+    """Insert a row, given as a mapping of column names to values."""
     names = ", ".join(f'"{name}"' for name in row)
     database.execute(f"INSERT INTO {table} ({names}) VALUES ({', '.join('?' * len(row))})", list(row.values()))
 
 
 def measure(results: Path, campaigns: str, directory: Path, repeats: int) -> dict[str, object]:
-    """Bundle some campaigns several times, in turn with the plain copy."""
+    """Alternate bundling the campaigns with the plain copy, and return the best of all repeats."""
     output = directory / "bundle.zip"
     last = int(campaigns.partition("-")[2])
     files = files_of(results, last)
@@ -116,7 +117,7 @@ def measure(results: Path, campaigns: str, directory: Path, repeats: int) -> dic
 
 
 def files_of(results: Path, last: int) -> list[Path]:
-    """Return the files that a bundle of the first campaigns copies."""
+    """Return the image files of the campaigns up to number `last`."""
     query = "SELECT images_directory FROM episode e JOIN trial ON trial.id = trial_id WHERE campaign_id <= ? ORDER BY 1"
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
         directories = [results / row[0] for row in database.execute(query, (last,))]
@@ -132,13 +133,13 @@ def forget(files: list[Path]) -> None:
 
 
 def flush(path: Path) -> None:
-    """Wait until a file is on the disk."""
+    """Flush a file to disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 def copy_s(files: list[Path], target: Path) -> float:
-    """Return the time in which the same bytes are read and appended to one file."""
+    """Return the seconds needed to read all files and append them to one file."""
     began_s = time.monotonic()
     with target.open("wb") as file:
         for path in files:

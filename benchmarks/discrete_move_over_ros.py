@@ -1,18 +1,20 @@
-"""How precisely movements are carried out over a real ROS network, by odometry rate and dead time of the base.
+"""Measures the accuracy of movements over ROS, by odometry rate and base latency.
 
-For each setting: `vsnbench robots simulate` in an empty hall, and random movements, carried out by
-`vsnbench robots serve`, for ROS 2 next to the base, or by the workstation's own loop; for ROS 2 also
-with a relay between that holds every message back 30 ms each way. What the odometry and the simulator's truth say
-afterwards becomes a line of a table. Lines gather in a file; the page is made of all of them.
+For each setting, `vsnbench robots simulate` simulates a robot in an empty hall, and the script requests random
+movements. `vsnbench robots serve` executes them, for ROS 2 next to the base; otherwise the workstation's own control
+loop does. For ROS 2, a relay can delay each message by 30 ms in each direction. Each setting gives a table row with
+errors in mm and degrees, from the odometry and from the simulator's true pose. `--rows` collects the rows in a file,
+and `--report` writes the page from all of them.
 
     python benchmarks/discrete_move_over_ros.py --actions 300 --jobs 4 --rows rows.jsonl
-    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --ways ros2 ros2-beside ros2-wifi --rows rows.jsonl
+    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --ways ros2 ros2-onboard ros2-wifi --rows rows.jsonl
     python benchmarks/discrete_move_over_ros.py --report --rows rows.jsonl > motion-accuracy.md
 
-With `--standing` the odometry has white noise of 0.05 degrees and 2 mm, at rest as well, and errors are the truth's:
+With `--standing`, the odometry has white noise of 0.05 degrees and 2 mm, also at rest. Errors then come from the true
+pose:
 
     python benchmarks/discrete_move_over_ros.py --standing --actions 200 --rows standing.jsonl
-    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --standing --ways ros2 ros2-beside --actions 200 \
+    .venv-ros2/bin/python benchmarks/discrete_move_over_ros.py --standing --ways ros2 ros2-onboard --actions 200 \
         --rows standing.jsonl
 """
 
@@ -37,16 +39,16 @@ from pathlib import Path
 from typing import Any
 
 SETTINGS = [(rate_hz, lag_s, "") for rate_hz in (10.0, 20.0, 50.0) for lag_s in (0.0, 0.1)] + [(50.0, 0.1, "noise")]
-"""Odometry's rate, dead time of the base, and whether odometry has noise."""
+"""Odometry rate in Hz, latency of the base in seconds, and kind of odometry noise."""
 STANDING = [(rate_hz, 0.0, noise) for rate_hz in (20.0, 50.0) for noise in ("", "standing")]
 STANDING_DEG, STANDING_MM = 0.05, 2.0
 """Standard deviations of the noise of `--standing`."""
 WAYS = {
     "ros1": "ROS 1, by `vsnbench robots serve` (Turtlebot 2)",
     "ros2": "ROS 2, by the workstation's own loop (TurtleBot 4)",
-    "ros2-beside": "ROS 2, by `vsnbench robots serve` beside the base (TurtleBot 4)",
+    "ros2-onboard": "ROS 2, by `vsnbench robots serve` next to the base (TurtleBot 4)",
     "ros2-wifi": "ROS 2, by the workstation's own loop, 30 ms each way from the base (TurtleBot 4)",
-    "ros2-beside-wifi": "ROS 2, by `vsnbench robots serve` beside the base, the workstation 30 ms away",
+    "ros2-onboard-wifi": "ROS 2, by `vsnbench robots serve` next to the base, the workstation 30 ms away",
 }
 NOISES = {"": "", "noise": ", noise", "standing": f", {STANDING_DEG:g}° and {STANDING_MM:g} mm at rest"}
 DELAY_S, JITTER_S = 0.03, 0.01
@@ -64,12 +66,12 @@ Setting = tuple[float, float, str]
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--actions", type=int, default=300)
-    options.add_argument("--jobs", type=int, default=1, help="settings at the same time")
+    options.add_argument("--jobs", type=int, default=1, help="number of settings to measure in parallel")
     options.add_argument("--ways", nargs="+", choices=WAYS, default=["ros1"])
-    options.add_argument("--settings", type=int, default=len(SETTINGS), help="only the last so many settings")
-    options.add_argument("--rows", type=Path, help="file to which every line is added; what it holds is not run again")
-    options.add_argument("--standing", action="store_true", help="a quiet base, and one with standing noise")
-    options.add_argument("--report", action="store_true", help="run nothing: make the page of what --rows holds")
+    options.add_argument("--settings", type=int, default=len(SETTINGS), help="number of settings, from the last")
+    options.add_argument("--rows", type=Path, help="file of results, extended by each run; settings in it are skipped")
+    options.add_argument("--standing", action="store_true", help="compare odometry with and without noise at rest")
+    options.add_argument("--report", action="store_true", help="only write the page from the results in --rows")
     options.add_argument("--worker", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.worker:
@@ -101,13 +103,13 @@ def main() -> None:
             if (way, *setting) not in done
         ]
         with ThreadPoolExecutor(chosen.jobs) as pool:
-            list(pool.map(run, [(number, *one) for number, one in enumerate(wanted)]))
+            list(pool.map(run, [(number, way, setting) for number, (way, setting) in enumerate(wanted)]))
     sys.stdout.write(report(rows))
 
 
 def run_apart(way: str, setting: Setting, actions: int, number: int) -> dict[str, Any]:
-    """Run one setting in a process and on a network of its own; return its row."""
-    words = [sys.executable, __file__, "--actions", str(actions), "--worker", "{}:{}:{}:{}".format(way, *setting)]
+    """Measure one setting in a separate process and ROS network; return its row."""
+    command = [sys.executable, __file__, "--actions", str(actions), "--worker", "{}:{}:{}:{}".format(way, *setting)]
     with tempfile.TemporaryDirectory() as directory:
         environment = os.environ | {
             "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
@@ -117,9 +119,9 @@ def run_apart(way: str, setting: Setting, actions: int, number: int) -> dict[str
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_DOMAIN_ID": str(20 + number % 80),
         }
-        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise RuntimeError(f"{words[-1]} is left out: {done.stderr[-600:]}")
+        raise RuntimeError(f"{command[-1]} failed and is skipped: {done.stderr[-600:]}")
     return {**json.loads(done.stdout.splitlines()[-1]), "load": os.getloadavg()[1]}
 
 
@@ -130,7 +132,7 @@ def free_port() -> int:
 
 
 def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
-    """Run one setting in this process and its children; return one row."""
+    """Measure one setting in this process and its children; return its row."""
     from vsnbench.robots.profiles import embedded_profiles, load_profile
 
     rate_hz, lag_s, noise = setting
@@ -161,7 +163,7 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
         noisy = [sys.executable, NOISY_SIMULATOR, STANDING_DEG, STANDING_MM, ros]
         simulator = noisy if noise == "standing" else vsnbench
         start(*simulator, "simulate", near, "--site", directory / "hall.yaml", *how)
-        if way == "ros1" or "beside" in way:
+        if way == "ros1" or "onboard" in way:
             start(*vsnbench, "serve", near)
         reached, server = near, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"
         if "wifi" in way:
@@ -172,13 +174,13 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
 
 
 def with_small_camera(profile: str) -> str:
-    """Return a profile whose camera costs next to nothing: pictures are not what is measured here."""
+    """Return the profile with a small, slow camera, because images are not measured."""
     profile = re.sub(r"width: \d+", "width: 64", re.sub(r"height: \d+", "height: 48", profile))
     return re.sub(r"kind: (ros\d)", r"kind: \1\n  camera_rate_hz: 2", profile)
 
 
 def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str, Any]:
-    """Ask for random movements and compare what was asked with odometry and truth."""
+    """Request random movements and compare each with the odometry and the true pose."""
     from vsnbench.control.law import ideal_duration_s
     from vsnbench.control.settings import MotionSettings
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -187,10 +189,10 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
     from vsnbench.sensing.movements import MOVEMENTS
 
     link = connect(profile, ProtocolParameters())
-    # What carries out movements is chosen once a session, by what the graph knows: it has to be there by then.
+    # The link chooses once per session what executes movements, from the nodes that it has discovered by then.
     time.sleep(0 if link.kind == "ros1" else 10)
     wait_until_ready(link, Patience(180))
-    assert link.server == server, f"{link.server} carries out movements, not {server}"
+    assert link.server == server, f"{link.server} executes movements, not {server}"
     truth = Truth(link)
     settings = MotionSettings.for_robot(profile)
     choice = random.Random("{} {} {}".format(*setting))
@@ -203,7 +205,7 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
 
     errors_m, errors_deg, relative_deg, true_m, ratios, refused, dishonest = [], [], [], [], [], 0, 0
     if not link.wait_for(lambda now: steady(now.readings, setting[0]), 120.0):
-        raise SystemExit("the odometry does not come at its rate")
+        raise SystemExit("the odometry does not arrive at its rate")
     reasons: list[str] = []
     before, true_before = here()
     held_rad = before.heading_rad
@@ -217,11 +219,11 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
         if not answered:
             refused += 1
             link.wait_for(lambda now: now.outcome is not None, 0.5)
-            said = link.snapshot().outcome
-            # What broke the movement off may not have reached a base with a dead time yet.
+            failure = link.snapshot().outcome
+            # The command that ended the movement may not have reached a base with latency yet.
             link.wait_for(lambda now: now.at_rest(0.5, 0.0005, math.radians(0.01)), 5.0)
             after, true_after = here()
-            reasons.append(re.sub(r"[0-9.]+", "N", said.reason) if said else "no reason came")
+            reasons.append(re.sub(r"[0-9.]+", "N", failure.reason) if failure else "no reason received")
             held_rad = after.heading_rad
         elif action.turns:
             asked_rad = math.radians(30) * (1 if word == "Left" else -1)
@@ -254,7 +256,7 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
 
 
 class Truth:
-    """Where the simulated robot truly stands: over ROS 2 it is read only when somebody asks, as it comes often."""
+    """True pose of the simulated robot. Over ROS 2, frequent messages are decoded only on access."""
 
     def __init__(self, link: Any) -> None:
         self._link = link
@@ -275,7 +277,7 @@ class Truth:
 
     @property
     def arrival_s(self) -> float:
-        """When the newest came."""
+        """Arrival time of the newest message, on the monotonic clock."""
         if self._link.kind == "ros1":
             truth = self._link.snapshot().truth
             return truth.arrival_s if truth else -math.inf
@@ -295,7 +297,7 @@ class Truth:
 
 
 def steady(readings: tuple, rate_hz: float) -> bool:
-    """Return whether odometry comes without a gap: the simulator has compiled what it needs."""
+    """Return whether odometry arrives without gaps, so the simulator has finished compiling."""
     gaps = [later.arrival_s - earlier.arrival_s for earlier, later in itertools.pairwise(readings)]
     return len(gaps) > 9 and max(gaps) < max(3 / rate_hz, 0.2)
 
@@ -312,12 +314,13 @@ def report(rows: list[dict[str, Any]]) -> str:
     lines = [
         "# Precision of movements over ROS",
         "",
-        f"{' or '.join(map(str, actions))} random movements a setting (25 cm forward or backward, 30° left or right),",
-        "against `vsnbench robots simulate` in an empty hall, everything in real time. Errors are the",
-        "odometry's, turns against the absolute heading held since the start, which is what is promised; call to call",
-        "is the difference of two headings, the end of the move between them included; true is the simulator's own",
-        "pose, which wheel slip and noise part from the odometry. The tolerances are 5 mm and 0.1°; an answer of True",
-        "outside of them is dishonest. Time is the whole call over the ideal profile's duration.",
+        f"{' or '.join(map(str, actions))} random movements per setting (25 cm forward or backward, 30° left or",
+        "right), in `vsnbench robots simulate` in an empty hall, in real time. Errors come from the odometry. The",
+        "error of a turn is against the absolute heading held since the start, to which the tolerance applies. `call",
+        "to call` is the difference of two successive headings and includes the end of the move between them. `true`",
+        "comes from the simulator's pose, from which wheel slip and noise separate the odometry. The tolerances are",
+        "5 mm and 0.1°; an answer of True outside them is dishonest. Time is the duration of the whole call, as a",
+        "multiple of the ideal profile's duration.",
         "Written by `benchmarks/discrete_move_over_ros.py`.",
     ]
     for way, title in WAYS.items():

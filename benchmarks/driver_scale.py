@@ -1,10 +1,11 @@
-"""What a driver has to do for each episode of a cluster, and so how many workers it keeps up with.
+"""Measures the driver's time per episode of a cluster.
 
 python benchmarks/driver_scale.py                           1,000 workers, 3,000 episodes; a minute
 python benchmarks/driver_scale.py --workers 200 --actions 20
 
-Simulated are the workers: each sleeps as long as an episode takes and answers with a sealed episode, made once by a
-real one. Real are the claims, the messages, the files and the rows, through the functions that merge a cluster's.
+From it follows the number of workers that one driver can serve. Only the workers are simulated: each sleeps for the
+duration of an episode and returns a copy of one real episode bundle. The claims, messages, files and database rows are
+real and go through the functions that merge the results of a cluster.
 """
 
 import argparse
@@ -34,13 +35,13 @@ from vsnbench.sites.site import load_site
 
 
 class Sleepers(TaskRunner):
-    """Workers that sleep instead of driving; what they answer has to be unpacked, as what comes over a network."""
+    """Workers that sleep instead of driving, and return a pickled episode bundle as over a network."""
 
-    def __init__(self, description: SetupDescription, sealed: EpisodeBundle, workers: int, episode_s: float) -> None:
+    def __init__(self, description: SetupDescription, bundle: EpisodeBundle, workers: int, episode_s: float) -> None:
         self.description = description
         self._capacity = workers + max(1, workers // 8)
         self.summary = f"{workers} sleeping workers"
-        self._packed = pickle.dumps(sealed, protocol=pickle.HIGHEST_PROTOCOL)
+        self._packed = pickle.dumps(bundle, protocol=pickle.HIGHEST_PROTOCOL)
         self._workers, self._episode_s = workers, episode_s
         self._free_at = [0.0] * workers
         self._asleep: list[tuple[float, int, Trial]] = []
@@ -54,7 +55,7 @@ class Sleepers(TaskRunner):
     def submit(self, trial: Trial, seed: int) -> None:
         del seed
         begins_s = max(heapq.heappop(self._free_at), time.monotonic())
-        # Not all at once: a thousand workers that began together would answer together.
+        # Spread the durations: a thousand workers that start together would also finish together.
         wakes_s = begins_s + self._episode_s * (0.5 + (trial.id * 0.618) % 1.0)
         heapq.heappush(self._free_at, wakes_s)
         heapq.heappush(self._asleep, (wakes_s, trial.id, trial))
@@ -67,37 +68,37 @@ class Sleepers(TaskRunner):
         if not self._asleep or self._asleep[0][0] > time.monotonic():
             return []
         trial = heapq.heappop(self._asleep)[2]
-        sealed: EpisodeBundle = pickle.loads(self._packed)
-        return [replace(sealed, trial=trial)]
+        bundle: EpisodeBundle = pickle.loads(self._packed)
+        return [replace(bundle, trial=trial)]
 
     def cancel(self) -> None:
         self._asleep.clear()
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the campaign and print the driver's rates."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--workers", type=int, default=1000)
     parser.add_argument("--episodes", type=int, default=3000)
-    parser.add_argument("--actions", type=int, default=20, help="of an episode")
-    parser.add_argument("--episode-s", type=float, default=1.0, help="how long a worker sleeps, on average")
-    parser.add_argument("--without-images", action="store_true", help="the rows alone")
+    parser.add_argument("--actions", type=int, default=20, help="actions per episode")
+    parser.add_argument("--episode-s", type=float, default=1.0, help="mean seconds that a worker sleeps per episode")
+    parser.add_argument("--without-images", action="store_true", help="transfer only the database rows")
     asked = parser.parse_args()
     site, parameters = load_site("apartment"), ProtocolParameters(max_actions=asked.actions)
     plan = TrialSetupSpec(site, "random", ("chair",), parameters=parameters)
-    with open_trial_setup(plan) as bench, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as there:
+    with open_trial_setup(plan) as setup, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as directory:
         for seed in range(100):  # the random walk may stop early
-            sealed = run_bundled(bench, bench.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
-            if sealed.outcome.actions == asked.actions:
+            bundle = run_bundled(setup, setup.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
+            if bundle.outcome.actions == asked.actions:
                 break
         if asked.without_images:
-            sealed = replace(sealed, files={})
-        results = ResultsDirectory.locate(Path(there))
+            bundle = replace(bundle, files={})
+        results = ResultsDirectory.locate(Path(directory))
         results.prepare()
-        described = bench.description
+        described = setup.description
         trials = [PlannedTrial("chair", 1, number) for number in range(1, asked.episodes + 1)]
         campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
-        sleepers = Sleepers(described, sealed, asked.workers, asked.episode_s)
+        sleepers = Sleepers(described, bundle, asked.workers, asked.episode_s)
         with Journal.open(results.database_url) as journal, StopRequests() as stop, MergingPool(sleepers) as pool:
             opened, operator = journal.find_or_create_campaign(campaign), AbsentOperator()
             context = SessionContext(journal, operator, stop, site, parameters, RecordingOptions(results))
@@ -108,14 +109,13 @@ def main() -> None:
             taken_s, busy_s = time.perf_counter() - began_s, time.process_time() - busy_s
     rate = result.episodes / taken_s
     offered = asked.workers / asked.episode_s
-    print(
-        f"load before: {os.getloadavg()[0]:.2f}; {sealed.outcome.actions} actions and {sleepers.megabytes:.1f} MB each"
-    )
-    print(f"offered   {offered:8.0f} episodes/s by {asked.workers} workers of {asked.episode_s:g} s an episode")
+    size = f"{bundle.outcome.actions} actions and {sleepers.megabytes:.1f} MB"
+    print(f"load before: {os.getloadavg()[0]:.2f}; {size} per episode")
+    print(f"offered   {offered:8.0f} episodes/s by {asked.workers} workers of {asked.episode_s:g} s per episode")
     print(f"merged    {rate:8.1f} episodes/s, {rate * sleepers.megabytes:.0f} MB/s; {result.left} left")
-    each_ms, processor_ms = (each / result.episodes * 1000 for each in (taken_s, busy_s))
+    wall_ms, processor_ms = (total_s / result.episodes * 1000 for total_s in (taken_s, busy_s))
     idle = sleepers.waited_s / taken_s
-    print(f"driver    {each_ms:8.2f} ms an episode, {processor_ms:.2f} of processor; idle {idle:.0%}")
+    print(f"driver    {wall_ms:8.2f} ms per episode, {processor_ms:.2f} ms of processor time; idle {idle:.0%}")
     print(f"keeps up with {rate * 4:.0f} workers whose episodes take 4 s, with {rate * 30:.0f} at 30 s")
 
 

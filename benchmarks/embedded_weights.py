@@ -1,11 +1,11 @@
-"""Judges the embedded PIRLNav weights by the whole protocol, beside random, forward and the oracle.
+"""Measures the success rate of the embedded PIRLNav weights under the full protocol.
 
     python benchmarks/embedded_weights.py --output judged                        the apartment: 15 positions x 6 goals
-    python benchmarks/embedded_weights.py --output judged --twins 20 --starts 1-5    and flats never trained on
+    python benchmarks/embedded_weights.py --output judged --flats 20 --starts 1-5    and flats never trained on
 
-Every row is what `vsnbench run` recorded, in a results directory of its own under the output, so that an interrupted
-judgement goes on. Intervals are Wilson's, over trials; five seeds of one policy share positions and goals and are not
-independent, so their pooled interval is a little too narrow.
+The baselines are `random`, `forward` and `oracle`. Each row comes from a `vsnbench run` into its own results directory
+below the output, so an interrupted measurement resumes. Intervals are Wilson intervals over trials. The five seeds of
+one policy share positions and goals and are not independent, so their pooled interval is slightly too narrow.
 """
 
 import argparse
@@ -29,7 +29,7 @@ SAMPLED_SEEDS = range(5)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """One row of the table: a model, how it decides, and its seed."""
+    """One row of the table: a model, its seed and its decision mode."""
 
     model: str
     seed: int = 0
@@ -37,7 +37,7 @@ class Policy:
 
     @property
     def name(self) -> str:
-        """What its results directory is called."""
+        """Name of the results directory."""
         return "-".join(part for part in (self.model, self.decision, str(self.seed)) if part)
 
 
@@ -47,39 +47,39 @@ BASELINES = [Policy("random"), Policy("forward"), Policy("oracle")]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, required=True, help="directory of results directories")
-    parser.add_argument("--weights", default="embedded", help="the checkpoint")
-    parser.add_argument("--twins", type=int, default=0, help="how many of the generated test flats to judge in as well")
-    parser.add_argument("--starts", default="1-15", help="starting positions in each twin")
-    parser.add_argument("--jobs", type=int, default=2, help="runs side by side")
+    parser.add_argument("--output", type=Path, required=True, help="directory for the results directories")
+    parser.add_argument("--weights", default="embedded", help="PIRLNav checkpoint")
+    parser.add_argument("--flats", type=int, default=0, help="number of generated test flats to evaluate in addition")
+    parser.add_argument("--starts", default="1-15", help="starting positions in each generated flat")
+    parser.add_argument("--jobs", type=int, default=2, help="number of parallel runs")
     parser.add_argument("--skip-apartment", action="store_true")
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
-    judge = Judge(given.output, given.weights)
+    evaluation = Evaluation(given.output, given.weights)
     tables = []
     with ThreadPoolExecutor(given.jobs) as pool:
         if not given.skip_apartment:
             policies = [*SAMPLED, Policy("pirlnav", 0, GREEDY), *BASELINES]
-            runs = list(pool.map(lambda policy: judge.run(policy, "apartment", "1-15"), policies))
+            runs = list(pool.map(lambda policy: evaluation.run(policy, "apartment", "1-15"), policies))
             rows = {policy.name: [run] for policy, run in zip(policies, runs, strict=True)}
             rows["pirlnav, five seeds"] = runs[: len(SAMPLED)]
             tables.append(("The apartment", rows))
-        if given.twins:
-            sites = list(pool.map(judge.twin, SEEDS[Split.TEST][: given.twins]))
+        if given.flats:
+            sites = list(pool.map(evaluation.flat, SEEDS[Split.TEST][: given.flats]))
             policies = [SAMPLED[0], *BASELINES, Policy("pirlnav", 0, GREEDY)]
             pairs = [(policy, site) for policy in policies for site in sites]
-            runs = list(pool.map(lambda pair: judge.run(pair[0], str(pair[1]), given.starts), pairs))
+            runs = list(pool.map(lambda pair: evaluation.run(pair[0], str(pair[1]), given.starts), pairs))
             rows = {
-                policy.name: [run for (one, _), run in zip(pairs, runs, strict=True) if one == policy]
+                policy.name: [run for (driver, _), run in zip(pairs, runs, strict=True) if driver == policy]
                 for policy in policies
             }
-            tables.append((f"{given.twins} generated flats, positions {given.starts}", rows))
+            tables.append((f"{given.flats} generated flats, positions {given.starts}", rows))
     for title, rows in tables:
         print(f"\n{title}\n\n{markdown(rows)}")
 
 
-class Judge:
-    """Runs policies under the protocol and keeps what they recorded."""
+class Evaluation:
+    """Runs policies under the protocol and keeps their results directories."""
 
     def __init__(self, output: Path, weights: str) -> None:
         output = output.resolve()
@@ -90,15 +90,15 @@ class Judge:
         self._sampled = output / "sampled.yaml"
         self._sampled.write_text("decision: sampled\nthreads: 1\n")
 
-    def twin(self, seed: int) -> Path:
-        """Write the generated flat of that seed."""
-        path = self._output / f"twin-{seed}.yaml"
+    def flat(self, seed: int) -> Path:
+        """Write the generated flat of a seed; return its file."""
+        path = self._output / f"flat-{seed}.yaml"
         if not path.is_file():
             self._vsnbench("sites", "generate", "--seed", str(seed), "--output", str(path))
         return path
 
     def run(self, policy: Policy, site: str, starts: str) -> Path:
-        """Run every trial that is left; return the results directory."""
+        """Run the remaining trials; return the results directory."""
         results = self._output / Path(site).stem / policy.name
         words = ["run", "--model", policy.model, "--goal", ",".join(GOALS), "--site", site, "--starts", starts]
         words += ["--seed", str(policy.seed), "--results", str(results)]
@@ -116,7 +116,7 @@ class Judge:
 
 
 def markdown(rows: dict[str, Sequence[Path]]) -> str:
-    """Return a table with one row a policy."""
+    """Return a Markdown table with one row per policy."""
     headings = ["policy", "success", "SR [95 %]", *GOALS, "STOP too far", "collisions", "step limits", "actions"]
     lines = [headings, ["---"] * len(headings)]
     for name, records in rows.items():

@@ -1,11 +1,11 @@
-"""Agreement of the failure taxonomy with a person who looked at the trajectories.
+"""Measures agreement (Cohen's kappa) of the failure taxonomy with a human rater.
 
     python benchmarks/failure_taxonomy.py pictures RECORD DIR     draws 60 failures, chosen at random, 6 to a picture
     python benchmarks/failure_taxonomy.py score RECORD LABELS     kappa of LABELS (episode,kind per line) and program
 
-The rater sees the plan with the goal in colour and the region where STOP succeeds, the path from light to dark with a
-short line for the heading after every action, crosses where the guard blocked an action, and how the episode ended. The
-program's kinds are not shown. RECORD is a results directory.
+RECORD is a results directory. Each picture shows the floor plan with the goal in colour and the region where STOP
+succeeds, the path from light to dark with a short line for the heading after each action, a cross at each action that
+the guard blocked, and the end reason. It does not show the program's classification.
 """
 
 import argparse
@@ -31,7 +31,7 @@ COUNT, PER_PICTURE, RESAMPLES = 60, 6, 10_000
 
 
 def pictures(record_path: Path, directory: Path) -> None:
-    """Draw the failures to be classified."""
+    """Draw the failures that the rater classifies."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -115,11 +115,11 @@ def score(record_path: Path, labels: Path) -> None:
 
 
 def main() -> None:
-    """Draw, or score."""
+    """Draw the pictures or compute the score."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("pictures", "score"))
     parser.add_argument("record", type=Path)
-    parser.add_argument("target", type=Path, help="directory of the pictures, or file of the labels")
+    parser.add_argument("target", type=Path, help="output directory of the pictures, or file with the labels")
     options = parser.parse_args()
     {"pictures": pictures, "score": score}[options.what](options.record, options.target)
 

@@ -1,9 +1,10 @@
-"""How well `vsnbench doctor` finds a misplaced camera: its comparison of the floor with the profile, in simulation.
+"""Measures the misplaced cameras that `vsnbench doctor` finds, and false alarms.
 
-The robot is a Turtlebot 2 at marks of the apartment. Each image has noise, holes and a depth scale that is off by 1 %
-(standard deviation), and is the median of ten frames. Twelve cameras sit or see otherwise than the profile has them,
-two of them with a driver that publishes no camera_info. Twenty sit right, at twenty marks of the apartment and of
-generated flats from which the floor is visible.
+`doctor` compares the floor in the depth image with the profile. The robot is a simulated Turtlebot 2 at marks of the
+apartment. Each image is the median of ten frames with noise, holes and a depth scale error of 1 % (standard deviation).
+Twelve cameras differ from the profile in position or field of view; two of them have a driver that publishes no
+camera_info. Twenty correct cameras are at twenty marks of the apartment and of generated flats from which the floor is
+visible.
 
     python benchmarks/misplaced_cameras.py [--seed S]
 """
@@ -32,15 +33,16 @@ RIGHT = 20
 
 @dataclass(frozen=True, slots=True)
 class Misplaced:
-    """One fault of a camera: a field of the profile, and by how much the real one is larger."""
+    """One fault of a camera: a profile field and its error."""
 
     field: str
     off: float
+    """Real value minus profile value; for a field of view, as a share of it."""
     has_info: bool = True
     """Whether the driver publishes a camera_info."""
 
     def camera(self, profile: Camera) -> Camera:
-        """Return the camera as it is."""
+        """Return the real camera, with the fault."""
         value = getattr(profile, self.field)
         changed = value * (1 + self.off) if self.field == "horizontal_fov_deg" else value + self.off
         return profile.model_copy(update={self.field: changed})
@@ -59,28 +61,28 @@ FAULTS = (
 def checked(
     scene: tuple[Site, Pose], profile: Camera, real: Camera, info: Intrinsics | None, rng: np.random.Generator
 ) -> list[tuple[str, str]]:
-    """Return the lines of the doctor that are not ok, as (what, words): failures, and what it could not check."""
+    """Return (name, message) of each check that failed or could not run."""
     site, pose = scene
     eye = NoisyEye(site, real, 1 + rng.normal(0, DEPTH_SCALE), rng)
     frames = [np.asarray(eye.look(pose).depth_m, np.float32) for _ in range(FRAMES)]
     depth_m = median_depth_m(frames, profile.depth_min_m, profile.depth_max_m)
     results = mount_results(rectifier_of(info, profile, "", 0).depth(depth_m), profile)
-    return [(one.what, one.seen) for one in results if one.health is not Health.OK]
+    return [(result.what, result.seen) for result in results if result.health is not Health.OK]
 
 
 def info_of(real: Camera) -> Intrinsics:
-    """Return what a driver that is right publishes of a camera."""
+    """Return the camera_info that a correct driver publishes for a camera."""
     return Intrinsics(real.width, real.height, real.focal_px, real.focal_px, *real.center_px, (), "plumb_bob")
 
 
-def info_words(profile: Camera, info: Intrinsics) -> str:
-    """Return the doctor's words on a camera_info; an empty string where it fits the profile."""
+def info_message(profile: Camera, info: Intrinsics) -> str:
+    """Return the doctor's message about a camera_info, or an empty string if it matches the profile."""
     fov_deg, wanted_deg = info.horizontal_fov_deg(), profile.horizontal_fov_deg
     return f"camera_info: {fov_deg:.1f}° against {wanted_deg:g}°" if abs(fov_deg / wanted_deg - 1) > FOV_SHARE else ""
 
 
 def main() -> None:
-    """Print a line for each fault, and the number of false alarms."""
+    """Print one line per fault, and the number of false alarms."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
@@ -88,15 +90,15 @@ def main() -> None:
     profile, site = load_profile("turtlebot2").camera, load_site("apartment")
     starts = {start.number: start for start in site.starts}
     found = 0
-    print("| fault | found | the doctor's words |\n| --- | --- | --- |")
+    print("| fault | found | message of `doctor` |\n| --- | --- | --- |")
     for number, fault in enumerate(FAULTS):
         real = fault.camera(profile)
         rng = np.random.default_rng([asked.seed, number])
         info = info_of(real) if fault.has_info else None
         lines = checked((site, starts[MARK].pose), profile, real, info, rng)
-        failed = [f"{what}: {words}" for what, words in lines if what != "camera mount"]
-        if info is not None and (words := info_words(profile, info)):
-            failed.append(words)
+        failed = [f"{what}: {message}" for what, message in lines if what != "camera mount"]
+        if info is not None and (message := info_message(profile, info)):
+            failed.append(message)
         found += bool(failed)
         name = f"{fault.field} {fault.off:+g}{'' if fault.has_info else ', no camera_info'}"
         print(f"| {name} | {'yes' if failed else 'no'} | {'; '.join(failed)} |", flush=True)
@@ -113,8 +115,8 @@ def main() -> None:
             print(f"false alarm at {place.name} {start.number}: {lines}", flush=True)
         if checks == RIGHT:
             break
-    print(f"found {found} of {len(FAULTS)}; false alarms: {false} of {checks} right cameras")
-    print(f"marks passed over, for lack of visible floor: {unseen}")
+    print(f"found {found} of {len(FAULTS)}; false alarms: {false} of {checks} correct cameras")
+    print(f"marks skipped because the floor is not visible: {unseen}")
 
 
 if __name__ == "__main__":

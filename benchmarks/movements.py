@@ -1,7 +1,8 @@
-"""Movements with parameters: accuracy in an empty hall, and the guard on moves towards obstacles.
+"""Measures the accuracy of continuous movements, and collisions under the path guard.
 
-Over ROS, the robot and its discrete_move are processes of `vsnbench robots simulate` and `serve` in a network of their
-own, in real time. The movements over ROS are shorter than in simulation.
+`accuracy` measures position and heading errors (mm, degrees) of moves, waypoints and trajectories in an empty hall.
+`guard` drives towards obstacles in the apartment and counts contacts by speed. Over ROS, `vsnbench robots simulate` and
+`serve` run as separate processes in their own network, in real time, and movements are shorter than in simulation.
 
     python benchmarks/movements.py accuracy --movements 200
     python benchmarks/movements.py guard --movements 170
@@ -48,7 +49,7 @@ HALL = Site.model_validate(
 ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"}
 SPEEDS_M_S = (0.2, 0.3, 0.5)
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
-"""Length of movements in `accuracy`, as a share of those in simulation, because those over ROS take their time."""
+"""Length of movements in `accuracy`, relative to simulation; shorter over ROS, which runs in real time."""
 KINDS = ("move", "waypoint", "trajectory")
 CLEARANCE_M = 0.25
 """Minimum distance of a start's centre from obstacles in `guard`: 7 cm from the shell of a Turtlebot 2."""
@@ -56,7 +57,7 @@ CLEARANCE_M = 0.25
 
 @contextmanager
 def opened(where: str, site: Site, profile: RobotProfile) -> Iterator[Robot]:
-    """A robot in this process, or one that is simulated over ROS by other processes."""
+    """Yield a simulated robot, in this process or over ROS in other processes."""
     if where == "simulation":
         yield SimulatedRobot(site, profile)
         return
@@ -102,7 +103,7 @@ def network_of(where: str, directory: Path, files: dict[str, Path]) -> Iterator[
 
 
 def curve(chance: random.Random, points: int, step_m: float, bend_rad: float) -> Trajectory:
-    """Return a trajectory of random bends."""
+    """Return a trajectory with random bends."""
     heading_rad, x_m, y_m, found = 0.0, 0.0, 0.0, []
     for _ in range(points):
         heading_rad += chance.uniform(-bend_rad, bend_rad)
@@ -112,7 +113,7 @@ def curve(chance: random.Random, points: int, step_m: float, bend_rad: float) ->
 
 
 def free_movement(kind: str, chance: random.Random, reach: float) -> tuple[Drive, Pose, float | None]:
-    """Return a movement, the pose at its end, and the heading at its end if it has one."""
+    """Return a movement, its end pose, and its end heading, or None if the movement does not set one."""
     if kind == "move":
         distance_m, turn_rad = reach * chance.uniform(-1, 2), reach * chance.uniform(-6, 6)
         end = Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad))
@@ -127,7 +128,7 @@ def free_movement(kind: str, chance: random.Random, reach: float) -> tuple[Drive
 
 
 def accuracy(where: str, movements: int, kinds: tuple[str, ...]) -> None:
-    """Print the largest errors of completed movements."""
+    """Print the largest errors of completed movements, by kind."""
     chance = random.Random(1)
     with opened(where, HALL, load_profile(ROBOTS[where])) as robot:
         for kind in kinds:
@@ -156,7 +157,7 @@ def accuracy(where: str, movements: int, kinds: tuple[str, ...]) -> None:
 
 
 def guard(where: str, movements: int, speeds_m_s: tuple[float, ...]) -> None:
-    """Print how movements from random poses of the apartment ended, by speed."""
+    """Print the end reasons of movements from random poses of the apartment, by speed."""
     site, parameters = load_site("apartment"), ProtocolParameters()
     profile = load_profile(ROBOTS[where])
     space = free_space(site, profile.base.radius_m)
@@ -187,7 +188,7 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...]) -> None:
 
 
 def long_movements(speed_m_s: float, chance: random.Random) -> list[Drive]:
-    """Return what drives some 3 m ahead: a waypoint, a trajectory, or velocities."""
+    """Return movements of about 3 m ahead: a waypoint, a trajectory, or velocities."""
     kind = chance.choice(["waypoint", "trajectory", "velocity"])
     if kind == "waypoint":
         bearing_rad = chance.uniform(-0.8, 0.8)
@@ -202,8 +203,8 @@ if __name__ == "__main__":
     parser.add_argument("what", choices=["accuracy", "guard"])
     parser.add_argument("where", choices=ROBOTS, nargs="?", default="simulation")
     parser.add_argument("--movements", type=int, default=200)
-    parser.add_argument("--speed", type=float, choices=SPEEDS_M_S, help="of `guard`; one per process over ROS")
-    parser.add_argument("--kind", choices=KINDS, help="of `accuracy`; default: all")
+    parser.add_argument("--speed", type=float, choices=SPEEDS_M_S, help="speed in m/s for `guard`; required over ROS")
+    parser.add_argument("--kind", choices=KINDS, help="kind of movement for `accuracy`; default: all")
     given = parser.parse_args()
     if given.what == "accuracy":
         accuracy(given.where, given.movements, (given.kind,) if given.kind else KINDS)

@@ -1,7 +1,8 @@
-"""Everything that an operator can see of a study, gathered while it is run, and what of it names a model.
+"""Collects everything an operator can see of a study, and finds model names in it.
 
-`study_killed.py` uses it: a terminal of 80 columns that is recorded byte for byte, the live Rerun stream as any viewer
-gets it over gRPC, the titles of the processes, the verbs that list and report, and every file but the database.
+`study_killed.py` uses it. The sources are a terminal of 80 columns recorded byte for byte, the live Rerun stream that
+a viewer receives over gRPC, the process titles, the output of the listing and reporting commands, and every file except
+the database.
 """
 
 import contextlib
@@ -26,14 +27,14 @@ from rerun.chunk import RrdReader
 from vsnbench.viewer.viewers import _program
 
 VSNBENCH = (sys.executable, "-m", "vsnbench.cli.main")
-SHORT = 8
-"""Shorter words are looked for in text alone: between compressed pixels and words they stand by chance, or in parts."""
+MIN_BINARY_LENGTH = 8
+"""Minimum length of a name to search for in binary files, where shorter names occur by chance."""
 NOT_A_MODEL = re.compile(rb"move[_ ]forward|forward_m(?![a-z])", re.IGNORECASE)
-"""An action and a parameter of the protocol have the name of a model; they are there whoever drives."""
+"""An action and a protocol parameter contain the name of the model `forward`; they occur with every model."""
 
 
 class Terminal:
-    """A command in a terminal of 80 columns; what it shows is kept, as `script` keeps it."""
+    """Runs a command in a terminal of 80 columns and records its output, as `script` does."""
 
     def __init__(self, words: Iterable[str], typescript: Path) -> None:
         self._master, slave = pty.openpty()
@@ -53,21 +54,21 @@ class Terminal:
 
     @property
     def shown(self) -> str:
-        """What has been shown until now."""
+        """Output so far."""
         return self._typescript.read_text(errors="replace") if self._typescript.exists() else ""
 
     def titles(self) -> set[str]:
-        """Return how `ps` shows this command, its threads and its children now."""
+        """Return the current names of the command, its children and their threads, as `ps` lists them."""
         found: set[str] = set()
         with contextlib.suppress(psutil.Error, OSError):
             own = psutil.Process(self.process.pid)
-            for one in (own, *own.children(recursive=True)):
-                found |= {" ".join(one.cmdline()), one.name()}
-                found |= {name.read_text() for name in Path(f"/proc/{one.pid}/task").glob("*/comm")}
+            for process in (own, *own.children(recursive=True)):
+                found |= {" ".join(process.cmdline()), process.name()}
+                found |= {name.read_text() for name in Path(f"/proc/{process.pid}/task").glob("*/comm")}
         return found
 
     def ended(self) -> int:
-        """Wait for its end and return its exit code."""
+        """Wait for the command to exit and return its exit code."""
         code = self.process.wait()
         self._reader.join(10)
         os.close(self._master)
@@ -75,7 +76,7 @@ class Terminal:
 
 
 class LiveStream:
-    """A second viewer of the live stream, which keeps what it is sent."""
+    """Saves the live stream as a second viewer."""
 
     def __init__(self, terminal: Terminal, file: Path) -> None:
         self.file = file
@@ -83,30 +84,30 @@ class LiveStream:
         self._process: subprocess.Popen[bytes] | None = None
 
     def poll(self) -> None:
-        """Begin as soon as the command says where it is shown."""
+        """Start saving once the command has printed the viewer's address."""
         address = re.search(r"watch live at (http://\S+)", self._terminal.shown)
         if self._process is not None or address is None:
             return
         with contextlib.suppress(urllib.error.URLError, OSError):
-            led_to = urllib.request.urlopen(address[1], timeout=10).geturl()
-            (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(led_to).query)["url"]
+            redirected = urllib.request.urlopen(address[1], timeout=10).geturl()
+            (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(redirected).query)["url"]
             command = [str(_program()), "--save", str(self.file), url]
             self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def ended(self) -> None:
-        """Stop keeping."""
+        """Stop saving."""
         if self._process is not None:
             self._process.terminate()
             self._process.wait(30)
 
 
 def call(*words: str) -> "subprocess.CompletedProcess[bytes]":
-    """Call a verb and return what it prints."""
+    """Run a vsnbench command and return its output."""
     return subprocess.run([*VSNBENCH, *words], capture_output=True, check=False)
 
 
-def verbs(episodes: Iterable[int]) -> Iterator[tuple[str, ...]]:
-    """Yield every command by which an operator looks at a study and its record."""
+def inspection_commands(episodes: Iterable[int]) -> Iterator[tuple[str, ...]]:
+    """Yield every command with which an operator can inspect a study and its record."""
     for form in ("table", "markdown", "latex", "html", "json"):
         yield "study", "report", "--format", form
     yield from (("study", "status"), ("study", "report", "--output", "seen/study"))
@@ -126,34 +127,34 @@ def verbs(episodes: Iterable[int]) -> Iterator[tuple[str, ...]]:
 
 
 def files_below(*tops: str) -> Iterator[Path]:
-    """Yield the files that lie there but the database, which keeps the truth."""
+    """Yield all files below some directories except the database, which contains the model names."""
     for top in tops:
-        yield from (one for one in Path(top).rglob("*") if one.is_file() and not one.name.startswith("vsnbench.db"))
+        yield from (path for path in Path(top).rglob("*") if path.is_file() and not path.name.startswith("vsnbench.db"))
 
 
 def text_of(recording: Path) -> str:
-    """Return all text in a Rerun recording: who it is, its layout, entities, and every value that is no number."""
+    """Return all text in a Rerun recording: its identity, layout, entity paths and string values."""
     reader = RrdReader(recording)
-    told = [str(one) for one in (*reader.recordings(), *reader.blueprints())]
+    parts = [str(store) for store in (*reader.recordings(), *reader.blueprints())]
     for store in (*reader.recordings(), *reader.blueprints()):
         for chunk in reader.stream(store=store).to_chunks():
             batch = chunk.to_record_batch()
-            told += [chunk.entity_path, str(batch.schema.metadata), *batch.schema.names]
+            parts += [chunk.entity_path, str(batch.schema.metadata), *batch.schema.names]
             for name in batch.schema.names:
                 if "string" in str(batch.schema.field(name).type):
-                    told += map(str, batch.column(name).to_pylist())
-    return "\n".join(told)
+                    parts += map(str, batch.column(name).to_pylist())
+    return "\n".join(parts)
 
 
-def naming(telling: Iterable[str], seen: Mapping[str, bytes], files: Iterable[Path]) -> list[tuple[str, str]]:
-    """Return where a model is named: the place, and the word.
+def find_names(names: Iterable[str], outputs: Mapping[str, bytes], files: Iterable[Path]) -> list[tuple[str, str]]:
+    """Return (place, name) of each occurrence of a model's name.
 
     Args:
-        telling: names, labels and hashes.
-        seen: what was printed, by what printed it.
-        files: files whose content, and whose own names, are looked through.
+        names: names, labels and hashes of the models.
+        outputs: output of each command.
+        files: files to search, content and path.
     """
-    words = sorted(set(telling))
+    words = sorted(set(names))
     whole = {word: re.compile(rb"(?<![A-Za-z0-9])" + re.escape(word.encode()) + rb"(?![A-Za-z0-9])") for word in words}
 
     def found(place: str, content: bytes, shortest: int = 0) -> Iterator[tuple[str, str]]:
@@ -161,11 +162,11 @@ def naming(telling: Iterable[str], seen: Mapping[str, bytes], files: Iterable[Pa
         content = NOT_A_MODEL.sub(b"", content) if there else b""
         yield from ((place, word) for word in there if whole[word].search(content))
 
-    told = [one for place, content in seen.items() for one in found(place, content)]
+    occurrences = [occurrence for place, content in outputs.items() for occurrence in found(place, content)]
     for file in files:
-        told += found(f"the name of {file}", str(file).encode())
+        occurrences += found(f"the name of {file}", str(file).encode())
         binary = file.suffix in (".jpg", ".png", ".rrd")
-        told += found(str(file), file.read_bytes(), SHORT if binary else 0)
+        occurrences += found(str(file), file.read_bytes(), MIN_BINARY_LENGTH if binary else 0)
         if file.suffix == ".rrd":
-            told += found(f"the text in {file}", text_of(file).encode())
-    return told
+            occurrences += found(f"the text in {file}", text_of(file).encode())
+    return occurrences

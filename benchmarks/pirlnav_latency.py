@@ -1,11 +1,12 @@
-"""Latency of PIRLNav: the default CPU path against eager PyTorch, the policy's own share, and memory over many steps.
+"""Measures PIRLNav's latency on CPU against eager PyTorch, and memory growth.
 
     python benchmarks/pirlnav_latency.py                 full size, synthetic weights of the released layout
-    python benchmarks/pirlnav_latency.py --weights FILE  a checkpoint of your own
+    python benchmarks/pirlnav_latency.py --weights FILE  another checkpoint
     python benchmarks/pirlnav_latency.py --batch         8 observations one by one and together, on one thread only
 
-Prints one JSON object. Both engines run in this process, alternating step by step, so that whatever else the machine
-does falls on both alike.
+Prints one JSON object: milliseconds per step of both engines, milliseconds of a step outside the engine, and memory
+growth in MiB over 10,000 steps. Both engines run in this process and alternate step by step, so that other load on the
+machine affects both equally.
 """
 
 import argparse
@@ -38,12 +39,12 @@ CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.8
 
 
 class Instant(Engine):
-    """An engine that answers at once: what is left is the policy around it."""
+    """An engine that returns immediately, to time the policy around it."""
 
     label = "nothing"
 
     def step(self, step: StepInput) -> StepOutput:
-        """Answer at once."""
+        """Return zeros."""
         return StepOutput(np.zeros(6, np.float32), float(step.begins))
 
 
@@ -83,7 +84,7 @@ def engines_ms(weights: Path, times: int) -> dict[str, float | str]:
 
 
 def together_ms(weights: Path, times: int) -> dict[str, float | str]:
-    """Compare eager PyTorch on one thread: processor time for an observation, alone and among others."""
+    """Return processor milliseconds per observation in batches of 1, 4 and 8: eager PyTorch, one thread."""
     torch.set_num_threads(1)
     engine = choose_engine(read_checkpoint(weights), PIRLNavSettings(runtime=Runtime.TORCH), "cpu").engine
     steps = synthetic_steps(read_checkpoint(weights).architecture)[:1] * 8
@@ -98,7 +99,7 @@ def together_ms(weights: Path, times: int) -> dict[str, float | str]:
 
 
 def policy_share_ms(small: Path, times: int) -> dict[str, float]:
-    """Time `act` with an engine that answers at once, on a camera image; preprocessing is its largest part."""
+    """Time `act` on a camera image with an engine that returns immediately; preprocessing is its largest part."""
     policy = PIRLNav(small, PIRLNavSettings(runtime=Runtime.TORCH), "cpu")
     policy.chosen = type(policy.chosen)(
         Instant(), policy.chosen.runtime, "cpu", policy.chosen.precision, policy.chosen.agreement
@@ -113,7 +114,7 @@ def policy_share_ms(small: Path, times: int) -> dict[str, float]:
 
 
 def memory_growth_mib(weights: Path, runtime: Runtime) -> float:
-    """Drive the small network for many steps and return how much the resident memory grew after the first tenth."""
+    """Run the small network for many steps; return the growth of resident memory after the first tenth."""
     policy = PIRLNav(weights, PIRLNavSettings(runtime=runtime), "cpu")
     rgb = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
     observation = Observation(rgb, None, Pose(0.5, 0.25, 1.0), 0.0, CAMERA.resized(64, 64))
@@ -132,9 +133,9 @@ def resident_mib() -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--weights", type=Path, help="a PIRLNav checkpoint; synthetic weights when absent")
+    parser.add_argument("--weights", type=Path, help="a PIRLNav checkpoint; default: synthetic weights")
     parser.add_argument("--steps", type=int, default=60, help="timed steps of each engine")
-    parser.add_argument("--batch", action="store_true", help="only compare observations one by one and together")
+    parser.add_argument("--batch", action="store_true", help="only compare single observations with batches")
     arguments = parser.parse_args()
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from tests.models.pirlnav.checkpoints import SMALL, write_checkpoint

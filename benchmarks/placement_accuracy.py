@@ -1,11 +1,12 @@
-"""How well a placing is measured: random offsets at the marks of the apartment and of five generated flats.
+"""Measures the error of a placement measured from depth images.
 
-Each trial puts the robot up to 40 cm and 25° off a mark, in a room whose objects stand 2 cm (standard deviation, along
-x and along y) off the survey, two of them 0.3 to 1 m away from it, with a depth camera that has noise and holes and is
-off by 1 % in scale. With --walls the building's corners are off as well, which --surveyed says that the survey admits.
-Where one look does not determine the pose, a turn on the spot is measured too. Time is of one thread's own computing. A
-trial follows from the seed and its number alone, so what a rows file holds is not done again. With --camera the real
-camera differs from the profile's, which --calibrate corrects first as `vsnbench robots calibrate` does.
+The trials are random offsets at the marks of the apartment and of five generated flats. Each trial puts the robot up to
+40 cm and 25° off a mark. The objects of the room are 2 cm (standard deviation, along x and along y) off the survey, and
+two of them 0.3 to 1 m. The depth camera has noise, holes and a scale error of 1 %. `--walls` also displaces the corners
+of the building, and `--surveyed` sets the wall error that the site declares. If one look does not determine the pose,
+the script also measures with a turn on the spot. Errors are in cm and degrees, time is processor time of one thread in
+seconds. A trial depends only on the seed and its number, so trials in the rows file are skipped. With `--camera` the
+real camera differs from the profile; `--calibrate` corrects the profile first, as `vsnbench robots calibrate` does.
 
     python benchmarks/placement_accuracy.py [--cases N] [--seed S] [--near | --well] [--walls CM] [--surveyed CM]
                                             [--camera FIELD=OFF]... [--calibrate]
@@ -45,12 +46,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TURN_ERROR = 0.01
-"""Standard deviation of how far the robot turns beside what its odometry says."""
+"""Standard deviation of the turn's error, as a share of the turn in the odometry."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measurement beside the truth."""
+    """One measurement and its errors against the true pose."""
 
     trial: int
     mark: str
@@ -59,7 +60,7 @@ class Row:
     green: bool
     stands_right: bool
     stands_well: bool
-    """Within half the tolerance, where a person would not move it any more."""
+    """Within half the tolerance, where an operator would not move the robot again."""
     covered: bool
     error_m: float
     error_deg: float
@@ -67,7 +68,7 @@ class Row:
     region_deg: float
     moved: tuple[str, ...]
     moved_in_view: tuple[str, ...]
-    """Which of those would fill at least 0.5 % of the picture where the survey has them."""
+    """Moved objects that fill at least 0.5 % of the image at their surveyed positions."""
     said_moved: tuple[str, ...]
     said: str
     cpu_s: float
@@ -76,7 +77,7 @@ class Row:
     def of(
         cls, number: int, trial: Trial, truth: Pose, in_view: frozenset[str], got: MeasuredPlacement, cpu_s: float
     ) -> "Row":
-        """Hold a measurement against where the robot truly stands."""
+        """Compare a measurement with the robot's true pose."""
         off = truth.relative_to(got.mark)
         off_m, turned_deg = math.hypot(*off.position), abs(math.degrees(math.remainder(off.heading_rad, math.tau)))
         within_m, within_deg = got.tolerance.distance_m, got.tolerance.heading_deg
@@ -95,7 +96,7 @@ class Row:
             region_m=got.region_m,
             region_deg=got.region_deg,
             moved=trial.moved,
-            moved_in_view=tuple(one for one in trial.moved if one in in_view),
+            moved_in_view=tuple(name for name in trial.moved if name in in_view),
             said_moved=got.moved,
             said=got.headline,
             cpu_s=cpu_s,
@@ -106,31 +107,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--no-turn", action="store_true", help="measure no turn where a look does not suffice")
+    parser.add_argument("--no-turn", action="store_true", help="do not measure with a turn when a look is not enough")
     near = parser.add_mutually_exclusive_group()
-    near.add_argument("--near", action="store_true", help="offsets up to 15 cm and 5° only, where green is decided")
-    near.add_argument("--well", action="store_true", help="offsets up to 5 cm and 1.5° only, where all should be green")
+    near.add_argument("--near", action="store_true", help="offsets up to 15 cm and 5° only, around the tolerance")
+    near.add_argument("--well", action="store_true", help="offsets up to 5 cm and 1.5° only, within the tolerance")
     parser.add_argument(
-        "--walls", type=float, default=0.0, metavar="CM", help="corners of the building off by so much, along x and y"
+        "--walls", type=float, default=0.0, metavar="CM", help="standard deviation of wall corners, along x and y"
     )
+    parser.add_argument("--surveyed", type=float, default=1.0, metavar="CM", help="wall error that the site declares")
+    parser.add_argument("--rows", type=Path, help="JSON lines of all measurements; trials in it are skipped")
+    parser.add_argument("--json", type=Path, help="output file of the summary")
+    parser.add_argument("--map", type=Path, help="output PNG: share of determined looks at each mark of the apartment")
     parser.add_argument(
-        "--surveyed", type=float, default=1.0, metavar="CM", help="what the site says of how far off its walls are"
-    )
-    parser.add_argument(
-        "--rows", type=Path, help="a line of JSON for each measurement; what it holds is not done again"
-    )
-    parser.add_argument("--json", type=Path, help="the figures")
-    parser.add_argument(
-        "--map", type=Path, help="a plan of the apartment: how often a look determines each mark, as PNG"
-    )
-    parser.add_argument(
-        "--camera", action="append", default=[], metavar="FIELD=OFF", help="the real camera's field is so much larger"
+        "--camera", action="append", default=[], metavar="FIELD=OFF", help="real value minus profile value of a field"
     )
     parser.add_argument("--calibrate", action="store_true", help="correct the profile's camera before placing")
     asked = parser.parse_args()
     compute_with_one_thread()
     camera = load_profile("turtlebot2").camera
-    off = {name: float(value) for name, _, value in (each.partition("=") for each in asked.camera)}
+    off = {name: float(value) for name, _, value in (pair.partition("=") for pair in asked.camera)}
     real = camera.model_copy(update={name: getattr(camera, name) + value for name, value in off.items()})
     if asked.calibrate:
         camera = calibrated(camera, real)
@@ -147,20 +142,20 @@ def main() -> None:
             if asked.rows:
                 with asked.rows.open("a") as file:
                     file.writelines(json.dumps(asdict(row)) + "\n" for row in new)
-    say(rows, asked.json)
+    print_summary(rows, asked.json)
     if asked.map:
         draw_map(load_site("apartment"), rows, asked.map)
 
 
 @dataclass(frozen=True, slots=True)
 class CameraPair:
-    """A robot's camera as its profile has it, and as it is."""
+    """A robot's camera: the profile's and the real one."""
 
     profile: Camera
     real: Camera
 
     def rectified(self, looks: Sequence[DepthLook]) -> list[DepthLook]:
-        """Return looks of the real camera with the profile's roll removed."""
+        """Return the real camera's looks with the profile's roll removed."""
         if not self.profile.roll_deg:
             return list(looks)
         rectifier = Rectifier(self.profile, None)
@@ -168,7 +163,7 @@ class CameraPair:
 
 
 def calibrated(camera: Camera, real: Camera) -> Camera:
-    """Return the profile's camera corrected by the floor that the real one sees and by its published field of view."""
+    """Return the profile's camera, corrected from the real camera's floor image and published field of view."""
     camera = camera.model_copy(update={"horizontal_fov_deg": real.horizontal_fov_deg})
     site = load_site("apartment")
     look = NoisyEye(site, real, 1 + DEPTH_SCALE, np.random.default_rng(0)).look(site.starts[4].pose)
@@ -185,7 +180,7 @@ def calibrated(camera: Camera, real: Camera) -> Camera:
 def measured(
     number: int, site: Site, start: StartingPosition, eyes: CameraPair, asked: argparse.Namespace
 ) -> list[Row]:
-    """Measure one trial by a look and, where that does not suffice, by a turn."""
+    """Measure one trial with a look and, if that is not enough, with a turn."""
     rng = np.random.default_rng([asked.seed, number])
     site = site.model_copy(update={"survey_error_m": asked.surveyed / 100})
     most_m, most_deg = (0.05, 1.5) if asked.well else (0.15, 5.0) if asked.near else (0.40, 25.0)
@@ -209,7 +204,7 @@ def measured(
 
 
 def in_view(site: Site, camera: Camera, poses: Sequence[Pose]) -> frozenset[str]:
-    """Return the ids of what fills at least 0.5 % of the picture from one of the poses, as the survey has it."""
+    """Return the ids of surveyed objects that fill at least 0.5 % of the image from one of the poses."""
     twin, pinhole = twin_of(site), Pinhole(80, 60, camera.focal_px * 80 / camera.width, 39.5, 29.5)
     seen: set[int] = set()
     for pose in poses:
@@ -225,8 +220,8 @@ def _read(path: Path | None) -> list[Row]:
     return [Row(**json.loads(line)) for line in path.read_text().splitlines()]
 
 
-def say(rows: Sequence[Row], path: Path | None) -> None:
-    """Print the figures, and the measurements that the stated region does not hold."""
+def print_summary(rows: Sequence[Row], path: Path | None) -> None:
+    """Print the summary, and the measurements whose region does not contain the true pose."""
     looks = [row for row in rows if row.method == "look"]
     turns = [row for row in rows if row.method == "turn"]
     result = {"look": summary(looks), "turn": summary(turns)}
@@ -237,15 +232,15 @@ def say(rows: Sequence[Row], path: Path | None) -> None:
         if not row.covered or (row.green and not row.stands_right):
             print(
                 f"outside: {row.trial}, {row.mark} by a {row.method}: {100 * row.error_m:.1f} cm, "
-                f"{row.error_deg:.2f}°, determined: {row.determined}, said {row.said}; "
-                f"moved {row.moved}, said {row.said_moved}"
+                f"{row.error_deg:.2f}°, determined: {row.determined}, headline {row.said}; "
+                f"moved {row.moved}, reported {row.said_moved}"
             )
     if path:
         path.write_text(json.dumps(result, indent=2))
 
 
 def summary(rows: Sequence[Row]) -> dict[str, float | int]:
-    """Return the figures of a table."""
+    """Return the counts and quantiles of some measurements."""
     sure = [row for row in rows if row.determined]
     if not sure:
         return {"trials": len(rows), "determined": 0}
@@ -287,11 +282,11 @@ def summary(rows: Sequence[Row]) -> dict[str, float | int]:
 
 
 def draw_map(site: Site, rows: Sequence[Row], path: Path) -> None:
-    """Draw at each mark of a site, as the filled part of a disk, in how many of its looks the pose was determined."""
+    """Draw the share of determined looks at each mark of a site, as a filled sector of a disk."""
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
-    halo = [withStroke(linewidth=2.0, foreground="white")]  # to be read over a wall too
+    halo = [withStroke(linewidth=2.0, foreground="white")]  # readable over a wall
     axes = draw_floor_plan(site, style=PlanStyle(labels=False, legend=False))
     for start in site.starts:
         looks = [row for row in rows if row.method == "look" and row.mark == f"{site.name} {start.number}"]

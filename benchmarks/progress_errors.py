@@ -1,12 +1,12 @@
-"""Error rates, coverage and cost of studies on progress by simulation, next to studies on success.
+"""Simulates error rates, coverage and cost of studies on progress and on success.
 
     python benchmarks/progress_errors.py                   5,000 studies a design: minutes on two cores
     python benchmarks/progress_errors.py --write           writes the tables into benchmarks/results/
 
-The generator is that of `study_errors.py`: 15 starting positions, 5 goals, chances of success that depend on position
-and cell. A success has progress 1. A failure has progress 0 with probability 0.3 and else a beta-distributed value
-whose mean depends on position and cell: `apart` from the chance of success, or `with` it, so that an arm comes nearer
-in its failures where it succeeds more often. The decisions are those of the program.
+The design is that of `study_errors.py`: 15 starting positions, 5 goals, and success probabilities that depend on
+position and cell. A success has progress 1. A failure has progress 0 with probability 0.3, and otherwise a
+beta-distributed value whose mean depends on position and cell. In the column `nearness`, `apart` means that this mean
+is independent of the success probability, and `with` that it increases with it. The decisions are those of the package.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from vsnbench.study.units import bet_fractions
 
 Floats = npt.NDArray[np.float64]
 ZEROS, SPREAD, NEARNESS = 0.3, 3.0, 0.5
-"""Failures without progress; concentration of the others; mean logit of their mean."""
+"""Share of failures without progress; concentration of the others; scale of the logit of their mean."""
 RESULT = Path(__file__).resolve().parent / "results" / "2026-11-23-progress-studies.md"
 
 
@@ -43,15 +43,15 @@ class Arms:
     strength: float
     """Standard deviation of the logits over positions and cells."""
     together: bool
-    """Failures are nearer where the chance of success is greater."""
+    """Whether progress in failures increases with the success probability."""
     skewed: bool = False
-    """The second arm is the same everywhere."""
+    """Whether the second arm has the same success probability everywhere."""
 
 
 def chances_and_nearness(
     random: np.random.Generator, studies: int, rate: float, strength: float, together: bool
 ) -> tuple[Floats, Floats]:
-    """Return (studies, starts, goals) chances of success, and means of the failures' progress where it is not 0."""
+    """Return (studies, starts, goals) success probabilities, and means of the failures' nonzero progress."""
 
     def effects() -> Floats:
         start = OF_START**0.5 * random.standard_normal((studies, STARTS, 1))
@@ -81,7 +81,7 @@ def simulated(random: np.random.Generator, studies: int, arms: Arms, repetitions
 
 
 def balanced_values(random: np.random.Generator, differences: Floats) -> Floats:
-    """Return plans (studies, blocks) of differences whose mean is 0: as few blocks as needed are changed."""
+    """Return plans (studies, blocks) of differences with mean 0, with as few blocks changed as possible."""
     found = differences.copy()
     order = np.argsort(random.random(found.shape), axis=1)
     rows = np.arange(len(found))
@@ -96,18 +96,18 @@ def balanced_values(random: np.random.Generator, differences: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Shares of studies, percent, of one metric."""
+    """Shares of studies in percent, for one metric."""
 
     named: dict[str, float]
-    """Design -> studies that name a winner; of different arms, those that name the better one."""
+    """Share that names a winner, by design; for different arms, the share that names the better arm."""
     covered: dict[str, float]
-    """Design -> studies whose interval or whole sequence contains the truth."""
+    """Share whose interval or confidence sequence contains the true difference, by design."""
     blocks: dict[str, float]
-    """Design -> mean number of blocks until the decision or the end."""
+    """Mean number of blocks until the decision or the end, by design."""
 
 
 def rates(studies: int, arms: Arms, repetitions: int) -> tuple[Rates, Rates]:
-    """Simulate one design; return success and progress."""
+    """Simulate one design; return the rates for success and for progress."""
     random = np.random.default_rng(
         [repetitions, *(round(100 * x) for x in (arms.first, arms.second, arms.strength)), arms.together, arms.skewed]
     )
@@ -152,12 +152,12 @@ def _rates(
 
 
 Job = Callable[[], str]
-"""Makes a line of a table."""
+"""Returns one line of a table."""
 DESIGNS = ("plan", "like these", "these")
 
 
 def cells_of(values: dict[str, float], places: int = 1) -> str:
-    """Return one value per design."""
+    """Return the values of all designs in one table cell."""
     return " ".join(f"{values[name]:.{places}f}" for name in DESIGNS)
 
 
@@ -173,7 +173,7 @@ def null_line(studies: int, arms: Arms, repetitions: int) -> str:
 
 
 def null_table(studies: int) -> tuple[list[str], list[Job]]:
-    """Return the head of the table of equal arms, and the jobs for its lines."""
+    """Return the header of the table of equal arms, and the jobs for its lines."""
     head = [
         "| arms | rate | logit SD | reps | nearness | false, success | **progress** | covered, succ. | **progress** |",
         "| --- | ---: | ---: | ---: | --- | --- | --- | --- | --- |",
@@ -202,7 +202,7 @@ def cost_line(studies: int, arms: Arms, repetitions: int) -> str:
 
 
 def cost_table(studies: int) -> tuple[list[str], list[Job]]:
-    """Return the head of the table of different arms, and the jobs for its lines."""
+    """Return the header of the table of different arms, and the jobs for its lines."""
     head = [
         "| points | near | logit SD | reps | power, succ. | progress | blocks, succ. | progress | saved | covered |",
         "| ---: | --- | ---: | ---: | --- | --- | --- | --- | --- | --- |",
@@ -217,7 +217,7 @@ def cost_table(studies: int) -> tuple[list[str], list[Job]]:
 
 
 def write(name: str, lines: list[str]) -> None:
-    """Put a table between its marks in the page."""
+    """Write a table between its markers in the results page."""
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
     page = RESULT.read_text(encoding="utf-8")
     before, after = page.split(begin)[0], page.split(end)[1]
@@ -225,10 +225,10 @@ def write(name: str, lines: list[str]) -> None:
 
 
 def main() -> None:
-    """Simulate and print; write where asked."""
+    """Simulate the designs and print the tables; write them with --write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--studies", type=int, default=5000, help="simulated studies a design")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--studies", type=int, default=5000, help="number of simulated studies per design")
+    parser.add_argument("--workers", type=int, default=1, help="number of processes")
     parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
     parser.add_argument("--only", choices=("equal arms", "different arms"))
     options = parser.parse_args()

@@ -1,11 +1,12 @@
-"""Recomputes the progress of recorded episodes without vsnbench: its own geometry, and Dijkstra on a grid.
+"""Recomputes the progress of recorded episodes without vsnbench's code.
 
     python benchmarks/progress_recomputed.py RECORD [RECORD ...]     results directories with SQLite records
 
-From the record: the site's JSON, the robot's radius, start and end poses, and the two shortest paths to compare with.
-The grid has 2.5 cm cells; a cell is free where the base's disk touches no wall without an open door and no solid object
-lower than 1.2 m. Edges lead to the 32 nearest directions (at most 0.7 % longer than the straight line). The success
-region has the cells within 1 m of a point of the goal's outline, along a straight line that crosses no wall.
+It reads the site's JSON, the robot's radius and the start and end poses from the record, and compares its shortest
+paths (m) and progress with the recorded ones. It runs Dijkstra's algorithm on a grid of 2.5 cm cells. A cell is free
+where the base's disk touches no wall (except at open doors) and no solid object below 1.2 m. Edges go in 32 directions,
+so a path is at most 0.7 % longer than the straight line. The success region consists of the cells within 1 m of a point
+of the goal's outline, on a straight line that crosses no wall.
 """
 
 import json
@@ -27,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def segment_distance(x: Floats, y: Floats, a: Any, b: Any) -> Floats:
-    """Return the distance of points from a segment."""
+    """Return the distances of points from a segment."""
     (ax, ay), (bx, by) = a, b
     length = (bx - ax) ** 2 + (by - ay) ** 2
     t = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length, 0, 1) if length else np.zeros_like(x)
@@ -35,7 +36,7 @@ def segment_distance(x: Floats, y: Floats, a: Any, b: Any) -> Floats:
 
 
 def polygon_distance(x: Floats, y: Floats, corners: Floats) -> Floats:
-    """Return the distance of points from a polygon; 0 inside."""
+    """Return the distances of points from a polygon, 0 inside."""
     edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
     inside = np.zeros(x.shape, bool)
     for (ax, ay), (bx, by) in edges:
@@ -56,7 +57,7 @@ def rectangle(centre: Any, along: tuple[float, float], half_length: float, half_
 
 
 class Ground:
-    """Free cells, walls and objects of a site."""
+    """Grid of a site's free cells and walls."""
 
     def __init__(self, site: dict[str, Any], radius_m: float) -> None:
         self.site = site
@@ -81,7 +82,7 @@ class Ground:
         self.number, self.graph = number, self.edges(number)
 
     def pieces(self, wall: dict[str, Any]) -> list[Floats]:
-        """Return a wall's rectangles between its open doors."""
+        """Return the rectangles of a wall between its open doors."""
         a, b = np.array(wall["start"]), np.array(wall["end"])
         length, half = float(np.hypot(*(b - a))), wall["thickness_m"] / 2
         u = (b - a) / length
@@ -107,7 +108,7 @@ class Ground:
         return rectangle(thing["position"], (math.cos(turn), math.sin(turn)), depth / 2, width / 2)
 
     def edges(self, number: npt.NDArray[np.int64]) -> Any:
-        """Return the graph of free cells, with steps in 32 directions whose middle cells are free too."""
+        """Return the graph of free cells, with edges in 32 directions that cross only free cells."""
         steps = [(0, 1), (1, 0), (1, 1), (-1, 1), (1, 2), (2, 1), (-1, 2), (-2, 1)]
         steps += [(1, 3), (3, 1), (-1, 3), (-3, 1), (2, 3), (3, 2), (-2, 3), (-3, 2)]
         rows, columns = number.shape
@@ -127,7 +128,7 @@ class Ground:
         return coo_matrix((length, (first, second)), shape=(int(number.max()) + 1,) * 2).tocsr()
 
     def ways_m(self, goal: str, within_m: float) -> Floats:
-        """Return the shortest paths from all free cells to the success region of a category."""
+        """Return the shortest path in metres from each free cell to the success region of a category."""
         reached = np.zeros(self.free.shape, bool)
         for thing in self.site["objects"]:
             if ALIASES.get(thing["category"], thing["category"]) != goal:
@@ -150,7 +151,7 @@ class Ground:
         return ways
 
     def sees(self, here: Floats, there: Floats) -> bool:
-        """Return whether no wall cell is on the line between two points."""
+        """Return whether the line between two points crosses no wall cell."""
         count = max(2, math.ceil(np.hypot(*(there - here)) / (CELL_M / 2)))
         line = here + (there - here) * np.linspace(0, 1, count)[:-1, None]
         cells = np.rint((line - self.low) / CELL_M).astype(int)
@@ -158,14 +159,14 @@ class Ground:
         return not self.wall[cells[:, 1], cells[:, 0]].any()
 
     def from_pose(self, ways: Floats, x_m: float, y_m: float, reach_m: float) -> float:
-        """Return the way from a pose, by the cell within reach that makes it shortest."""
+        """Return the shortest path in metres from a position, through a cell within `reach_m`."""
         apart = np.hypot(self.x - x_m, self.y - y_m)
         near = apart <= CELL_M if (self.free & (apart <= CELL_M)).any() else apart <= reach_m
         return float(np.min(np.where(near, ways + apart, np.inf)))
 
 
 def main() -> None:
-    """Compare the episodes of the records given on the command line."""
+    """Compare all episodes of the records on the command line."""
     grounds: dict[str, Ground] = {}
     rows = []
 

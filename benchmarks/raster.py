@@ -1,7 +1,7 @@
-"""How long the simulator takes to see: RGB, depth and both ids of one view, on one thread.
+"""Measures the time to render RGB, depth and both id images, on one thread.
 
-Renders what the robot sees from every starting position of the embedded apartment and prints the median and the
-slowest view in milliseconds, and how long the scene takes to prepare.
+Renders the camera image at each starting position of the embedded apartment. Prints the median and the slowest view in
+milliseconds, and the preparation time of the scene in seconds.
 
     python benchmarks/raster.py [--repeats 10]
 """

@@ -1,11 +1,13 @@
-"""Measures the full report on a large record: 200,000 episodes and 10 million steps, or as many as are asked for.
+"""Measures time and memory of the full report on 200,000 episodes.
 
     python benchmarks/report_scale.py --directory /var/tmp/large                       makes the record once, measures
     python benchmarks/report_scale.py --directory /var/tmp/large --without-indexes     the same without our indexes
     python benchmarks/report_scale.py --directory /var/tmp/large --postgresql URL      the same record on a server
 
-The record is made up by SQL inside SQLite; the report is the command a user types, in a process of its own. On
-PostgreSQL it is copied into an empty database once; the memory is then that of the report alone, without the server's.
+The record is synthetic: SQL statements write 200,000 episodes with 10 million steps (or `--episodes`) into SQLite. The
+report is the `vsnbench report` command in a separate process, measured in wall seconds, processor seconds and MiB of
+peak memory. `--postgresql` copies the record once into an empty database; the memory is then that of the report process
+without the server.
 """
 
 import argparse
@@ -41,7 +43,7 @@ INDEXES = ("ix_step_actions", "ix_verdict_episode_id_proposed_id", "ix_episode_t
 
 
 def make_record(directory: Path, episodes: int) -> None:
-    """Write a record of so many episodes of 25 to 75 steps each."""
+    """Write a synthetic record of episodes with 25 to 75 steps each."""
     directory.mkdir(parents=True, exist_ok=True)
     site, profile = load_site("apartment"), load_profile("turtlebot2")
     cells = len(MODELS) * 2 * len(GOAL_CATEGORIES) * len(site.starts)
@@ -128,7 +130,7 @@ def copy_record(directory: Path, url: str) -> None:
     target = url.replace("postgresql+psycopg", "postgresql")
     with closing(sqlite3.connect(directory / "vsnbench.db")) as source, psycopg.connect(target) as server:
         server.execute("SET TIME ZONE 'UTC'")  # SQLite's times have no zone
-        server.execute("SET session_replication_role = replica")  # no check of keys: SQLite has checked them
+        server.execute("SET session_replication_role = replica")  # skip key checks: SQLite has done them
         for table in Base.metadata.sorted_tables:
             names = [f'"{column.name}"' for column in table.columns]
             values = ", ".join(rf"coalesce({name}, '\N')" for name in names)
@@ -142,11 +144,11 @@ def copy_record(directory: Path, url: str) -> None:
                     copy.write(lines.getvalue())
         server.commit()
         server.autocommit = True
-        server.execute("VACUUM ANALYZE")  # what the server's autovacuum does in time: counts come from the index alone
+        server.execute("VACUUM ANALYZE")  # as autovacuum would do later: allows index-only counts
 
 
 def is_empty(url: str) -> bool:
-    """Whether a PostgreSQL database holds no record yet."""
+    """Return whether a PostgreSQL database has no record yet."""
     engine = open_engine(url)
     try:
         return not inspect(engine).has_table("episode")
@@ -155,7 +157,7 @@ def is_empty(url: str) -> bool:
 
 
 def measure(directory: Path, arguments: list[str]) -> dict[str, float]:
-    """Run the report as a user would; return its wall seconds and the peak of its memory in MiB."""
+    """Run the report command; return its wall seconds, processor seconds and peak memory in MiB."""
     began = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-m", "vsnbench.cli.main", "report", "--results", str(directory), *arguments],
@@ -172,12 +174,12 @@ def measure(directory: Path, arguments: list[str]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Make what is missing, measure, print JSON."""
+    """Make the record if it is missing, measure the report, and print JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=200_000)
     parser.add_argument("--directory", type=Path, required=True)
-    parser.add_argument("--without-indexes", action="store_true", help="drop them from the made-up record for good")
-    parser.add_argument("--postgresql", metavar="URL", help="copy the record there if it is empty, and measure there")
+    parser.add_argument("--without-indexes", action="store_true", help="drop the indexes from the record permanently")
+    parser.add_argument("--postgresql", metavar="URL", help="copy the record there if it is empty, and measure on it")
     options = parser.parse_args()
     if not (options.directory / "vsnbench.db").exists():
         began = time.perf_counter()

@@ -1,7 +1,8 @@
-"""What one step over ROS costs besides the motion, the model and the depth frames themselves.
+"""Measures the overhead of a step over ROS in milliseconds.
 
-Starts a master, `vsnbench robots simulate` and `vsnbench robots serve`, takes steps as the client does, splits each
-into its parts. Upstream's loop sleeps 1 to 1.5 s a step; ours waits for what it needs and no longer.
+The overhead is the time of a step without the motion, the model and the wait for depth frames. The script starts a
+master, `vsnbench robots simulate` and `vsnbench robots serve`, executes steps as the client does, and splits each into
+its parts. Upstream's loop sleeps 1 to 1.5 s per step; vsnbench waits only until its inputs have arrived.
 
     python benchmarks/ros_step_cost.py --steps 40
 """
@@ -52,7 +53,7 @@ def main() -> None:
 
 
 def measure(name: str, steps: int) -> str:
-    """Turn on the spot `steps` times, looking before each turn; return the table."""
+    """Alternate turns on the spot with observations, `steps` times; return the table."""
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros.robot import RosRobot
     from vsnbench.ros1.interface import ros1_interface
@@ -91,12 +92,12 @@ def measure(name: str, steps: int) -> str:
 
 PARTS = {
     "step": "the whole step, no model",
-    "motion": "motion, settling included (discrete_move's own clock)",
-    "frames": "the depth frames themselves",
-    "call": "service call, and seeing the robot at rest",
+    "motion": "motion with settling (clock of discrete_move)",
+    "frames": "duration of the depth frames",
+    "call": "service call, and detecting that the robot is at rest",
     "wait": "waiting for images beyond the depth frames",
     "compute": "decoding and the median",
-    "ours": "**all that our side adds**",
+    "ours": "**total overhead of vsnbench**",
 }
 
 if __name__ == "__main__":

@@ -1,16 +1,16 @@
-"""Actions per second of the whole harness by number of workers: a model in each worker, and one served model.
+"""Measures actions per second by number of workers, with local and served models.
 
 python benchmarks/served_scale.py                          widest_opening, pirlnav and ConstantCall: 20 minutes
 python benchmarks/served_scale.py --model pirlnav --workers 1,4,8
 python benchmarks/served_scale.py --actions 10 --goal chair     shorter, for a first look
 
-Each campaign is run with the model in the workers, behind a server with a session for each worker, and, for a model
-that can, with batches. Every trial must have one judged episode. Without batches, all campaigns of a model must have
-the same actions, poses and images. `ConstantCall` takes 100 ms for a call, whatever the number of observations: it
-shows how the server forms batches, and nothing about a real model. Rates are from the first to the last recorded
-action, without start-up. Processor time is that of a further action: of a campaign less that of one with two actions
-for each trial. It depends little on what else the machine does, rates do. `added` is the median of an act's round trip
-less the model's own time, `queued` the part of it in the server's queue.
+Each campaign runs with the model in the workers, then behind a server with one session per worker, and, if the model
+supports it, with batches. Every trial must have one judged episode. Without batches, all campaigns of a model must have
+the same actions, poses and images. `ConstantCall` takes 100 ms per call for any number of observations: it shows how
+the server forms batches, and nothing about a real model. Rates run from the first to the last recorded action, without
+start-up. Processor time is the marginal time of an action: that of a campaign minus that of a campaign with two actions
+per trial. Other load on the machine affects the rates, but hardly the processor time. `added` is the median round trip
+of an act minus the model's time, `queued` its part in the server's queue.
 """
 
 import argparse
@@ -46,7 +46,7 @@ TRIALS = """
 
 @dataclass
 class Campaign:
-    """What a campaign took, and the hash of all it did."""
+    """Measurements of a campaign, and a hash of its actions, poses and images."""
 
     rate: float
     actions: int
@@ -58,7 +58,7 @@ class Campaign:
 
 @contextmanager
 def server(model: str, sessions: int, batch: int) -> Iterator[tuple[str, psutil.Process]]:
-    """Serve a model; yields its address and process."""
+    """Serve a model; yield its address and process."""
     words = ["models", "serve", model, "--port", "0", "--sessions", str(sessions), "--batch", str(batch)]
     with tempfile.NamedTemporaryFile(prefix="vsnbench-server-") as stream:
         log = Path(stream.name)
@@ -86,7 +86,7 @@ def campaign(model: str, workers: int, goal: str, actions: int, served: psutil.P
         with closing(sqlite3.connect(Path(results) / "vsnbench.db")) as database:
             trials, fewest, most = database.execute(TRIALS).fetchone()
             if (fewest, most) != (1, 1):
-                sys.exit(f"{model}: of {trials} trials one has {fewest} judged episodes and one {most}")
+                sys.exit(f"{model}: the {trials} trials have {fewest} to {most} judged episodes each, expected 1")
             driven, seconds = database.execute(RATE).fetchone()
             story = hashlib.sha256(repr(database.execute(STORY).fetchall()).encode()).hexdigest()
             details = [json.loads(row[0] or "{}").get("wire") for row in database.execute("SELECT details FROM step")]
@@ -96,7 +96,7 @@ def campaign(model: str, workers: int, goal: str, actions: int, served: psutil.P
 def measured(
     model: str, workers: int, asked: argparse.Namespace, served: psutil.Process | None
 ) -> tuple[Campaign, str]:
-    """Return a campaign, and its processor time for a further action."""
+    """Return a campaign, and its marginal processor time per action as text."""
     short = campaign(model, workers, asked.goal, 2, served)
     whole = campaign(model, workers, asked.goal, asked.actions, served)
     more = whole.actions - short.actions
@@ -117,17 +117,17 @@ def line(name: str, workers: int, run: Campaign, times: str, alone: float) -> st
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the campaigns and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--model", default=",".join(MODELS), help="names, with commas between them")
-    parser.add_argument("--workers", default="1,2,4,8", help="numbers of workers")
-    parser.add_argument("--goal", default="chair,bed", help="goals; 15 trials for each")
-    parser.add_argument("--actions", type=int, default=20, help="cap of an episode")
+    parser.add_argument("--model", default=",".join(MODELS), help="comma-separated models")
+    parser.add_argument("--workers", default="1,2,4,8", help="comma-separated numbers of workers")
+    parser.add_argument("--goal", default="chair,bed", help="comma-separated goals; 15 trials for each")
+    parser.add_argument("--actions", type=int, default=20, help="maximum number of actions per episode")
     asked = parser.parse_args()
     print(f"load before: {os.getloadavg()[0]:.2f} on {len(os.sched_getaffinity(0))} cores")
     print(
         f"{'model':28} workers actions/s  ratio  harness ms  server ms added ms queued ms model ms  batch\n"
-        f"{'':53} (processor time an action)",
+        f"{'':53} (processor time per action)",
         flush=True,
     )
     for model in asked.model.split(","):

@@ -1,10 +1,11 @@
-"""Three drivers on one PostgreSQL record, killed and stopped at random: is every trial run once, and once only?
+"""Checks that drivers sharing a PostgreSQL record run each trial exactly once.
 
     python benchmarks/shared_record.py [--repetitions 2] [--kills 8]
 
-Two drivers are ordinary processes, of which each other knows whether they live; the third runs in a process namespace
-of its own, as on another machine: it is stopped in the middle of an episode, its lease runs out, another takes its
-trial, and it goes on. Takes some four minutes on two cores, needs root for the namespace and PostgreSQL's programs.
+Three drivers run one campaign while the script kills and stops them at random. Two of them are ordinary processes and
+can check whether the other is alive. The third runs in a separate process namespace, as on another machine: the script
+stops it in the middle of an episode until its lease expires and another driver takes its trial, and then resumes it.
+Takes about four minutes on two cores. Needs root for the namespace, and PostgreSQL's programs.
 """
 
 import argparse
@@ -30,11 +31,11 @@ from vsnbench.results.writing.lifecycle import LEASE  # noqa: E402
 
 STEPS = 6
 TRIALS = 105
-"""Of the embedded apartment: seven goals from fifteen starting positions."""
+"""Trials per repetition in the embedded apartment: seven goals from fifteen starting positions."""
 
 
 class Driver:
-    """One `vsnbench run`, in a results directory of its own."""
+    """A `vsnbench run` process with its own results directory."""
 
     def __init__(self, name: str, folder: Path, url: str, repetitions: int, *, elsewhere: bool = False) -> None:
         self.name = name
@@ -48,11 +49,11 @@ class Driver:
 
     @property
     def ended(self) -> bool:
-        """Whether it is over."""
+        """Whether the process has exited."""
         return self._process.poll() is not None
 
     def send(self, number: int) -> None:
-        """Send a signal to the driver itself."""
+        """Send a signal to the driver process."""
         if not self._elsewhere:
             self._process.send_signal(number)
             return
@@ -60,7 +61,7 @@ class Driver:
             child.send_signal(number)
 
     def wait(self, timeout_s: float) -> int:
-        """Return its exit code."""
+        """Wait for the process to exit and return its exit code."""
         code = self._process.wait(timeout_s)
         self._log.close()
         return code
@@ -68,20 +69,20 @@ class Driver:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repetitions", type=int, default=2, help="of 105 trials each")
+    parser.add_argument("--repetitions", type=int, default=2, help="number of repetitions, of 105 trials each")
     parser.add_argument("--kills", type=int, default=8)
-    parser.add_argument("--patience", type=float, default=560, help="seconds until it is given up")
+    parser.add_argument("--patience", type=float, default=560, help="seconds until the script gives up")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     with running_server() as server, tempfile.TemporaryDirectory(prefix="vsnbench-shared-") as folder:
         url = new_database(server)
         engine = open_engine(url)
         kills = drive(Path(folder), url, engine, given)
-        sys.exit(0 if told(engine, kills, Path(folder)) else 1)
+        sys.exit(0 if check_record(engine, kills, Path(folder)) else 1)
 
 
 def drive(folder: Path, url: str, engine: Engine, given: argparse.Namespace) -> int:
-    """Run the campaign to its end, with kills; return how many drivers were killed."""
+    """Run the campaign to its end with kills; return the number of killed drivers."""
     chance = random.Random(given.seed)
     drivers = {name: Driver(name, folder, url, given.repetitions) for name in ("a", "b")}
     stopped = Driver("c", folder, url, given.repetitions, elsewhere=True)
@@ -94,7 +95,7 @@ def drive(folder: Path, url: str, engine: Engine, given: argparse.Namespace) -> 
         if not held and running_in(engine, "c", folder):
             stopped.send(signal.SIGSTOP)
             held = True
-            print(f"{time.monotonic() - began:5.0f} s  c, elsewhere, stands still in the middle of an episode")
+            print(f"{time.monotonic() - began:5.0f} s  c, in its own namespace, stopped in the middle of an episode")
         for name, driver in drivers.items():
             if driver.ended:
                 driver.wait(5)
@@ -109,7 +110,7 @@ def drive(folder: Path, url: str, engine: Engine, given: argparse.Namespace) -> 
             drivers[name] = Driver(name, folder, url, given.repetitions)
     for driver in drivers.values():
         driver.wait(120)
-    print(f"{time.monotonic() - began:5.0f} s  all trials have a result; c goes on")
+    print(f"{time.monotonic() - began:5.0f} s  all trials have a result; c resumes")
     stopped.send(signal.SIGCONT)
     code = stopped.wait(120)
     print(f"{time.monotonic() - began:5.0f} s  c ended with {code}: {(folder / 'c.log').read_text().splitlines()[-3:]}")
@@ -117,7 +118,7 @@ def drive(folder: Path, url: str, engine: Engine, given: argparse.Namespace) -> 
 
 
 def left(engine: Engine) -> int:
-    """Return how many planned trials have no result; all of them before there is a plan."""
+    """Return the number of planned trials without a result, or -1 before there is a plan."""
     with engine.connect() as connection:
         if connection.execute(text("SELECT to_regclass('episode')")).scalar() is None:
             return -1
@@ -132,7 +133,7 @@ def left(engine: Engine) -> int:
 
 
 def running_in(engine: Engine, name: str, folder: Path) -> bool:
-    """Say whether a driver has taken two actions of an episode."""
+    """Return whether a driver has recorded a step of a running episode."""
     if left(engine) < 0:
         return False
     with engine.connect() as connection:
@@ -147,8 +148,8 @@ def running_in(engine: Engine, name: str, folder: Path) -> bool:
         )
 
 
-def told(engine: Engine, kills: int, folder: Path) -> bool:
-    """Print what became of it; True when every trial was run once and nothing is torn."""
+def check_record(engine: Engine, kills: int, folder: Path) -> bool:
+    """Print the counts; return whether every trial has one result and no episode is inconsistent."""
     found = print_totals(engine)
     wrong = print_faults(engine)
     with engine.connect() as connection:
@@ -164,7 +165,7 @@ def told(engine: Engine, kills: int, folder: Path) -> bool:
     free_after = "never" if waited is None else f"{float(waited):.0f} s after its last step"
     print(f"       the trial of the driver elsewhere was taken {free_after} (lease {LEASE.total_seconds():.0f} s)")
     good = not wrong and found["trials"] >= 200 and found["campaigns"] == 1 and waited is not None
-    print("every trial once" if good else f"WRONG: {', '.join(wrong) or 'too little happened to tell'}")
+    print("every trial once" if good else f"WRONG: {', '.join(wrong) or 'too few trials, or no lease expired'}")
     return good
 
 

@@ -1,8 +1,8 @@
-"""What one core does an action in, beside an earlier commit; nothing is recorded.
+"""Measures actions per second on one core, compared with an earlier commit.
 
-Drives the same random actions with two commits, each in a process of its own, by turns: observe at 640x480 with RGB,
-depth and labels, guard, execute. Prints actions per second of both, the ratio of their medians, and how often the newer
-one saw and did the same. With a camera size, this tree draws only that, for a model that reads RGB.
+Two processes, one per commit, take turns and drive the same random actions without recording: observe at 640x480 with
+RGB, depth and labels, guard, execute. Prints the actions per second of both, the ratio of their medians, and whether
+their images and motions are identical. With `--camera`, this tree renders only RGB at that size.
 
     python benchmarks/single_core.py [--base d729591] [--rounds 5] [--camera 256x256]
 """
@@ -61,7 +61,7 @@ for _ in sys.stdin:
 
 
 class Driver:
-    """A process that drives with the code of one tree."""
+    """A process that drives with the code of one working tree."""
 
     def __init__(self, tree: Path, robot: str, actions: int, *, lean: bool) -> None:
         environment = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
@@ -76,7 +76,7 @@ class Driver:
         self.digest = self._answer()
 
     def rate(self) -> float:
-        """Drive once and return actions per second."""
+        """Drive one round and return its actions per second."""
         assert self._process.stdin is not None
         self._process.stdin.write("go\n")
         self._process.stdin.flush()
@@ -98,7 +98,7 @@ class Driver:
 
 @contextmanager
 def earlier_tree(commit: str, tree: Path) -> Iterator[Path]:
-    """Have the files of a commit in a directory for a while."""
+    """Check out a commit into a temporary working tree."""
     subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", "-q", tree, commit], check=True)
     try:
         yield tree
@@ -107,12 +107,12 @@ def earlier_tree(commit: str, tree: Path) -> Iterator[Path]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the rounds and print the rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--base", default="d729591", help="the commit to compare with")
+    parser.add_argument("--base", default="d729591", help="commit to compare with")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--actions", type=int, default=100, help="of one round")
-    parser.add_argument("--camera", default="", help="WIDTHxHEIGHT that this tree draws in place of the whole picture")
+    parser.add_argument("--actions", type=int, default=100, help="actions per round")
+    parser.add_argument("--camera", default="", help="WIDTHxHEIGHT of the only image that this tree renders")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory, earlier_tree(arguments.base, Path(directory) / "base") as tree:
         lean = bool(arguments.camera)
@@ -129,7 +129,7 @@ def main() -> None:
     )
     print(f"ratio of medians {after / before:.2f}; of {len(ratios)} rounds {min(ratios):.2f} to {max(ratios):.2f}")
     if not lean:
-        print("the same pixels and motions" if base.digest == here.digest else "OTHER pixels or motions")
+        print("same pixels and motions" if base.digest == here.digest else "DIFFERENT pixels or motions")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How long `vsnbench --help` takes, beside a Python that only imports Typer.
+"""Measures the time of `vsnbench --help` in ms, against importing Typer alone.
 
 python benchmarks/startup.py
 """
@@ -22,7 +22,7 @@ def median_s(*words: str) -> float:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Print both times and their ratio."""
     bare, ours = median_s("-c", "import typer"), median_s("-m", "vsnbench.cli.main", "--help")
     print(f"import typer      {bare * 1000:5.0f} ms")
     print(f"vsnbench --help   {ours * 1000:5.0f} ms  ({ours / bare:.2f} times)")

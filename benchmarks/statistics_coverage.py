@@ -1,18 +1,18 @@
-"""Simulates false positives and coverage of every interval and test, and prints them as tables.
+"""Simulates the coverage of each interval and the false positives of each test.
 
     python benchmarks/statistics_coverage.py                     15 starting positions, 2,000 samples a line: minutes
-    python benchmarks/statistics_coverage.py --samples 200       rougher, for a look
+    python benchmarks/statistics_coverage.py --samples 200       fewer samples, for a quick check
     python benchmarks/statistics_coverage.py --write             writes the tables into benchmarks/results/
     python benchmarks/statistics_coverage.py --only several      one of coverage, several, effects, powered
     python benchmarks/statistics_coverage.py --workers 16        lines on several processes
     python benchmarks/statistics_coverage.py --twin DIR          prediction-powered, on a record: one model with and
                                                                  without noise, the noisy campaigns playing "real"
 
-Success chances of starting positions are 0 or 1, Beta(1/2, 1/2), Beta(2, 2) (both moved to the rate) or all the same;
-two models have chances of their own. What took every episode for a place of its own is beside. The table of effects
-has logit-normal chances: of the variance 40 % is common to a starting position and both models, 30 % to a position and
-a model, 30 % is of each cell and model; the seeds of a cell are correlated through the normal variables behind the
-outcomes.
+It prints tables with shares in percent. The success probabilities of the starting positions are 0 or 1, Beta(1/2, 1/2)
+or Beta(2, 2) with the mean at the rate, or all the same; each of two models has its own probabilities. For comparison,
+the tables include the methods that treat all episodes as independent. The table `effects` has logit-normal
+probabilities: 40 % of the variance is common to a starting position and both models, 30 % to a position and a model,
+and 30 % belongs to a cell and a model. The seeds of a cell are correlated through latent normal variables.
 """
 
 import argparse
@@ -54,7 +54,7 @@ CHANCES: dict[str, Callable[[np.random.Generator, float], Floats]] = {
 
 
 def outcomes(wins: Floats, seeds: int) -> Outcomes:
-    """Return the outcomes of one model, a cell a starting position."""
+    """Return the outcomes of one model, with one cell per starting position."""
     return Outcomes(tuple(Cell(start, int(won), seeds) for start, won in enumerate(wins)))
 
 
@@ -64,14 +64,14 @@ def paired(first: Outcomes, second: Outcomes) -> PairedOutcomes:
 
 
 def line(kind: str, rate: float, seeds: int, samples: int) -> list[float]:
-    """Return the shares, in percent, of one setting: coverage of rates, of differences, false positives."""
+    """Return the percentages of one setting: coverage of rates and differences, and false positives."""
     random = np.random.default_rng([seeds, int(100 * rate), list(CHANCES).index(kind)])
     other = rate + 0.25 if rate <= 0.5 else rate - 0.25
     counts = np.zeros(9)
     for _ in range(samples):
-        chances = [CHANCES[kind](random, each) for each in (rate, rate, other)]
+        chances = [CHANCES[kind](random, mean) for mean in (rate, rate, other)]
         draws = [random.binomial(1, chance[:, None], (STARTS, seeds)) for chance in chances]
-        a, b, c = (outcomes(each.sum(1), seeds) for each in draws)
+        a, b, c = (outcomes(drawn.sum(1), seeds) for drawn in draws)
         apart = paired(a, c)
         discordant = [int(((draws[i] == 1) & (draws[j] == 0)).sum()) for i, j in ((0, 1), (1, 0))]
         counts += (
@@ -95,17 +95,17 @@ HEADINGS = (
 
 
 Job = Callable[[], str]
-"""Makes a line of a table."""
+"""Returns one line of a table."""
 
 
 def coverage_line(seeds: int, kind: str, rate: float, samples: int) -> str:
-    """Return a line of the table of one cell a position."""
+    """Return a line of the table with one cell per position."""
     shares = " | ".join(f"{share:.1f}" for share in line(kind, rate, seeds, samples))
     return f"| {seeds} | {kind} | {rate} | {shares} |"
 
 
 def coverage_table(samples: int) -> tuple[list[str], list[Job]]:
-    """Return the table's head and the jobs for its lines."""
+    """Return the table's header and the jobs for its lines."""
     head = [
         "| seeds | chances | rate | " + " | ".join(HEADINGS) + " |",
         "| ---: | --- | ---: |" + " ---: |" * len(HEADINGS),
@@ -115,7 +115,7 @@ def coverage_table(samples: int) -> tuple[list[str], list[Job]]:
 
 
 def several_line(starts: int, goals: int, alike: float, samples: int) -> str:
-    """Return a line of the table of several goals from few positions: the shares at each rate."""
+    """Return a line of the table of several goals from few positions, with the percentages at each rate."""
     spread, shares = 1 / alike - 1, []
     for rate in RATES:
         random = np.random.default_rng([starts, goals, int(100 * alike), int(100 * rate)])
@@ -140,7 +140,7 @@ def several_line(starts: int, goals: int, alike: float, samples: int) -> str:
 
 
 def several_table(samples: int) -> tuple[list[str], list[Job]]:
-    """Return the table's head and the jobs for its lines."""
+    """Return the table's header and the jobs for its lines."""
     head = [
         "| positions | goals | resemblance | **rate** | **paired** | **signs flipped** |",
         "| ---: | ---: | ---: | --- | --- | --- |",
@@ -162,10 +162,10 @@ def with_effects(
     """Yield, for each rate, (samples, starts, goals) success rates of the cells of a model.
 
     Args:
-        random: where the chances come from.
+        random: source of randomness.
         shape: samples, starting positions, goals, seeds.
         spread: standard deviation of the logits.
-        alike: correlation of the normal variables behind the outcomes of the seeds of a cell.
+        alike: correlation of the latent normal variables of the seeds of a cell.
         rates: mean success rate of each model.
     """
     samples, starts, goals, _ = shape
@@ -180,13 +180,13 @@ def with_effects(
 
 
 def wilson_coverage(trials: int, rate: float) -> float:
-    """Return the exact coverage of Wilson's interval of so many independent trials."""
+    """Return the exact coverage of Wilson's interval for a number of independent trials."""
     chances = binom.pmf(np.arange(trials + 1), trials, rate)
     return float(sum(p for k, p in enumerate(chances) if rate in wilson(Proportion(k, trials))))
 
 
 def effects_line(design: tuple[int, int, int], spread: float, alike: float, samples: int) -> str:
-    """Return a line of the table of position effects: the shares at each rate."""
+    """Return a line of the table of position effects, with the percentages at each rate."""
     starts, goals, seeds = design
     columns = []
     for rate in RATES:
@@ -212,7 +212,7 @@ def effects_line(design: tuple[int, int, int], spread: float, alike: float, samp
 
 
 def effects_table(samples: int) -> tuple[list[str], list[Job]]:
-    """Return the table's head and the jobs for its lines."""
+    """Return the table's header and the jobs for its lines."""
     head = [
         "| positions | goals | seeds | logit SD | seeds alike | Wilson | **rate** | **paired** | width | **flipped** |",
         "| ---: | ---: | ---: | ---: | ---: | --- | --- | --- | --- | --- |",
@@ -227,9 +227,10 @@ def effects_table(samples: int) -> tuple[list[str], list[Job]]:
 
 
 def powered_line(positions: int, rate: float, alike: float, trust: float, samples: int) -> str:
-    """Return a line of the table of prediction-powered estimates: 75 cells, some of them driven for real.
+    """Return a line of the table of prediction-powered estimates.
 
-    25 cells anywhere, or, where `positions` is not 0, all cells of so many starting positions.
+    Of 75 cells, 25 random ones are driven on the real robot; or, if `positions` is not 0, all cells of that number of
+    starting positions.
     """
     random = np.random.default_rng([positions, int(100 * rate), int(alike), int(100 * trust)])
     starts = np.repeat(np.arange(STARTS), 5)
@@ -263,7 +264,7 @@ def powered_line(positions: int, rate: float, alike: float, trust: float, sample
 
 
 def powered_table(samples: int) -> tuple[list[str], list[Job]]:
-    """Return the table's head and the jobs for its lines."""
+    """Return the table's header and the jobs for its lines."""
     head = [
         "| driven | rate | resemblance | twin right | plain | **powered** | width | **width** | cells saved |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
@@ -273,16 +274,16 @@ def powered_table(samples: int) -> tuple[list[str], list[Job]]:
 
 
 def twin(directory: Path, model: str, samples: int) -> None:
-    """Draw few positions of the noisy campaigns as real trials, and all of the noiseless one as the twin's."""
+    """Use some positions of the noisy campaigns as real trials and the noiseless campaign as the twin's."""
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import read
     from vsnbench.results.files.directory import ResultsDirectory
 
     record = read(ResultsDirectory.locate(directory, None).database_url, Selection(models=(model,)))
-    noisy, clean = (next(one for one in record.conditions if one.noisy is noise) for noise in (True, False))
+    noisy, clean = (next(item for item in record.conditions if item.noisy is noise) for noise in (True, False))
     rates = {
-        one.number: record.counted(one).astype({"goal": str}).groupby(["goal", "start"])["success"].mean()
-        for one in (noisy, clean)
+        condition.number: record.counted(condition).astype({"goal": str}).groupby(["goal", "start"])["success"].mean()
+        for condition in (noisy, clean)
     }
     cells = [cell for cell in rates[clean.number].index if cell in rates[noisy.number].index]
     truth = float(np.mean([rates[noisy.number][cell] for cell in cells]))
@@ -321,7 +322,7 @@ def twin(directory: Path, model: str, samples: int) -> None:
 
 
 def write(name: str, lines: list[str]) -> None:
-    """Put a table between its marks in the page."""
+    """Write a table between its markers in the results page."""
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
     page = RESULT.read_text(encoding="utf-8")
     before, after = page.split(begin)[0], page.split(end)[1]
@@ -329,14 +330,14 @@ def write(name: str, lines: list[str]) -> None:
 
 
 def main() -> None:
-    """Simulate and print; write where asked."""
+    """Simulate the settings and print the tables; write them with --write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=2000)
     parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
     parser.add_argument("--only", choices=("coverage", "several", "effects", "powered"))
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--model", default="pirlnav", help="of --twin")
-    parser.add_argument("--twin", type=Path, metavar="DIR", help="a results directory")
+    parser.add_argument("--workers", type=int, default=1, help="number of processes")
+    parser.add_argument("--model", default="pirlnav", help="model to read with --twin")
+    parser.add_argument("--twin", type=Path, metavar="DIR", help="results directory for the prediction-powered check")
     options = parser.parse_args()
     if options.twin:
         twin(options.twin, options.model, options.samples)

@@ -1,14 +1,15 @@
-"""From a thumb on the page's STOP to zero velocity on the wire, over a real ROS network, in the midst of a movement.
+"""Measures the time from STOP on the operator's page to zero velocity.
 
     python benchmarks/stop_from_page.py --stops 100
     python benchmarks/stop_from_page.py --stops 100 --delay 200        # the page's network holds each byte 200 ms
     .venv-ros2/bin/python benchmarks/stop_from_page.py --ros ros2
 
-`vsnbench robots simulate` plays a robot in an empty hall, `vsnbench run --console` drives it, and a Chromium at phone
-size presses Go and STOP at a random moment of a movement, one trial after another. The time runs from the browser's own
-stamp of the press to the zero command that a node of its own hears, after which none moves, and to the odometry at
-rest. A press between two movements does not count. The delay is a relay between browser and run that holds every byte
-back, each way. Bar: 0.3 s over the network, and the delay of the way there. Exits with 1 where a stop took longer.
+`vsnbench robots simulate` simulates a robot in an empty hall over ROS, `vsnbench run --console` drives it, and Chromium
+at phone size presses Go, and STOP at a random moment of a movement, in each trial. The time in milliseconds runs from
+the browser's timestamp of the press to the zero command that a separate node receives, with no motion command after it,
+and to odometry at rest. A press between two movements does not count. `--delay` adds a relay between browser and run
+that delays every byte in both directions. The limit is 0.3 s plus the delay in one direction; exit code 1 means that a
+stop took longer.
 """
 
 import argparse
@@ -46,7 +47,7 @@ starts: [{number: 1, position: [-20, 0], heading_deg: 17}]
 LISTENER = Path(__file__).with_name("nodes") / "velocity_listener.py"
 PROFILES = {"ros1": "turtlebot2", "ros2": "turtlebot4"}
 AT_REST = 0.01
-"""|m/s| + |rad/s| of an odometry that stands."""
+"""Maximum |m/s| + |rad/s| of the odometry of a robot at rest."""
 BAR_S = 0.3
 STAMP = """() => document.getElementById("stop").addEventListener("pointerdown",
   (event) => { window.pressed = (performance.timeOrigin + event.timeStamp) / 1000; }, { capture: true })"""
@@ -54,14 +55,14 @@ STAMP = """() => document.getElementById("stop").addEventListener("pointerdown",
 
 @dataclass
 class Listener:
-    """What a node of its own hears."""
+    """Messages that the separate listener node receives, as (time, speed)."""
 
     process: "subprocess.Popen[str]"
     commands: list[tuple[float, float]] = field(default_factory=list)
     odometry: list[tuple[float, float]] = field(default_factory=list)
 
     def read(self) -> None:
-        """Keep what it writes, until it ends."""
+        """Collect the node's output until it exits."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
             at, what, speed = line.split()
@@ -75,7 +76,7 @@ class Listener:
 
 @dataclass(frozen=True)
 class Halt:
-    """One press."""
+    """Times measured after one press of STOP."""
 
     to_zero_s: float
     to_rest_s: float
@@ -84,13 +85,13 @@ class Halt:
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--stops", type=int, default=100)
-    options.add_argument("--delay", type=float, default=0.0, metavar="MS", help="of the page's network, each way")
+    options.add_argument("--delay", type=float, default=0.0, metavar="MS", help="delay in each direction")
     options.add_argument("--ros", choices=PROFILES, default="ros1")
     options.add_argument("--seed", type=int, default=1)
     asked = options.parse_args()
     with ExitStack() as stack:
         halts = measured(stack, asked.ros, asked.stops, asked.delay / 1000, random.Random(asked.seed))
-    zero, rest = sorted(one.to_zero_s for one in halts), sorted(one.to_rest_s for one in halts)
+    zero, rest = sorted(halt.to_zero_s for halt in halts), sorted(halt.to_rest_s for halt in halts)
     print("| network | stops | zero velocity: median | 95 % | worst | at rest: median | 95 % | worst | load |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     network = f"{asked.ros}, {asked.delay:.0f} ms each way"
@@ -101,11 +102,11 @@ def main() -> int:
 def line(times_s: list[float]) -> str:
     """Return median, 95 % and worst in milliseconds."""
     of = (statistics.median(times_s), times_s[min(len(times_s) - 1, round(0.95 * len(times_s)))], times_s[-1])
-    return " | ".join(f"{one * 1000:.0f} ms" for one in of)
+    return " | ".join(f"{time_s * 1000:.0f} ms" for time_s in of)
 
 
 def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: random.Random) -> list[Halt]:
-    """Bring everything up, and stop the robot so many times."""
+    """Start all processes and stop the robot `stops` times; return the measured halts."""
     directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     port, master = quiet_port(chance), quiet_port(chance)
     os.environ.update(
@@ -141,14 +142,14 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
     start(*vsnbench, "robots", "serve", profile, stdout=sink)
     listener = Listener(start(LISTENER, ros, profile, stdout=subprocess.PIPE))
     threading.Thread(target=listener.read, daemon=True).start()
-    wait_until(lambda: listener.odometry, "the base speaks")
+    wait_until(lambda: listener.odometry, "the first odometry message")
     words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--keep", "none")
     run = start(
         *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, f"--console=:{port}"),
         stdout=sink,
         stdin=subprocess.DEVNULL,
     )
-    wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the page is served")
+    wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the address of the page")
     address = re.search(r"http://\S+token=\S+", log.read_text())
     assert address is not None, log.read_text()
     relay = stack.enter_context(TcpRelay(port, delay_s))
@@ -161,7 +162,7 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
     halts: list[Halt] = []
     while len(halts) < stops:
         phone.page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
-        if phone.screen().name == "finish":  # a trial that ended by itself, say with a wheel drop
+        if phone.screen().name == "finish":  # the trial ended by itself, for example with a wheel drop
             break
         if (halt := one_stop(phone, listener, chance, log)) is not None:
             halts.append(halt)
@@ -170,13 +171,13 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
 
 
 def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path) -> Halt | None:
-    """Press Go, and STOP at a random moment; None where the robot was not told to move then."""
+    """Press Go, and STOP at a random moment. Returns None if no movement was commanded at that moment."""
     page = phone.page
     page.click("#go")
     page.wait_for_selector("#stop", state="visible")
-    wait_until(lambda: listener.speed > 5 * AT_REST, f"it moves: {log.read_text()[-500:]}")
+    wait_until(lambda: listener.speed > 5 * AT_REST, f"motion: {log.read_text()[-500:]}")
     time.sleep(chance.uniform(0.1, 1.2))
-    wait_until(lambda: listener.speed > 5 * AT_REST, "it moves")
+    wait_until(lambda: listener.speed > 5 * AT_REST, "motion")
     box = page.locator("#stop").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -184,20 +185,20 @@ def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path)
     page.mouse.up()
     page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
     pressed = float(page.evaluate("window.pressed")) - clock_ahead_s(page)
-    if max((one for one in listener.commands if one[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
+    if max((command for command in listener.commands if command[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
         return None
     return Halt(first_after(listener.commands, pressed) - pressed, first_after(listener.odometry, pressed) - pressed)
 
 
-def first_after(heard: list[tuple[float, float]], since: float) -> float:
-    """Return when the first message of standing came after the last one of moving."""
-    later = [one for one in heard if one[0] >= since]
+def first_after(messages: list[tuple[float, float]], since: float) -> float:
+    """Return the time of the first message at rest after the last message in motion."""
+    later = [message for message in messages if message[0] >= since]
     last = max((number for number, (_, speed) in enumerate(later) if speed > AT_REST), default=-1)
     return later[last + 1][0]
 
 
 def clock_ahead_s(page: object) -> float:
-    """Return how far the browser's clock is ahead of this process's."""
+    """Return the offset of the browser's clock from this process's clock, in seconds."""
     tries = []
     for _ in range(5):
         before = time.time()
@@ -208,7 +209,7 @@ def clock_ahead_s(page: object) -> float:
 
 
 def with_small_camera(name: str, ros: str) -> str:
-    """Return a profile whose camera costs next to nothing: pictures are not what is measured here."""
+    """Return the profile with a small, slow camera, because images are not measured."""
     from vsnbench.robots.profiles import embedded_profiles
 
     text = embedded_profiles()[name].read_text()

@@ -1,16 +1,16 @@
-"""Error rates and power of studies by simulation: false decisions of every design, and what a real difference gives.
+"""Simulates the false decisions and the power of study designs.
 
     python benchmarks/study_errors.py                   5,000 studies a design: minutes on two cores
-    python benchmarks/study_errors.py --studies 1000    rougher
+    python benchmarks/study_errors.py --studies 1000    fewer studies, for a quick check
     python benchmarks/study_errors.py --workers 16      lines on several processes
     python benchmarks/study_errors.py --write           writes the tables into benchmarks/results/
 
-Two arms, 15 starting positions, 5 goals, 1, 2 or 5 repetitions, alpha 5 %. Chances of success are logit-normal: a part
-of the variance is common to a starting position (70 %), the rest is of each cell; both parts are of each arm alone, so
-that the arms differ from position to position and are equal on average over the population of positions. "B the same
-everywhere" gives only arm A such effects, which skews the differences. The decisions are those of the program:
-`vsnbench.statistics.conclusion` for a whole plan, `vsnbench.study.power.decided_studies` for one that is looked at
-while it runs (a test checks it against `vsnbench.study.stopping`).
+Each study has two arms, 15 starting positions, 5 goals, 1, 2 or 5 repetitions and alpha 5 %. Success probabilities are
+logit-normal: 70 % of the variance is common to a starting position, the rest belongs to a cell. Each arm has its own
+effects, so the arms differ from position to position and are equal on average over the population of positions. "B the
+same everywhere" gives only arm A such effects, which skews the differences. The decisions are those of the package:
+`vsnbench.statistics.conclusion` for a complete plan, and `vsnbench.study.power.decided_studies` for a study with
+interim looks (a test checks it against `vsnbench.study.stopping`). The tables show percentages.
 """
 
 import argparse
@@ -36,7 +36,7 @@ STARTS, GOALS = 15, 5
 REPETITIONS = (1, 2, 5)
 RATES = (0.1, 0.3, 0.6, 0.9, 0.95)
 STRENGTHS = (0.0, 1.0, 2.5, 4.0, 8.0)
-"""Standard deviations of the logits; 0 makes all cells of an arm alike."""
+"""Standard deviations of the logits; with 0, all cells of an arm have the same probability."""
 DIFFERENCES = (0.15, 0.3, 0.4, 0.6)
 OF_START = 0.7
 RESULT = Path(__file__).resolve().parent / "results" / "2026-11-23-study-errors.md"
@@ -44,14 +44,15 @@ RESULT = Path(__file__).resolve().parent / "results" / "2026-11-23-study-errors.
 
 @dataclass(frozen=True, slots=True)
 class Arms:
-    """What the two arms of a simulated design are like."""
+    """Two arms of a simulated design."""
 
     first: float
-    """Mean success rate of the first."""
+    """Mean success rate of the first arm."""
     second: float
     strength: float
+    """Standard deviation of the logits."""
     skewed: bool = False
-    """The second arm has the same chance everywhere."""
+    """Whether the second arm has the same success probability everywhere."""
 
 
 def logit_for(rate: float, strength: float) -> float:
@@ -62,7 +63,7 @@ def logit_for(rate: float, strength: float) -> float:
 
 
 def chances(random: np.random.Generator, studies: int, rate: float, strength: float, starts: int) -> Floats:
-    """Return (studies, starts, goals) chances of success of one arm."""
+    """Return (studies, starts, goals) success probabilities of one arm."""
     start = math.sqrt(OF_START) * random.standard_normal((studies, starts, 1))
     cell = math.sqrt(1 - OF_START) * random.standard_normal((studies, starts, GOALS))
     return np.asarray(expit(logit_for(rate, strength) + strength * (start + cell)), np.float64)
@@ -72,20 +73,20 @@ def simulated(random: np.random.Generator, studies: int, arms: Arms, repetitions
     """Return (2, studies, starts, goals, repetitions): 1 for each success."""
     strengths = (arms.strength, 0.0 if arms.skewed else arms.strength)
     sides = [
-        random.random((studies, starts, GOALS, repetitions)) < chances(random, studies, rate, each, starts)[..., None]
-        for rate, each in zip((arms.first, arms.second), strengths, strict=True)
+        random.random((studies, starts, GOALS, repetitions)) < chances(random, studies, rate, sd, starts)[..., None]
+        for rate, sd in zip((arms.first, arms.second), strengths, strict=True)
     ]
     return np.asarray(sides, np.float64)
 
 
 def balanced_plan(random: np.random.Generator, differences: Floats) -> Floats:
-    """Return plans (studies, blocks) whose mean is 0: as few blocks as needed are changed, at random.
+    """Return plans (studies, blocks) with mean 0, with as few random blocks changed as possible.
 
-    That is the null hypothesis about these cells: any plan of that mean, whatever it came from.
+    The null hypothesis about these cells includes every plan with mean 0.
     """
     total = differences.sum(1)
     toward = -np.sign(total)[:, None]
-    movable = differences * toward < 1  # a block that does not show the largest difference that way already
+    movable = differences * toward < 1  # blocks not yet at the largest difference in that direction
     order = np.argsort(np.where(movable, random.random(differences.shape), 2.0), axis=1)
     rank = np.argsort(order, axis=1)
     return np.asarray(differences + toward * (rank < np.abs(total)[:, None]), np.float64)
@@ -99,17 +100,17 @@ class Shares:
     plan: tuple[float, float]
     like_these: tuple[float, float]
     these: tuple[float, float]
-    """Of plans with mean 0 where the arms are equal, else of the plans as they come."""
+    """With equal arms, over plans with mean 0; otherwise over all plans."""
     starts_run: float
     """Mean number of starting positions that a study about cells like these runs."""
     blocks_run: float
-    """Mean share of the blocks that a study about these cells runs."""
+    """Mean share of blocks that a study about these cells runs."""
     opposed: float
-    """Share in which a whole plan and a study about cells like these name different winners."""
+    """Share in which a complete plan and a study about cells like these name different winners."""
 
 
 def shares(studies: int, arms: Arms, repetitions: int, starts: int = STARTS) -> Shares:
-    """Simulate one design."""
+    """Simulate one design and return its shares of decisions."""
     seed = [repetitions, starts, round(100 * arms.first), round(100 * arms.second), round(10 * arms.strength)]
     random = np.random.default_rng([*seed, int(arms.skewed)])
     outcomes = simulated(random, studies, arms, repetitions, starts)
@@ -140,21 +141,21 @@ def shares(studies: int, arms: Arms, repetitions: int, starts: int = STARTS) -> 
 
 def percent(values: list[tuple[float, float]]) -> str:
     """Return the shares of any winner at each number of repetitions."""
-    return " ".join(f"{100 * sum(each):.1f}" for each in values)
+    return " ".join(f"{100 * sum(pair):.1f}" for pair in values)
 
 
 Job = Callable[[], str]
-"""Makes a line of a table."""
+"""Returns one line of a table."""
 
 
 def null_line(studies: int, name: str, rate: float, strength: float) -> str:
     """Return a line of the table of false decisions."""
     skewed = name == SKEWED
-    found = [shares(studies, Arms(rate, rate, strength, skewed), each) for each in REPETITIONS]
+    found = [shares(studies, Arms(rate, rate, strength, skewed), count) for count in REPETITIONS]
     return (
-        f"| {name} | {rate} | {strength:g} | {percent([one.test_alone for one in found])} "
-        f"| {percent([one.plan for one in found])} | {percent([one.like_these for one in found])} "
-        f"| {percent([one.these for one in found])} | {100 * max(one.opposed for one in found):.1f} |"
+        f"| {name} | {rate} | {strength:g} | {percent([item.test_alone for item in found])} "
+        f"| {percent([item.plan for item in found])} | {percent([item.like_these for item in found])} "
+        f"| {percent([item.these for item in found])} | {100 * max(item.opposed for item in found):.1f} |"
     )
 
 
@@ -162,7 +163,7 @@ SKEWED = "B the same everywhere"
 
 
 def null_table(studies: int) -> tuple[list[str], list[Job]]:
-    """Return the head of the table of false decisions, and the jobs for its lines."""
+    """Return the header of the table of false decisions, and the jobs for its lines."""
     head = [
         "| arms | rate | logit SD | test alone | **plan** | **decided, like these** | **decided, these** | opposed |",
         "| --- | ---: | ---: | --- | --- | --- | --- | ---: |",
@@ -175,16 +176,16 @@ def null_table(studies: int) -> tuple[list[str], list[Job]]:
 def power_line(studies: int, starts: int, repetitions: int, strength: float, difference: float) -> str:
     """Return a line of the table of real differences."""
     arms = Arms(0.5 + difference / 2, 0.5 - difference / 2, strength)
-    one = shares(studies, arms, repetitions, starts)
+    found = shares(studies, arms, repetitions, starts)
     return (
-        f"| {repetitions} | {strength:g} | {100 * difference:.0f} | {100 * one.plan[0]:.0f} "
-        f"| {100 * one.like_these[0]:.0f} | {one.starts_run:.1f} | {100 * one.these[0]:.0f} "
-        f"| {100 * one.blocks_run:.0f} |"
+        f"| {repetitions} | {strength:g} | {100 * difference:.0f} | {100 * found.plan[0]:.0f} "
+        f"| {100 * found.like_these[0]:.0f} | {found.starts_run:.1f} | {100 * found.these[0]:.0f} "
+        f"| {100 * found.blocks_run:.0f} |"
     )
 
 
 def power_table(studies: int) -> tuple[list[str], list[Job]]:
-    """Return the head of the table of real differences, and the jobs for its lines; only the better arm counts."""
+    """Return the header of the table of real differences, and the jobs for its lines; only correct decisions count."""
     head = [
         "| repetitions | logit SD | difference | plan | like these | starts run | these | blocks run % |",
         "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
@@ -198,7 +199,7 @@ def power_table(studies: int) -> tuple[list[str], list[Job]]:
 
 
 def write(name: str, lines: list[str]) -> None:
-    """Put a table between its marks in the page."""
+    """Write a table between its markers in the results page."""
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
     page = RESULT.read_text(encoding="utf-8")
     before, after = page.split(begin)[0], page.split(end)[1]
@@ -206,10 +207,10 @@ def write(name: str, lines: list[str]) -> None:
 
 
 def main() -> None:
-    """Simulate and print; write where asked."""
+    """Simulate the designs and print the tables; write them with --write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--studies", type=int, default=5000, help="simulated studies a design")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--studies", type=int, default=5000, help="number of simulated studies per design")
+    parser.add_argument("--workers", type=int, default=1, help="number of processes")
     parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
     options = parser.parse_args()
     with ProcessPoolExecutor(options.workers) as pool:

@@ -1,13 +1,14 @@
-"""A blind study of three models, killed with SIGKILL five times on its way, against plain runs with the same seed.
+"""Checks a blind study that is killed five times against plain runs.
 
-From `study new` to `study report` as typed, in recorded terminals. Says whether the schedule was kept, whether any
-trial counts twice, whether every outcome is that of `vsnbench run`, and looks through all that an operator sees of the
-blind run (`operators_view.py`; two of the sessions with `--live`, whose stream is kept too) for the models' names,
-labels and hashes. The whole of 4 goals from 15 positions takes some 15 minutes on two quiet cores:
+The study compares three models, runs in recorded terminals from `study new` to `study report`, and receives SIGKILL
+five times. The script checks that the schedule was kept, that no trial counts twice, and that every outcome equals that
+of `vsnbench run` with the same seed. It searches everything that an operator can see of the blind run
+(`operators_view.py`) for the models' names, labels and hashes; two sessions run with `--live`, and their streams are
+searched too. 4 goals from 15 positions take about 15 minutes on two idle cores:
 
     python benchmarks/study_killed.py --starts 1-15
-    python benchmarks/study_killed.py --starts 1-2 --goals bed,chair      # some 3 minutes
-    python benchmarks/study_killed.py --looked-at DIRECTORY --starts 1-2  # the second half of a study that was run
+    python benchmarks/study_killed.py --starts 1-2 --goals bed,chair      # about 3 minutes
+    python benchmarks/study_killed.py --looked-at DIRECTORY --starts 1-2  # only the checks of a study that has run
 """
 
 import argparse
@@ -23,12 +24,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from operators_view import LiveStream, Terminal, call, files_below, naming, verbs
+from operators_view import LiveStream, Terminal, call, files_below, find_names, inspection_commands
 
 ARMS = ("pirlnav", "vlv", "forward")
 SEED = "11"
 LIVE = (0, 3)
-"""Which of the sessions are run with `--live`."""
+"""Indices of the sessions that run with `--live`."""
 COMPARED = ("outcome", "end_reason", "success", "actions", "distance_to_goal_m", "path_length_m")
 SCHEDULE = (
     "SELECT s.rank, a.name, t.goal, t.start, e.id FROM study_trial s JOIN trial t ON t.id = s.trial_id "
@@ -38,7 +39,7 @@ SCHEDULE = (
 
 
 def rows(query: str) -> list[tuple[object, ...]]:
-    """Return what the study's database says; nothing while it is being written."""
+    """Return rows of the study's database, or none while it is being written."""
     try:
         with sqlite3.connect("file:results/vsnbench.db?mode=ro", uri=True, timeout=10) as database:
             return database.execute(query).fetchall()
@@ -47,12 +48,12 @@ def rows(query: str) -> list[tuple[object, ...]]:
 
 
 def done() -> int:
-    """Return how many trials have a result."""
+    """Return the number of trials with a result."""
     return len(rows("SELECT DISTINCT trial_id FROM episode WHERE state = 'judged'"))
 
 
 def run_killed(moments: list[int], began: float) -> set[str]:
-    """Run the study, killed after so many trials each time, to its end; return the titles of its processes."""
+    """Run the study to its end, with a kill at each number of finished trials; return its process titles."""
     titles: set[str] = set()
     for number, moment in enumerate([*moments, None]):
         live = number in LIVE
@@ -67,13 +68,13 @@ def run_killed(moments: list[int], began: float) -> set[str]:
             terminal.process.send_signal(signal.SIGKILL)
         code = terminal.ended()
         stream.ended()
-        told = f"killed after {moment} trials" if moment is not None else f"the last session ends with {code}"
-        print(f"{told}, {time.monotonic() - began:.0f} s", flush=True)
+        ended = f"killed after {moment} trials" if moment is not None else f"the last session exits with {code}"
+        print(f"{ended}, {time.monotonic() - began:.0f} s", flush=True)
     return titles
 
 
 def plain_runs(goals: str, starts: str) -> None:
-    """Run the same trials one model after another, without any study."""
+    """Run the same trials model by model, without a study."""
     for arm in ARMS:
         words = ("--goal", goals, "--starts", starts, "--seed", SEED, "--results", "plain", "--workers", "2")
         answer = call("run", "--model", arm, *words, "--keep", "none")
@@ -81,17 +82,17 @@ def plain_runs(goals: str, starts: str) -> None:
 
 
 def outcomes(results: str) -> dict[tuple[object, ...], tuple[object, ...]]:
-    """Return how every trial went, by model, goal and starting position; void attempts apart."""
+    """Return the outcome of each trial by model, goal and starting position, without void attempts."""
     listed = json.loads(call("episodes", "list", "--results", results, "--json").stdout)
     return {
-        (one["model"], one["goal"], one["start"]): tuple(one[name] for name in COMPARED)
-        for one in listed
-        if one["outcome"] != "void"
+        (episode["model"], episode["goal"], episode["start"]): tuple(episode[name] for name in COMPARED)
+        for episode in listed
+        if episode["outcome"] != "void"
     }
 
 
-def telling_words() -> Iterator[str]:
-    """Yield the models' names, labels and hashes, and hashes as far as they are ever shown."""
+def model_names() -> Iterator[str]:
+    """Yield the models' names, labels and hashes, and the abbreviations of hashes in the output."""
     yield from ARMS
     for row in rows("SELECT DISTINCT name, weights_label, weights_sha256, sha256 FROM model"):
         for word in filter(None, map(str, row)):
@@ -102,7 +103,7 @@ def telling_words() -> Iterator[str]:
 
 
 def shown_episodes() -> list[int]:
-    """Return a few episodes to look at closely: two of every arm, and what the kills left."""
+    """Return the episodes to inspect: two of each arm, and up to three void ones."""
     found: list[int] = []
     for (campaign,) in rows("SELECT id FROM campaign"):
         of_it = f"SELECT e.id FROM episode e JOIN trial t ON t.id = e.trial_id WHERE t.campaign_id = {campaign}"
@@ -111,7 +112,7 @@ def shown_episodes() -> list[int]:
 
 
 def study(goals: str, starts: str, kills: int, began: float) -> None:
-    """Make a study, lock it and run it, killed on its way; what is seen meanwhile is kept below `seen`."""
+    """Create, lock and run a study with kills; keep what an operator sees below `seen`."""
     Path("seen").mkdir()
     arms = [word for arm in ARMS for word in ("--arm", arm)]
     for words in (("new", *arms, "--goal", goals, "--starts", starts, "--seed", SEED), ("lock",)):
@@ -124,11 +125,11 @@ def study(goals: str, starts: str, kills: int, began: float) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", default="1-2")
     parser.add_argument("--goals", default="bed,chair,sofa,toilet")
     parser.add_argument("--kills", type=int, default=5)
-    parser.add_argument("--looked-at", type=Path)
+    parser.add_argument("--looked-at", type=Path, metavar="DIRECTORY", help="working directory of a study that has run")
     asked = parser.parse_args()
     os.environ["PYTHONPATH"] = str(Path(__file__).resolve().parent.parent)
     os.chdir(asked.looked_at or tempfile.mkdtemp(prefix="vsnbench-study-"))
@@ -140,15 +141,15 @@ def main() -> int:
 
     seen: dict[str, bytes] = {}
     refused = []
-    for words in verbs(shown_episodes()):
+    for words in inspection_commands(shown_episodes()):
         answer = call(*words)
         if answer.returncode != 0:
             refused.append(words)
         seen[" ".join(words)] = answer.stdout + answer.stderr
     files = [*files_below("results", "seen")]
-    told = naming(telling_words(), seen, files)
-    print(f"places looked at: {len(seen)} commands, {len(files)} files, {time.monotonic() - began:.0f} s")
-    print(f"places in which a model is named: {len(told)} {told[:9]}", flush=True)
+    named = find_names(model_names(), seen, files)
+    print(f"searched: {len(seen)} commands, {len(files)} files, {time.monotonic() - began:.0f} s")
+    print(f"occurrences of a model's name: {len(named)} {named[:9]}", flush=True)
 
     call("study", "unblind", "--reason", "every trial is done")
     plain_runs(asked.goals, asked.starts)
@@ -161,10 +162,10 @@ def main() -> int:
     print(call("study", "report").stdout.decode())
     print(f"schedule kept, every trial judged: {kept}")
     print(f"trials that count twice: {len(twice)}; void attempts, run again: {void}")
-    print(f"outcomes that are not those of plain runs: {len(differ)} of {len(schedule)} {differ[:3]}")
-    print(f"live streams: {', '.join(streams)}; commands that were refused: {len(refused)} {refused[:3]}")
+    print(f"outcomes that differ from plain runs: {len(differ)} of {len(schedule)} {differ[:3]}")
+    print(f"live streams: {', '.join(streams)}; commands that failed: {len(refused)} {refused[:3]}")
     print(f"{time.monotonic() - began:.0f} s")
-    return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or told or refused) else 1
+    return 0 if kept and streams and len(ours) == len(schedule) and not (twice or differ or named or refused) else 1
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
-"""How much of the simulator's speed is left when everything is recorded.
+"""Measures actions per second of a recorded run against the bare loop.
 
-Drives the same random actions twice in one process: bare (observe at 640x480 RGB-D, guard, execute) and as a whole
-recorded run (database, image files, Rerun). Prints actions per second, their ratio, and where the time goes.
+Drives the same random actions twice in one process: as a bare loop (observe at 640x480 RGB-D, guard, execute) and as a
+recorded run (database, image files, Rerun). Prints the actions per second of both, their ratio, and milliseconds per
+action of each part of the bare loop.
 
     python benchmarks/throughput.py [--episodes 6] [--keep images]
 
-With a camera's size, the recorded run draws only that, for a model that reads RGB, beside the bare loop of an earlier
-commit at 640x480 with everything drawn:
+With `--camera`, the recorded run renders only RGB at that size. `--base` compares it with the bare loop of an earlier
+commit, which renders all images at 640x480:
 
     python benchmarks/throughput.py --keep none --camera 256x256 --base 56931d3
 """
@@ -63,7 +64,7 @@ class Wanderer(RandomWalk):
 
 @dataclass
 class Tally:
-    """Actions, seconds, and where the seconds went."""
+    """Number of actions, total seconds, and seconds by part."""
 
     actions: int = 0
     seconds: float = 0.0
@@ -78,25 +79,25 @@ class Tally:
 
 
 class Counting(AbsentOperator):
-    """Counts the actions of the episodes that it is told of, and shows nothing."""
+    """Operator that counts the actions of all episodes and prints nothing."""
 
     def __init__(self, tally: Tally) -> None:
         super().__init__()
         self._tally = tally
 
     def trial_begins(self, upcoming: Upcoming) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:  # noqa: ARG002
-        """Count."""
+        """Count the action."""
         self._tally.actions += 1
 
     def episode_ended(self, ended: EndedEpisode) -> None:
-        """Say nothing."""
+        """Do nothing."""
 
 
 def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
-    """Observe, guard, execute; keep nothing."""
+    """Run the bare loop: observe, guard, execute, without recording."""
     tally, policy = Tally(), Wanderer()
     began = time.perf_counter()
     for repetition in range(1, episodes + 1):
@@ -150,7 +151,7 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
 
 
 def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: Path, kept: KeepFiles) -> None:
-    """Drive a bare round of the earlier commit and a recorded one of this tree by turns, and print the ratios."""
+    """Alternate bare rounds of the earlier commit with recorded rounds of this tree, and print the ratios."""
     drive_recorded(robot, site, 1, directory / "warm-up", kept)
     with earlier_tree(base, directory / "base") as tree:
         earlier = Driver(tree, "simulated", 100, lean=False)
@@ -165,14 +166,14 @@ def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: 
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the measurement and print the rates."""
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--episodes", type=int, default=6, help="episodes of up to 60 actions each")
     arguments.add_argument(
-        "--keep", type=KeepFiles, default=KeepFiles.ALL, choices=list(KeepFiles), help="what is kept"
+        "--keep", type=KeepFiles, default=KeepFiles.ALL, choices=list(KeepFiles), help="files to keep"
     )
-    arguments.add_argument("--camera", default="", help="WIDTHxHEIGHT that the recorded run draws")
-    arguments.add_argument("--base", default="", help="an earlier commit, whose bare loop is driven by turns with it")
+    arguments.add_argument("--camera", default="", help="WIDTHxHEIGHT of the only image that the recorded run renders")
+    arguments.add_argument("--base", default="", help="earlier commit whose bare loop is the baseline")
     asked = arguments.parse_args()
     compute_with_one_thread()
     episodes, kept = asked.episodes, asked.keep
@@ -192,7 +193,7 @@ def main() -> None:
         recorded = drive_recorded(recording, site, episodes, Path(directory) / "measured", kept)
     print(f"bare loop     {bare.rate:6.1f} actions/s  ({bare.actions} actions)")
     for part, spent_s in (("observe", bare.observe_s), ("guard", bare.guard_s), ("execute", bare.execute_s)):
-        print(f"  {part:<11} {spent_s / bare.actions * 1000:6.2f} ms an action")
+        print(f"  {part:<11} {spent_s / bare.actions * 1000:6.2f} ms per action")
     print(f"recorded run  {recorded.rate:6.1f} actions/s  ({recorded.actions} actions, --keep {kept})")
     print(f"ratio         {recorded.rate / bare.rate:6.2f}")
 

@@ -1,4 +1,9 @@
-"""What training costs, in seconds of one processor, so that a loaded machine does not distort it; and the full plan."""
+"""Measures processor time of each part of training, and projects the full recipe.
+
+Processor time of one thread (seconds, milliseconds per frame) hardly depends on other load on the machine.
+
+python benchmarks/training_cost.py
+"""
 
 import tempfile
 import time
@@ -59,29 +64,29 @@ def main() -> None:
         cloning_s = (time.process_time() - began) / 4
 
     frames = plan.twins * len(shard)
-    dagger_twins = plan.dagger_rounds * plan.dagger_twins
-    dagger_frames = dagger_twins * plan.dagger_episodes * len(driven) / few.episodes
+    dagger_flats = plan.dagger_rounds * plan.dagger_twins
+    dagger_frames = dagger_flats * plan.dagger_episodes * len(driven) / few.episodes
     cloning_updates = sum(recipe.cloning_updates(number) for number in range(plan.dagger_rounds + 1))
     hours = {
         "demonstrations": plan.twins * world_s + frames * demonstration_s,
-        "DAgger's episodes": dagger_twins * world_s + dagger_frames * dagger_s,
-        "seeing": recipe.seeing.updates * seeing_s,
+        "DAgger episodes": dagger_flats * world_s + dagger_frames * dagger_s,
+        "encoder": recipe.seeing.updates * seeing_s,
         "features": frames * feature_s,
         "cloning": cloning_updates * cloning_s,
     }
-    print(f"a twin, its light and its experts' map  {world_s:8.2f} s")
-    print(f"a frame demonstrated                    {1e3 * demonstration_s:8.2f} ms   ({len(shard)} frames a twin)")
+    print(f"a flat with light maps and expert's map {world_s:8.2f} s")
+    print(f"a demonstrated frame                    {1e3 * demonstration_s:8.2f} ms   ({len(shard)} frames per flat)")
     print(
         f"a frame driven by an untrained student  {1e3 * dagger_s:8.2f} ms   "
-        f"({len(driven) / few.episodes:.0f} an episode)"
+        f"({len(driven) / few.episodes:.0f} per episode)"
     )
-    print(f"an update of seeing ({recipe.seeing.batch} frames)         {seeing_s:8.3f} s")
-    print(f"a frame's features                      {1e3 * feature_s:8.2f} ms")
-    print(f"an update of cloning ({recipe.cloning.lanes} x {recipe.cloning.steps} steps)   {cloning_s:8.3f} s")
-    print(f"\nthe full recipe: {frames:,} demonstrated frames, {dagger_frames:,.0f} of DAgger; hours of one processor:")
+    print(f"an encoder update ({recipe.seeing.batch} frames)           {seeing_s:8.3f} s")
+    print(f"features of a frame                     {1e3 * feature_s:8.2f} ms")
+    print(f"a cloning update ({recipe.cloning.lanes} x {recipe.cloning.steps} steps)       {cloning_s:8.3f} s")
+    print(f"\nthe full recipe: {frames:,} demonstrated frames, {dagger_frames:,.0f} of DAgger; processor hours:")
     for name, seconds in hours.items():
         print(f"  {name:20s} {seconds / 3600:6.2f}")
-    print(f"  {'together':20s} {sum(hours.values()) / 3600:6.2f}")
+    print(f"  {'total':20s} {sum(hours.values()) / 3600:6.2f}")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,16 @@
-"""Random damages of a bundle: does `vsnbench verify` find every one, and does it name the file or the cell?
+"""Counts the random damages of a bundle that `vsnbench verify` finds and names.
 
     python benchmarks/verify_flips.py [--bytes 100] [--cells 100] [--forged 100] [--seed 0]
 
-Runs, bundles and verifies a study of two arms with 60 simulated trials each. Then it makes damages, each of them alone:
+Runs, bundles and verifies a study of two arms with 60 simulated trials each. It then verifies the bundle with one
+damage at a time, and counts the damages that are found, and those whose file or cell is named:
 
-- a byte of the archive is flipped: in a file of every kind in turn, or in the archive's own structure;
-- a cell of the bundle's database is changed: in every table in turn;
-- forged: a cell is changed, and all hashes, tables and reports are made again. Only what can be computed from other
-  rows and files can find it: the signature of the manifest protects against this.
+- bytes: a byte of the archive changes, in a file of each kind in turn, or in the archive's own structure;
+- cells: a cell of the bundle's database changes, in each table in turn;
+- forged: a cell changes, and all hashes, tables and reports are recomputed. Only checks against other rows and files
+  can find such a change; the signature of the manifest protects against it.
 
-Takes some 30 minutes on two cores.
+Takes about 30 minutes on two cores.
 """
 
 import argparse
@@ -42,14 +43,14 @@ DATABASE = "results/vsnbench.db"
 
 @dataclass
 class Outcome:
-    """What verification said of a damage."""
+    """Whether verification found a damage, and named its place."""
 
     found: bool
     named: bool
 
 
 def vsnbench(*words: str, at: Path) -> None:
-    """Run a command in a process of its own."""
+    """Run a vsnbench command in a separate process."""
     command = [sys.executable, "-m", "vsnbench", *words, "--quiet"]
     subprocess.run(command, cwd=at, check=True, env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"})
 
@@ -67,19 +68,19 @@ def make_bundle(at: Path) -> Path:
 
 
 def verified(path: Path, replay: int = 0) -> Verification | VsnbenchError:
-    """Verify a bundle."""
+    """Verify a bundle; return the checks or the error."""
     try:
         return verify(path, lambda _what, _done, _of: None, VerifyOptions(replay=replay))
     except VsnbenchError as error:
         return error
 
 
-def outcome(said: Verification | VsnbenchError, *names: str) -> Outcome:
-    """Return whether a damage was found, and whether one finding has all names."""
-    if isinstance(said, VsnbenchError):
-        return Outcome(found=True, named=any(name in str(said) for name in names))
-    lines = [finding.where for check in said.checks for finding in check.findings]
-    return Outcome(not said.holds, any(all(name in line for name in names) for line in lines))
+def outcome(result: Verification | VsnbenchError, *names: str) -> Outcome:
+    """Return whether a damage was found, and whether a single finding contains all names."""
+    if isinstance(result, VsnbenchError):
+        return Outcome(found=True, named=any(name in str(result) for name in names))
+    lines = [finding.where for check in result.checks for finding in check.findings]
+    return Outcome(not result.holds, any(all(name in line for name in names) for line in lines))
 
 
 def flip_bytes(bundle: Path, damages: int, chance: random.Random) -> dict[str, list[Outcome]]:
@@ -147,7 +148,7 @@ def change_cells(directory: Path, damages: int, chance: random.Random, *, forge:
 
 
 def change_cell(database: Path, table: str, chance: random.Random) -> tuple[str, str, Any, Any]:
-    """Change a random cell; return the key of its row, its column, and both values."""
+    """Change a random cell; return its row's key, its column, and the values before and after."""
     with closing(sqlite3.connect(database)) as connection:
         connection.execute("PRAGMA ignore_check_constraints = ON")
         columns = connection.execute(f"SELECT name, pk FROM pragma_table_info('{table}')").fetchall()
@@ -169,7 +170,7 @@ def change_cell(database: Path, table: str, chance: random.Random) -> tuple[str,
 
 
 def changed(value: Any, chance: random.Random) -> Any:
-    """Return another value of the same kind."""
+    """Return a different value of the same type."""
     match value:
         case None:
             return chance.choice([1, 0.5, "x"])
@@ -186,12 +187,12 @@ def changed(value: Any, chance: random.Random) -> Any:
 
 
 def make_hashes(directory: Path) -> None:
-    """Make digests, tables, report and manifest again, as far as the changed record allows."""
+    """Recompute digests, tables, report and manifest, as far as the changed record allows."""
     write_row_digests(directory / DATABASE, directory / ROW_DIGESTS)
     try:
         write_derived_files(directory / "results", directory, read_note(directory / STUDY_FILE))
-    except Exception as error:  # the record cannot be read any more: the files stay as they were
-        print(f"  not made again: {error}"[:120])
+    except Exception as error:  # the record is unreadable: keep the old files
+        print(f"  not recomputed: {error}"[:120])
     with tempfile.TemporaryDirectory() as none:
         opened = open_bundle(directory, Path(none) / "none")
     import hashlib
@@ -205,7 +206,7 @@ def make_hashes(directory: Path) -> None:
 
 
 def show(title: str, found: dict[str, list[Outcome]]) -> None:
-    """Print a table of damages."""
+    """Print the counts of damages as a table."""
     print(f"\n{title}\n{'where':36}{'damages':>8}{'found':>8}{'named':>8}")
     total: Counter[str] = Counter()
     for kind, outcomes in sorted(found.items()):
@@ -220,7 +221,7 @@ def show(title: str, found: dict[str, list[Outcome]]) -> None:
 
 
 def main() -> None:
-    """Run the study and make the damages."""
+    """Run the study, verify it with each damage, and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     for kind in ("bytes", "cells", "forged"):
         parser.add_argument(f"--{kind}", type=int, default=100)
@@ -233,23 +234,23 @@ def main() -> None:
         bundle = make_bundle(at)
         print(f"bundle of {bundle.stat().st_size / 1e6:.1f} MB in {time.monotonic() - began:.0f} s")
         began = time.monotonic()
-        said = verified(bundle, replay=20)
-        holds = said.holds if isinstance(said, Verification) else said
-        print(f"verified in {time.monotonic() - began:.1f} s, 20 episodes driven again: {holds}")
-        if isinstance(said, Verification):
+        result = verified(bundle, replay=20)
+        holds = result.holds if isinstance(result, Verification) else result
+        print(f"verified in {time.monotonic() - began:.1f} s, 20 episodes replayed: {holds}")
+        if isinstance(result, Verification):
             print(
-                *(f"  {check.name}: {check.checked} {check.unit}, {check.failed} failed" for check in said.checks),
+                *(f"  {check.name}: {check.checked} {check.unit}, {check.failed} failed" for check in result.checks),
                 sep="\n",
                 flush=True,
             )
-        show("a byte flipped", flip_bytes(bundle, options.bytes, chance))
+        show("changed byte", flip_bytes(bundle, options.bytes, chance))
         opened = open_bundle(bundle, at / "unpacked")
         show(
-            "a cell changed",
+            "changed cell",
             change_cells(opened.directory, options.cells, chance, forge=False),
         )
         show(
-            "a cell changed and all hashes made again",
+            "changed cell with all hashes recomputed",
             change_cells(opened.directory, options.forged, chance, forge=True),
         )
 

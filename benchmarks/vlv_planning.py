@@ -1,9 +1,10 @@
-"""VLV's planning on a 401 x 401 map at 5 cm, beside scikit-fmm and a plain Python search in the same run.
+"""Measures VLV's replanning time in ms against scikit-fmm and plain Python.
 
-Replanning is the distance field and the search for the next action, for a sub-goal 3 m of way off, the farthest that
-the policy chooses, and for a target at the far end of the map. Ours ends the field soon after it has reached the robot.
-The other side marches over the whole map, as the original does, with `skfmm.travel_time`, and searches in a loop in
-Python over sequences of at most two forward moves with up to six turns before each.
+The map has 401 x 401 cells of 5 cm. Replanning computes the distance field and searches for the next action, for a
+sub-goal 3 m away, the farthest that the policy chooses, and for a target at the far end of the map. VLV's planner stops
+computing the field soon after it has reached the robot. The baseline computes it for the whole map with
+`skfmm.travel_time`, as the original does, and searches in a Python loop over sequences of at most two forward moves
+with up to six turns before each.
 
     python benchmarks/vlv_planning.py [--repetitions N] [--json FILE]
 """
@@ -35,7 +36,7 @@ _OPEN_CELLS = 24
 
 
 def furnished_map() -> OccupancyMap:
-    """Return a map of 401 x 401 cells, all known, with rooms and things to go around."""
+    """Return a map of 401 x 401 observed cells with rooms and obstacles."""
     grid = OccupancyMap(SETTINGS.mapping)
     random = np.random.default_rng(4)
     evidence = np.full((SIDE_CELLS, SIDE_CELLS), -1.0, np.float32)
@@ -50,14 +51,14 @@ def furnished_map() -> OccupancyMap:
         row, column = (int((value + SIDE_CELLS * 0.025) / 0.05) for value in (y_m, x_m))
         evidence[row - _OPEN_CELLS : row + _OPEN_CELLS, column - _OPEN_CELLS : column + _OPEN_CELLS] = -1.0
     grid.origin_x_m = grid.origin_y_m = -SIDE_CELLS * SETTINGS.resolution_m / 2
-    grid._evidence = evidence  # noqa: SLF001 - a map this large would take a long walk
+    grid._evidence = evidence  # noqa: SLF001 - mapping an area of this size takes too long
     grid._observed = np.ones_like(evidence, np.bool_)  # noqa: SLF001
     grid._bumps = np.zeros_like(evidence, np.bool_)  # noqa: SLF001
     return grid
 
 
 def plain_search(field_m: np.ndarray, terrain: Terrain, pose: Pose) -> tuple[float, int]:
-    """Return the cost and the first turns of the best sequence, by loops in Python."""
+    """Return the cost and the first turns of the best sequence, with loops in Python."""
     best, first = math.inf, 0
     grid = terrain.map
     fan = [0, *(sign * k for k in range(1, 7) for sign in (1, -1))][:12]
@@ -73,19 +74,19 @@ def plain_search(field_m: np.ndarray, terrain: Terrain, pose: Pose) -> tuple[flo
         cell = grid.cell_at(*at)
         return float(field_m[cell.row, cell.column]) / 0.25
 
-    for one in fan:
-        there = moved(*pose.position, pose.heading_rad + one * math.pi / 6)
+    for turns in fan:
+        there = moved(*pose.position, pose.heading_rad + turns * math.pi / 6)
         if there is None:
             continue
-        cost = abs(one) + 1 + left(there)
+        cost = abs(turns) + 1 + left(there)
         if cost < best:
-            best, first = cost, one
-        for two in fan:
-            end = moved(*there, pose.heading_rad + (one + two) * math.pi / 6)
+            best, first = cost, turns
+        for more in fan:
+            end = moved(*there, pose.heading_rad + (turns + more) * math.pi / 6)
             if end is not None:
-                cost = abs(one) + 1 + abs(two) + 1 + left(end)
+                cost = abs(turns) + 1 + abs(more) + 1 + left(end)
                 if cost < best:
-                    best, first = cost, one
+                    best, first = cost, turns
     return best, first
 
 
@@ -101,14 +102,14 @@ def timed(work: Callable[[], object], repetitions: int) -> float:
 
 
 def compared(terrain: Terrain, target: tuple[float, float], repetitions: int) -> dict[str, float]:
-    """Return the durations of both sides for one target, and how far their fields are apart."""
+    """Return the durations of both planners for one target, and the largest difference of their fields."""
     grid, planner = terrain.map, Planner(SETTINGS)
     targets = np.zeros(grid.shape, np.bool_)
     cell = grid.cell_at(*target)
     targets[cell.row, cell.column] = True
     route = planner.route(terrain, targets, POSE)
     if route is None:
-        raise SystemExit("the map leaves no way")
+        raise SystemExit("the map has no path to the target")
     level = np.ma.MaskedArray(np.where(targets, -1.0, 1.0), mask=~terrain.open_cells)
     speed = np.where(terrain.open_cells, grid.resolution_m / terrain.slowness, 1.0)
 
@@ -130,7 +131,7 @@ def compared(terrain: Terrain, target: tuple[float, float], repetitions: int) ->
 
 
 def scan_ms() -> float:
-    """Return what a whole look around costs: twelve 640 x 480 depth images, candidates, and the choice."""
+    """Return the milliseconds of a full scan: twelve 640 x 480 depth images, candidates and choice."""
     camera = Camera(width=640, height=480, horizontal_fov_deg=60, mount_height_m=0.6, depth_min_m=0.4, depth_max_m=8)
     down = (np.arange(480) - 239.5) / camera.focal_px
     with np.errstate(divide="ignore"):

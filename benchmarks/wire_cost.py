@@ -1,9 +1,10 @@
-"""What a model behind the wire costs beside the same model in this process: time a step, and memory over many.
+"""Measures time per step and memory growth of a model over WebSocket.
 
 usage: python benchmarks/wire_cost.py [STEPS]   (2000 when absent)
 
-The model does nothing, so that what is timed is the way alone: packing, loopback, unpacking, and back. In process it
-is the copy that every policy is shown. Both are timed step by step in turn, in one run.
+The model does nothing, so the time (milliseconds) is that of the transfer: packing, loopback, unpacking, and back. The
+script compares it with the copy of the observation that a policy in this process receives, times both at each step of
+one run, and prints the growth of memory in MiB over the last 90 % of the steps.
 """
 
 import os
@@ -43,8 +44,8 @@ ENCODINGS = {
 }
 
 
-def looks(count: int) -> list[Observation]:
-    """Return observations of 640 x 480 pixels that compress as a room does: smooth, with a little noise."""
+def observations(count: int) -> list[Observation]:
+    """Return observations of 640 x 480 pixels that compress like a room: smooth, with some noise."""
     rng = np.random.default_rng(1)
     camera = Camera(width=640, height=480, horizontal_fov_deg=60, mount_height_m=0.6)
     ramp = np.linspace(0, 200, 640, dtype=np.float32)[None, :, None] + np.zeros((480, 1, 3), np.float32)
@@ -58,7 +59,7 @@ def looks(count: int) -> list[Observation]:
 
 def main() -> None:
     steps = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    seen = looks(8)
+    seen = observations(8)
     with tempfile.TemporaryDirectory() as directory:
         place = Path(directory)
         (place / "idle.py").write_text(IDLE)
@@ -69,7 +70,7 @@ def main() -> None:
                 (place / "wire.yaml").write_text(settings)
                 policy = _connected(place / "wire.yaml")
                 policy.reset("chair", 0)
-                _tell(name, policy, seen, steps, server.pid)
+                _measure(name, policy, seen, steps, server.pid)
                 policy.close()
         finally:
             server.terminate()
@@ -87,7 +88,7 @@ def _connected(settings: Path) -> RemotePolicy:
             time.sleep(0.1)
 
 
-def _tell(name: str, policy: RemotePolicy, seen: list[Observation], steps: int, server: int) -> None:
+def _measure(name: str, policy: RemotePolicy, seen: list[Observation], steps: int, server: int) -> None:
     here, there, bytes_sent = [], [], 0
     memory = {}
     for number in range(steps):
@@ -104,8 +105,8 @@ def _tell(name: str, policy: RemotePolicy, seen: list[Observation], steps: int, 
     (early_us, early_them), (late_us, late_them) = memory.values()
     p95 = sorted(there)[int(0.95 * len(there))]
     print(
-        f"{name}: {bytes_sent / 1e6:.2f} MB a step; median {statistics.median(there) * 1e3:.2f} ms added "
-        f"(p95 {p95 * 1e3:.2f}), beside {statistics.median(here) * 1e3:.2f} ms for the copy in process: "
+        f"{name}: {bytes_sent / 1e6:.2f} MB per step; median {statistics.median(there) * 1e3:.2f} ms added "
+        f"(p95 {p95 * 1e3:.2f}), against {statistics.median(here) * 1e3:.2f} ms for the copy in process: "
         f"ratio {statistics.median(there) / statistics.median(here):.1f}; memory over the last 90 % of {steps} steps: "
         f"client {late_us - early_us:+.1f} MiB, server {late_them - early_them:+.1f} MiB"
     )

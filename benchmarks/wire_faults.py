@@ -1,12 +1,12 @@
-"""Everything that a model's server can do wrong, done to the real `vsnbench run`: how long, how it ends, what it says.
+"""Measures the reaction of `vsnbench run` to faults of a model server.
 
 usage: python benchmarks/wire_faults.py [WORD]   (only the faults whose name has the word; about ten seconds each)
 
-A server answers by a script and breaks in its third answer. Each fault has a record of its own: the command is run on
-two trials of four actions and a time limit for actions of 1.5 s, and once more with a server that works: then it must
-finish.
-The time is from the moment at which the server was asked, or was killed or stopped, to the end of the episode in the
-record, which is written when the robot has been halted. What cannot begin says so before anything moves.
+A scripted server fails in its third answer. For each fault, the script starts `vsnbench run` with a new record, two
+trials of four actions and a time limit of 1.5 s per action, and then again with a working server: that run must finish.
+The table shows the end reason, the message on the console, and a time in seconds: from the request to the server, or
+from its kill or stop, to the end of the episode in the record, which is written after the robot is halted. Faults at
+the start must stop the command before the robot moves.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ from vsnbench.models.remote.vsnbench_policy import pack, unpack
 
 ACT_TIMEOUT_S = 1.5
 FAULTY_QUESTION = 4
-"""The reset is the first."""
+"""Number of the request with the fault; the reset is request 1."""
 CLOSE_FRAME = b"\x88\x02\x03\xe9"
 _PATIENCE_S = 180.0
 
@@ -46,7 +46,7 @@ def _late(connection: ServerConnection, message: dict[str, Any]) -> None:
     connection.send(decision(message))
 
 
-def _when_told(connection: ServerConnection, message: dict[str, Any]) -> None:
+def _on_file(connection: ServerConnection, message: dict[str, Any]) -> None:
     while not Path("go_on").exists():
         time.sleep(0.02)
     connection.send(decision(message))
@@ -72,27 +72,27 @@ def _slow_close(connection: ServerConnection, _message: dict[str, Any]) -> None:
     time.sleep(5)
 
 
-def _says(**others: Any) -> Callable[[ServerConnection, dict[str, Any]], None]:
+def _answer(**others: Any) -> Callable[[ServerConnection, dict[str, Any]], None]:
     return lambda connection, message: connection.send(decision(message, **others))
 
 
 SCRIPTS: dict[str, Callable[[ServerConnection, dict[str, Any]], None]] = {
-    "killed in mid-act": _when_told,
-    "stopped (SIGSTOP) in mid-act": _when_told,
+    "killed in mid-act": _on_file,
+    "stopped (SIGSTOP) in mid-act": _on_file,
     "answers after the deadline": _late,
     "answers twice": _twice,
     "an old answer comes first": _old_one_first,
     "an answer to a later question": lambda connection, message: connection.send(decision({"seq": message["seq"] + 1})),
-    "NaN for a probability": _says(probabilities={"STOP": float("nan")}),
-    "an action that does not exist": _says(action="FLY"),
+    "NaN for a probability": _answer(probabilities={"STOP": float("nan")}),
+    "an action that does not exist": _answer(action="FLY"),
     "an answer of 1 GB": _gigabyte,
     "closes slowly": _slow_close,
-    "comes back with other weights": _when_told,
+    "comes back with other weights": _on_file,
 }
 
 
 def serve_script(fault: str, port: int, weights: str) -> None:
-    """Serve a model that turns left, and breaks by its script once in the life of its directory."""
+    """Serve a model that turns left, and runs the script of its fault once per directory."""
     card = {"name": "scripted", "goals": ["chair"], "sensors": ["rgb"], "weights_sha256": weights}
     greeting = {"type": "card", "wire": 99 if fault == "another version of the wire" else 1, "card": card}
     if fault == "a card without a name":
@@ -122,7 +122,7 @@ def serve_script(fault: str, port: int, weights: str) -> None:
 
 @dataclass
 class Lab:
-    """A directory, a port, and the servers that were started there."""
+    """A working directory, a port, and the servers started there."""
 
     fault: str
     directory: Path
@@ -136,7 +136,7 @@ class Lab:
         self.wait_for(self._listens)
 
     def run(self, url: str = "", goal: str = "chair", **environment: str) -> subprocess.Popen[str]:
-        """Start the command."""
+        """Start `vsnbench run`."""
         command = [sys.executable, "-m", "vsnbench.cli.main", "run", "--model", url or f"ws://127.0.0.1:{self.port}"]
         command += ["--goal", goal, "--starts", "1-2", "--max-steps", "4"]
         (self.directory / "vsnbench.toml").write_text(f"[models]\nact_timeout_s = {ACT_TIMEOUT_S}\n")
@@ -150,21 +150,25 @@ class Lab:
         )
 
     def end(self, number: int = signal.SIGKILL) -> None:
-        """Send a signal to the server that was started last."""
+        """Send a signal to the newest server."""
         self.servers[-1].send_signal(number)
         if number == signal.SIGKILL:
             self.servers.pop().wait()
 
-    def wait_for(self, true: Callable[[], bool]) -> None:
-        """Return when it is true."""
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Poll until a condition is true.
+
+        Raises:
+            TimeoutError: the condition stays false for 180 s.
+        """
         give_up = time.monotonic() + _PATIENCE_S
-        while not true():
+        while not condition():
             if time.monotonic() > give_up:
-                raise TimeoutError(f"{self.fault}: waited for {_PATIENCE_S:g} s in vain")
+                raise TimeoutError(f"{self.fault}: no result within {_PATIENCE_S:g} s")
             time.sleep(0.02)
 
     def first_end(self) -> tuple[str, float] | None:
-        """Return why the first episode ended if it is void, and when."""
+        """Return the end reason and time of the first void episode, or None."""
         with contextlib.suppress(sqlite3.OperationalError), sqlite3.connect(self._database, timeout=10) as database:
             query = (
                 "select end_reason, event.created_at from event join episode on episode.id = episode_id "
@@ -184,7 +188,7 @@ class Lab:
 
 
 def bring_about(lab: Lab) -> tuple[str, str, str]:
-    """Run the command on a server that breaks; returns time, end reason and the line that says it."""
+    """Run the command on a server with a fault; return the time, the end reason and the console line."""
     lab.serve(lab.fault)
     running = lab.run()
     lab.wait_for((lab.directory / "asked").exists)
@@ -203,12 +207,12 @@ def bring_about(lab: Lab) -> tuple[str, str, str]:
     lab.end()
     end = lab.first_end()
     if end is None:
-        return "", "none: the episode goes on", last_line(output, "done")
+        return "", "none: the episode continues", last_line(output, "done")
     return f"{end[1] - began:.2f} s", end[0], last_line(output, "another one now" if "weights" in lab.fault else "void")
 
 
 def refused(lab: Lab) -> tuple[str, str, str]:
-    """Run the command on a server that will not do; nothing may be written."""
+    """Run the command on an unusable server; it must not write results."""
     with contextlib.ExitStack() as stack:
         words: dict[str, str] = {}
         if lab.fault == "a port that speaks HTTP":
@@ -227,8 +231,8 @@ def refused(lab: Lab) -> tuple[str, str, str]:
     if lab.servers:
         lab.end()
     if running.returncode == 0 or (lab.directory / "results").exists():
-        raise AssertionError(f"{lab.fault}: it began all the same: {output}")
-    return f"{took_s:.1f} s in all", "refused", last_line(output, "error:")
+        raise AssertionError(f"{lab.fault}: the run started: {output}")
+    return f"{took_s:.1f} s in total", "refused", last_line(output, "error:")
 
 
 REFUSED = (
@@ -239,7 +243,7 @@ REFUSED = (
 
 def last_line(output: str, word: str) -> str:
     lines = [line.strip() for line in output.splitlines() if word in line]
-    return lines[0] if lines else f"(no line says {word}) {output.strip()[-300:]}"
+    return lines[0] if lines else f"(no line contains {word}) {output.strip()[-300:]}"
 
 
 @contextlib.contextmanager
@@ -252,7 +256,7 @@ def _web_server(port: int) -> Iterator[None]:
 
 def main() -> None:
     word = sys.argv[1] if len(sys.argv) > 1 else ""
-    print("| what the server does | until the robot stands | end | what the console says | the same command then |")
+    print("| server fault | time until the robot stops | end | console message | same command afterwards |")
     print("| --- | --- | --- | --- | --- |")
     for fault in (*SCRIPTS, *REFUSED):
         if word not in fault:

@@ -1,15 +1,15 @@
-"""How much faster two workers are than one, over whole campaigns, start-up included: a ratio paired in one run.
+"""Measures the speed of two workers relative to one, over complete campaigns.
 
 python benchmarks/worker_scaling.py                      105 trials of the oracle and 90 of pirlnav: 12 minutes
 python benchmarks/worker_scaling.py --model oracle       the oracle alone: 4 minutes
-python benchmarks/worker_scaling.py --keep all        with Rerun's copies; numbers: without images; else as usual
+python benchmarks/worker_scaling.py --keep all           with Rerun files; `none`: without images; default: as usual
 python benchmarks/worker_scaling.py --goal chair         a sixth of that, for a first look
 
-Both campaigns are compared step by step: the ratio counts only where every action, pose and image is the same.
+The ratio of wall times includes start-up. The script compares both campaigns step by step, and fails unless every
+action, pose and image is the same.
 
-What a campaign costs all processors together is printed beside its wall time: where two workers keep two cores busy
-from the first second to the last, they need half of that and no less, so one worker's wall time over half of that is
-what no arrangement of the same work can pass.
+It also prints the processor time of each campaign. Two workers that keep two cores busy all the time need at least half
+of it, so the wall time of one worker divided by that half is an upper limit for the ratio.
 """
 
 import argparse
@@ -34,13 +34,13 @@ STORY = """
 
 
 def processor_s() -> float:
-    """Return the processor time of every child so far that has ended, theirs included."""
+    """Return the processor time of all ended child processes and their children."""
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     return spent.ru_utime + spent.ru_stime
 
 
 def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) -> tuple[float, float, int, str]:
-    """Run a campaign; return its wall and its processor time in seconds, its actions, and the hash of all it did."""
+    """Run a campaign; return its wall and processor seconds, its actions, and a hash of its steps."""
     words = ["run", "--model", model, "--goal", goal, *where, "--results", str(results)]
     words += ["--keep", kept] if kept else []
     began, spent_s = time.perf_counter(), processor_s()
@@ -52,11 +52,11 @@ def campaign(model: str, goal: str, kept: str, where: list[str], results: Path) 
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the campaigns and print the ratios."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--model", action="append", help="oracle and pirlnav when absent")
+    parser.add_argument("--model", action="append", help="model; default: oracle and pirlnav")
     parser.add_argument("--goal", default="all")
-    parser.add_argument("--keep", default="", choices=["all", "images", "none"], help="files of an episode")
+    parser.add_argument("--keep", default="", choices=["all", "images", "none"], help="episode files to keep")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--cluster", default="", help="ray://HEAD:PORT of a Ray cluster to compare with")
     asked = parser.parse_args()
@@ -68,17 +68,17 @@ def main() -> None:
         seen = set()
         alone_s = 0.0
         for way in ways:
-            with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as there:
-                taken_s, spent_s, actions, story = campaign(model, asked.goal, asked.keep, way, Path(there))
+            with tempfile.TemporaryDirectory(prefix="vsnbench-scaling-") as directory:
+                taken_s, spent_s, actions, story = campaign(model, asked.goal, asked.keep, way, Path(directory))
             alone_s = alone_s or taken_s
             seen.add(story)
             print(
-                f"{model:8} {' '.join(way):32} {taken_s:6.1f} s, {spent_s:6.1f} s of processor  "
+                f"{model:8} {' '.join(way):32} {taken_s:6.1f} s, {spent_s:6.1f} s processor time  "
                 f"{actions / taken_s:5.1f} actions/s  {alone_s / taken_s:.2f} times  {story[:12]}",
                 flush=True,
             )
         if len(seen) > 1:
-            sys.exit(f"{model}: the campaigns are not the same")
+            sys.exit(f"{model}: the campaigns differ")
 
 
 if __name__ == "__main__":

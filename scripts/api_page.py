@@ -1,4 +1,4 @@
-"""Makes docs/api.md from docstrings: the public interface, then the modules behind it."""
+"""Generates docs/api.md from docstrings: the public interface, then its modules."""
 
 import ast
 import inspect

@@ -1,9 +1,9 @@
-"""Takes docs/figures/console/*.webp: every step of the operator's page at phone size, in light and dark.
+"""Saves docs/figures/console/*.webp: each step of the operator's page at phone size.
 
 usage: python scripts/console_screens.py [DIRECTORY]   (about two minutes)
 
-A rehearsal in the embedded apartment is run by clicks on two phones, one of them dark. The script saves the screen at
-each step, from sign-in to the end.
+The script runs a rehearsal in the embedded apartment by clicks on two phones, one light and one dark, and saves both
+screens at each step, from sign-in to the end.
 """
 
 import os

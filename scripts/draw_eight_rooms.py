@@ -1,4 +1,4 @@
-"""Draws a flat of eight rooms in the site editor's page with mouse and keyboard, and counts what it took.
+"""Draws a flat of eight rooms in the site editor and counts clicks and keys.
 
 usage: python scripts/draw_eight_rooms.py OUTPUT.yaml [--flat scripts/eight_rooms.yaml]
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # Make ROS 1 importable from .venv, on Debian or Ubuntu: `install_ros.sh [--unpacked] [VENV]`.
-# With root (or sudo) the distribution's packages are installed; without, or with --unpacked, they are downloaded and
-# unpacked into the environment. Nothing but the ROS robots and nodes of vsnbench needs it.
+# With root (or sudo) the script installs the distribution's packages. Without, or with --unpacked, it downloads them and
+# unpacks them into the environment. Only the ROS robots and nodes of vsnbench need ROS.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 unpacked=no
 [ "${1:-}" != --unpacked ] || { unpacked=yes; shift; }
 venv=${1:-.venv}
 python=$venv/bin/python
-[ -x "$python" ] || { echo "install_ros.sh: no $python: run 'make setup' first, or name the environment" >&2; exit 2; }
+[ -x "$python" ] || { echo "install_ros.sh: $python does not exist. Run 'make setup' first, or pass the environment's directory" >&2; exit 2; }
 system=/usr/lib/python3/dist-packages
 
 modules="rospy rosgraph rosmaster genpy genmsg rosgraph_msgs std_msgs std_srvs geometry_msgs nav_msgs sensor_msgs"
@@ -16,8 +16,8 @@ works() { "$python" -c "import ${modules// /, }, rosservice" 2>/dev/null; }
 works && exit 0
 
 command -v apt-get >/dev/null || {
-    echo "install_ros.sh: not a Debian or Ubuntu: install ROS 1 Noetic by hand and name its dist-packages directory" \
-        "in $venv/lib/python3*/site-packages/ros1.pth" >&2
+    echo "install_ros.sh: this system has no apt-get. Install ROS 1 Noetic by hand and write its dist-packages directory" \
+        "into $venv/lib/python3*/site-packages/ros1.pth" >&2
     exit 1
 }
 site=$("$python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
@@ -39,12 +39,12 @@ if [ $unpacked = no ] && can_be_root; then
         # shellcheck disable=SC2086
         as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $packages >/dev/null
     }
-    # Appended after site-packages, so that the environment's own numpy and yaml win; PYTHONPATH would put them behind.
+    # A .pth file appends its path, so the environment's own numpy and yaml come first; PYTHONPATH would override them.
     echo $system > "$path_file"
 elif [ $unpacked = no ] && [ -d $system/rospy ]; then
     echo $system > "$path_file"
 else
-    # Pure Python with few dependencies: the packages themselves are enough, what they need else comes from pip.
+    # The packages are pure Python; their other dependencies come from pip.
     into=$("$python" -c 'import sys; print(sys.prefix)')/ros1
     downloads=$(mktemp -d)
     trap 'rm -rf "$downloads"' EXIT

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Make .venv-ros2 for the tests of ROS 2: all that .venv has, and the wheels of the extra `ros2`. They are kept out of
-# .venv, which has ROS 1: the two have packages of messages with the same names, and plain scripts that import rospy (the
-# distribution's own tools, the tests' nodes) would find the wrong ones.
+# Make .venv-ros2 for the tests of ROS 2, with the packages of .venv and the wheels of the extra `ros2`. These wheels must
+# not be in .venv, which has ROS 1: both have message packages with the same names, and scripts that import rospy (the
+# distribution's tools, the tests' nodes) would import the wrong ones.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ -x .venv-ros2/bin/python ] || .venv/bin/python -m venv --without-pip .venv-ros2
 site() { "$1" -c 'import sysconfig; print(sysconfig.get_path("purelib"))'; }
-printf '%s\n%s\n' "$PWD" "$(site .venv/bin/python)" > "$(site .venv-ros2/bin/python)/beside.pth"
+printf '%s\n%s\n' "$PWD" "$(site .venv/bin/python)" > "$(site .venv-ros2/bin/python)/vsnbench-venv.pth"
 mapfile -t wheels < <(.venv/bin/python -c '
 import pathlib, tomllib
 print(*tomllib.loads(pathlib.Path("pyproject.toml").read_text())["project"]["optional-dependencies"]["ros2"], sep="\n")')
 .venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet "${wheels[@]}" \
-  "ros-test-msgs==2.3.0" # an action of any type, which no other wheel has
+  "ros-test-msgs==2.3.0" # has actions, which no other wheel has
 .venv-ros2/bin/python -c 'import rclpy, nav_msgs.msg, vsnbench, pytest'

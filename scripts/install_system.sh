@@ -1,19 +1,19 @@
 #!/usr/bin/env bash
-# Install what Python packages cannot bring: `install_system.sh venv chromium postgresql node ros`. Needs root or sudo for
-# what is missing; installs nothing that is already there.
+# Install system packages that are missing: `install_system.sh venv chromium postgresql node ros`. Needs root or sudo if
+# something is missing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"
     elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then sudo "$@"
-    else echo "missing, and not installable without root. As root: $*" >&2; exit 1
+    else echo "a package is missing and needs root. Run as root: $*" >&2; exit 1
     fi
 }
 
 updated=""
 apt_install() {
-    command -v apt-get >/dev/null || { echo "not a Debian or Ubuntu: install by hand: $*" >&2; exit 1; }
+    command -v apt-get >/dev/null || { echo "this system has no apt-get. Install by hand: $*" >&2; exit 1; }
     [ -n "$updated" ] || { as_root apt-get update -qq; updated=yes; }
     as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }

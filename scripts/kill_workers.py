@@ -1,11 +1,12 @@
-"""Kills workers, drivers and a node of a cluster at random while campaigns run, and looks whether anything was lost.
+"""Kills workers, drivers or cluster nodes during campaigns and checks the record.
 
-python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL, all along it
-python scripts/kill_workers.py drivers --kills 10      the driver, which the same command goes on after: 4 minutes
+python scripts/kill_workers.py workers --kills 50      workers of one campaign, with SIGKILL
+python scripts/kill_workers.py drivers --kills 10      the driver, resumed by the same command: 4 minutes
 python scripts/kill_workers.py served --workers 8      workers of a served model, and every third time its server
 python scripts/kill_workers.py node                    a node of a Ray cluster of two: 4 minutes
 
-Every trial must have one result, as it has undisturbed, and no process and no half-written file may be left.
+Kills happen at random times. Afterwards every trial must have one result, and no process and no partial file may be
+left. The exit code is 1 otherwise.
 """
 
 import argparse
@@ -28,30 +29,30 @@ import psutil
 FORKED_FROM = "vsnbench.runner.executors.fork_server"
 PYTHON = [sys.executable, "-m"]
 GOALS = 7
-"""Of the apartment, where the campaigns run."""
+"""Number of goals of the apartment, the site of the campaigns."""
 
 
 def campaign(results: Path, *words: str) -> list[str]:
     return [*PYTHON, "vsnbench.cli.main", "run", *words, "--results", str(results)]
 
 
-def said(results: Path) -> Path:
-    """Return the file of all that the drivers of a record said."""
-    return results.parent / "said.txt"
+def log_of(results: Path) -> Path:
+    """Return the log file of a record's drivers."""
+    return results.parent / "drivers.log"
 
 
-def driver_of(command: list[str], results: Path) -> "subprocess.Popen[bytes]":
-    """Start a driver whose words are kept."""
-    with said(results).open("a") as words:
-        return subprocess.Popen(command, stderr=words)
+def start_driver(command: list[str], results: Path) -> "subprocess.Popen[bytes]":
+    """Start a driver that writes its stderr to the log file."""
+    with log_of(results).open("a") as log:
+        return subprocess.Popen(command, stderr=log)
 
 
 def workers_of(driver: psutil.Process) -> list[psutil.Process]:
-    """Return a driver's workers, and the process that they are forked from, with which all of them end."""
+    """Return a driver's workers and their fork server."""
     found = []
     with suppress(psutil.Error):
         for child in driver.children(recursive=True):
-            with suppress(psutil.Error):  # it has just ended
+            with suppress(psutil.Error):  # the process has just ended
                 if FORKED_FROM in child.cmdline():
                     found.append(child)
     return found
@@ -70,10 +71,10 @@ def an_episode_runs(results: Path) -> bool:
 
 
 def kill_workers(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
-    """Kill at random, spread over the trials: the campaign goes on between two kills however slow the machine is."""
+    """Kill random workers, spread evenly over the trials, so that the campaign progresses between two kills."""
     killed, code = 0, 1
     while code != 0:
-        process = driver_of(campaign(results, *words), results)
+        process = start_driver(campaign(results, *words), results)
         while process.poll() is None:
             time.sleep(asked.within_s * chance.random())
             alive = workers_of(psutil.Process(process.pid))
@@ -82,21 +83,21 @@ def kill_workers(results: Path, words: list[str], asked: argparse.Namespace, cha
                     chance.choice(alive).kill()
                     killed += 1
         code = process.wait()
-        why = said(results).read_text().strip().rpartition("\n")[2] if code else "done"
-        print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged: {why}", flush=True)
+        reason = log_of(results).read_text().strip().rpartition("\n")[2] if code else "done"
+        print(f"exit {code}; {killed} workers killed so far, {judged(results)} trials judged: {reason}", flush=True)
     if killed < asked.kills:
         sys.exit(f"the campaign ended after {killed} kills")
 
 
 def is_due(killed: int, results: Path, asked: argparse.Namespace) -> bool:
-    """Whether the campaign is as far on as the next kill is in the row of them."""
+    """Return whether the campaign has reached its share of trials for the next kill."""
     return judged(results) * asked.kills >= GOALS * asked.starts * killed
 
 
 def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
     for killed in range(asked.kills):
-        process = driver_of(campaign(results, *words), results)
-        while process.poll() is None and not (is_due(killed, results, asked) and workers_at_it(process, results)):
+        process = start_driver(campaign(results, *words), results)
+        while process.poll() is None and not (is_due(killed, results, asked) and has_begun_episode(process, results)):
             time.sleep(0.05)
         time.sleep(asked.within_s * chance.random())
         if process.poll() is not None:
@@ -105,15 +106,15 @@ def kill_drivers(results: Path, words: list[str], asked: argparse.Namespace, cha
         process.kill()
         process.wait()
         _, alive = psutil.wait_procs(orphans, timeout=10)
-        if left := [one.pid for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]:
+        if left := [worker.pid for worker in alive if worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE]:
             sys.exit(f"workers outlived their driver: {left}")
-        print(f"driver {killed + 1} killed at {judged(results)} trials, its {len(orphans)} workers with it", flush=True)
-    if driver_of(campaign(results, *words), results).wait() != 0:
-        sys.exit("the campaign did not go on")
+        print(f"driver {killed + 1} killed at {judged(results)} trials; its {len(orphans)} workers ended", flush=True)
+    if start_driver(campaign(results, *words), results).wait() != 0:
+        sys.exit("the campaign did not resume")
 
 
 def kill_served(results: Path, words: list[str], asked: argparse.Namespace, chance: random.Random) -> None:
-    """Kill workers that share a served model, and every third time its server, which starts again at once."""
+    """Kill workers of a served model, and every third time its server, which restarts immediately."""
     address = int(words[1].rpartition(":")[2])
     serve = [*PYTHON, "vsnbench.cli.main", "models", "serve", "random", "--port", str(address)]
     serve += ["--sessions", str(asked.workers)]
@@ -123,7 +124,7 @@ def kill_served(results: Path, words: list[str], asked: argparse.Namespace, chan
         while True:
             while not is_open(address):
                 time.sleep(0.05)
-            process = driver_of(campaign(results, *words), results)
+            process = start_driver(campaign(results, *words), results)
             while process.poll() is None:
                 time.sleep(asked.within_s * chance.random())
                 if (
@@ -150,7 +151,7 @@ def kill_served(results: Path, words: list[str], asked: argparse.Namespace, chan
             if process.returncode == 0:
                 break
             if ends > asked.kills:
-                sys.exit("the campaign does not go on")
+                sys.exit("the campaign does not finish")
     finally:
         server.kill()
         server.wait()
@@ -163,8 +164,8 @@ def is_open(address: int) -> bool:
         return probe.connect_ex(("127.0.0.1", address)) == 0
 
 
-def workers_at_it(process: "subprocess.Popen[bytes]", results: Path) -> bool:
-    """Whether one of a driver's workers has begun an episode."""
+def has_begun_episode(process: "subprocess.Popen[bytes]", results: Path) -> bool:
+    """Return whether one of a driver's workers runs an episode."""
     query = "SELECT p.pid FROM episode e JOIN process p ON p.id = e.process_id WHERE e.state = 'running'"
     with suppress(sqlite3.Error, psutil.Error), closing(sqlite3.connect(results / "vsnbench.db")) as connection:
         pids = {pid for (pid,) in connection.execute(query)}
@@ -184,25 +185,25 @@ def kill_node(results: Path, words: list[str], asked: argparse.Namespace, chance
     try:
         head = [f"--port={ports[0]}", f"--ray-client-server-port={ports[1]}", "--include-dashboard=false"]
         subprocess.run([*start, "--head", f"--temp-dir={here}", *head], env=known, check=True, capture_output=True)
-        before = ours(token)
+        before = processes_with(token)
         subprocess.run([*start, f"--address=127.0.0.1:{ports[0]}"], env=known, check=True, capture_output=True)
-        node = [one for one in ours(token) if one not in before]
+        node = [found for found in processes_with(token) if found not in before]
         words = [*words, "--workers", f"ray://127.0.0.1:{ports[1]}"]
         process = subprocess.Popen(campaign(results, *words), env=known)
         while process.poll() is None and judged(results) < 5:
             time.sleep(0.5)
-        grown = [one for one in ours(token) if one not in before and of_node(one, node)]
-        for one in grown:
+        of_node = [found for found in processes_with(token) if found not in before and is_of_node(found, node)]
+        for found in of_node:
             with suppress(psutil.Error):
-                one.kill()
-        print(f"a node's {len(grown)} processes killed at {judged(results)} trials", flush=True)
+                found.kill()
+        print(f"{len(of_node)} processes of a node killed at {judged(results)} trials", flush=True)
         if process.wait() != 0:
-            sys.exit("the campaign did not go on")
+            sys.exit("the campaign did not resume")
     finally:
-        for one in ours(token):
+        for found in processes_with(token):
             with suppress(psutil.Error):
-                one.kill()
-        psutil.wait_procs(ours(token), timeout=10)
+                found.kill()
+        psutil.wait_procs(processes_with(token), timeout=10)
         shutil.rmtree(here, ignore_errors=True)
 
 
@@ -212,25 +213,25 @@ def port() -> int:
         return int(probe.getsockname()[1])
 
 
-def ours(token: str) -> list[psutil.Process]:
-    """Return every process that was started with this token, but for this one."""
+def processes_with(token: str) -> list[psutil.Process]:
+    """Return all other processes that were started with a Ray token."""
     found = []
-    for one in psutil.process_iter():
+    for process in psutil.process_iter():
         with suppress(psutil.Error):
-            if one.environ().get("RAY_AUTH_TOKEN") == token and one.pid != os.getpid():
-                found.append(one)
+            if process.environ().get("RAY_AUTH_TOKEN") == token and process.pid != os.getpid():
+                found.append(process)
     return found
 
 
-def of_node(one: psutil.Process, node: list[psutil.Process]) -> bool:
-    """Whether a process is one of the node's, or was started by one of them."""
+def is_of_node(process: psutil.Process, node: list[psutil.Process]) -> bool:
+    """Return whether a process or one of its parents belongs to a node."""
     with suppress(psutil.Error):
-        return one in node or any(parent in node for parent in one.parents())
+        return process in node or any(parent in node for parent in process.parents())
     return False
 
 
-def look(results: Path, trials: int) -> None:
-    """Say what the record holds after all that, and end with an error where something was lost, doubled or left."""
+def check_record(results: Path, trials: int) -> None:
+    """Print the state of the record and exit with an error if something was lost, duplicated or left behind."""
     with closing(sqlite3.connect(results / "vsnbench.db")) as connection:
         query = "SELECT state, COUNT(*), COUNT(DISTINCT trial_id) FROM episode GROUP BY state ORDER BY state"
         states = connection.execute(query).fetchall()
@@ -244,27 +245,27 @@ def look(results: Path, trials: int) -> None:
         (str(path.parent.parent.relative_to(results)), int(path.stem)) for path in results.glob("episodes/*/rgb/*.jpg")
     }
     parts = list(results.rglob("*.part"))
-    running = [one.pid for one in psutil.process_iter() if str(results) in " ".join(cmdline(one))]
+    running = [process.pid for process in psutil.process_iter() if str(results) in " ".join(cmdline(process))]
     print(f"{len(steps)} steps, {len(lost)} without an image, {len(images - steps)} images without a step")
-    faults = said(results).read_text().count("Traceback") if said(results).exists() else 0
-    print(f"{len(parts)} half-written files, {len(running)} processes left, {faults} drivers that failed unforeseen")
+    faults = log_of(results).read_text().count("Traceback") if log_of(results).exists() else 0
+    print(f"{len(parts)} partial files, {len(running)} processes left, {faults} tracebacks of drivers")
     if ("judged", trials, trials) not in states or lost or images - steps or parts or running or faults:
-        sys.exit("something was lost, doubled or left behind")
+        sys.exit("something was lost, duplicated or left behind")
 
 
-def cmdline(one: psutil.Process) -> list[str]:
+def cmdline(process: psutil.Process) -> list[str]:
     with suppress(psutil.Error):
-        return one.cmdline()
+        return process.cmdline()
     return []
 
 
 def main() -> None:
-    """Kill, and look."""
+    """Run the campaign with kills, and check its record."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("what", choices=["workers", "drivers", "served", "node"])
     parser.add_argument("--kills", type=int, default=10)
-    parser.add_argument("--within-s", type=float, default=1.0, help="how much of chance is in a kill's moment")
+    parser.add_argument("--within-s", type=float, default=1.0, help="maximum random delay of a kill, seconds")
     parser.add_argument("--starts", type=int, default=15)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
@@ -272,15 +273,15 @@ def main() -> None:
     words = ["--model", "oracle", "--goal", "all", "--starts", f"1-{asked.starts}"]
     words += ["--workers", str(asked.workers)]
     kill = {"workers": kill_workers, "drivers": kill_drivers, "served": kill_served, "node": kill_node}[asked.what]
-    with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as there:
-        results = Path(there) / "results"
+    with tempfile.TemporaryDirectory(prefix="vsnbench-kills-") as directory:
+        results = Path(directory) / "results"
         if asked.what == "served":
             words[1] = f"ws://127.0.0.1:{port()}"
         kill(results, words, asked, random.Random(asked.seed))
-        # A run that finds nothing to do clears away what the last kill left.
+        # A run without remaining trials removes the temporary files of the last kill.
         if asked.what != "served":
             subprocess.run(campaign(results, *words[:-2], "--workers", "1"), check=True, stderr=subprocess.DEVNULL)
-        look(results, trials=GOALS * asked.starts)
+        check_record(results, trials=GOALS * asked.starts)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Takes docs/figures/browse-pair.png and video-frame.jpg: two episodes of one trial in the browser, a frame of a video.
+"""Saves docs/figures/browse-pair.png (two episodes of a trial) and video-frame.jpg.
 
 usage: python scripts/screenshot_look.py RESULTS EPISODE EPISODE   (from the top of the checkout)
 """

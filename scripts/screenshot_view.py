@@ -1,4 +1,4 @@
-"""Takes docs/figures/episode-view.png: an episode in Rerun's web viewer, in a headless Chromium.
+"""Saves docs/figures/episode-view.png: an episode in Rerun's web viewer, in headless Chromium.
 
 usage: python scripts/screenshot_view.py RESULTS EPISODE PNG   (from the top of the checkout)
 """
@@ -20,7 +20,7 @@ PATIENCE_S = 120.0
 
 
 def main(results: str, episode: str, png: str) -> None:
-    """Wait until the page stands still, then keep it."""
+    """Save a screenshot of the viewer once the page no longer changes."""
     recording = current_recording(ResultsDirectory.locate(Path(results)), int(episode))
     with WebViewer(0, recording) as viewer, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Set up .venv: `setup.sh run` for the tool itself, `setup.sh test` with everything the tests need as well.
+# Set up .venv: `setup.sh run` for the tool, `setup.sh test` also for its tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
@@ -30,7 +30,7 @@ if [ ! -x .venv/bin/python ]; then
     "$python" -m venv .venv
 fi
 pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
-# First and by itself, so that nothing installed later chooses another build of it.
+# Install torch first and alone, so that no later package selects another build.
 pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system

@@ -1,11 +1,11 @@
-"""A page as people with other eyes and hands have it: axe-core's findings, on a phone and a desk, light and dark."""
+"""Accessibility of a page by axe-core, at phone and desktop size, light and dark."""
 
 from importlib.resources import files
 
 from playwright.sync_api import Page
 
 LOOKS = ((390, "light"), (1280, "dark"))
-"""Width in pixels, and what the machine asks for: a phone and a desk, and both schemes; each look costs seconds."""
+"""Width in pixels and colour scheme of each check: a phone and a desktop. A check takes seconds."""
 _AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 _SCHEME = """scheme => {
   const theme = document.documentElement.dataset.theme;
@@ -17,12 +17,12 @@ _RUN = """async () => (await axe.run({ resultTypes: ["violations"] })).violation
 
 
 def accessibility_findings(page: Page) -> list[str]:
-    """Return what axe-core finds wrong with a page as it stands, beyond what is minor, each with where it is seen."""
+    """Return axe-core's findings on the current page above minor impact, each with its element."""
     page.evaluate(_AXE)
     found = []
     for width, scheme in LOOKS:
         page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
         page.evaluate(_SCHEME, scheme)
-        found += [f"{width} px {scheme}: {one}" for one in page.evaluate(_RUN)]
+        found += [f"{width} px {scheme}: {finding}" for finding in page.evaluate(_RUN)]
     return found

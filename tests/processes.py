@@ -1,4 +1,4 @@
-"""Processes of a test, each with its output in a file, ended and waited for; and polling in place of sleeping."""
+"""Processes of tests with output files, ended after the test; polling instead of sleeping."""
 
 import signal
 import subprocess
@@ -17,7 +17,7 @@ PATIENCE_S = 30.0
 
 
 def wait_until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
-    """Poll until `condition()` is true; fail the test when it does not become so."""
+    """Poll until `condition()` is true; fail the test if it stays false."""
     give_up_s = time.monotonic() + patience_s
     while not condition():
         if time.monotonic() > give_up_s:
@@ -26,7 +26,7 @@ def wait_until(condition: Callable[[], object], what: str, patience_s: float = P
 
 
 def has_ended(process: psutil.Process) -> bool:
-    """Return whether a process runs no more, be it reaped by whoever started it or not yet."""
+    """Return whether a process has ended, reaped by its parent or not."""
     try:
         return not process.is_running() or process.status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
     except psutil.NoSuchProcess:
@@ -35,7 +35,7 @@ def has_ended(process: psutil.Process) -> bool:
 
 @dataclass
 class Process:
-    """A process of a test, its output in a file."""
+    """A process of a test with its output in a file."""
 
     popen: subprocess.Popen[bytes]
     log: Path
@@ -65,7 +65,7 @@ class Process:
 
 @dataclass
 class ProcessGroup(ABC):
-    """Processes that share an environment; ended together, and what they said is shown."""
+    """Processes that share an environment; they are ended together, and their output is printed."""
 
     directory: Path
     processes: list[Process] = field(default_factory=list, kw_only=True)
@@ -73,10 +73,10 @@ class ProcessGroup(ABC):
     @property
     @abstractmethod
     def environment(self) -> dict[str, str]:
-        """What its processes have in their environment."""
+        """Environment of the processes."""
 
     def launch(self, words: list[str], environment: dict[str, str], stdin: int = subprocess.DEVNULL) -> Process:
-        """Start a program, with more environment than all have."""
+        """Start a program, with additional environment variables."""
         log = self.directory / f"{len(self.processes):02}.log"
         with log.open("wb") as sink:
             popen = subprocess.Popen(
@@ -94,7 +94,7 @@ class ProcessGroup(ABC):
 
 
 class Conversation:
-    """A Python file of a test's in a process of its own, spoken to in lines of JSON."""
+    """A Python file in a separate process, controlled by lines of JSON."""
 
     def __init__(self, words: list[str], environment: dict[str, str], errors: Any = None) -> None:
         self.popen = subprocess.Popen(
@@ -106,7 +106,7 @@ class Conversation:
         return self.popen.stdout.readline()
 
     def tell(self, line: str) -> str:
-        """Send a line and return the one that answers it."""
+        """Send a line and return the answering line."""
         assert self.popen.stdin is not None
         self.popen.stdin.write(f"{line}\n")
         self.popen.stdin.flush()

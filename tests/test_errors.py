@@ -1,4 +1,4 @@
-"""What users are told: what was wrong, and, as a part of its own, what to do next."""
+"""Error messages: the problem, and separately the fix."""
 
 import pickle
 

@@ -128,7 +128,7 @@ class Search:
         action = self._approach(pose, self.found)
         if action is None and self.found != self.instances:
             action = self._explore(pose)
-            if action is None:  # everything was seen: the goal must be hidden, so use the plan
+            if action is None:  # all patches were seen, so the goal is occluded: use the plan
                 self.found = set(self.instances)
                 action = self._approach(pose, self.found)
         return action

@@ -42,7 +42,7 @@ def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
 
 
 class Describer(nn.Module):
-    """Head that predicts what is in view, for training of the encoder only."""
+    """Head that predicts image labels, used only to train the encoder."""
 
     def __init__(self, visual_size: int) -> None:
         super().__init__()
@@ -109,7 +109,7 @@ def recall(
 
 
 class NetworkStudent:
-    """Samples actions of a network for several lanes; a lane's memory is found by its identity."""
+    """Samples actions of a network for several lanes, with a separate memory for each lane object."""
 
     def __init__(self, network: PIRLNavNetwork, seed: int) -> None:
         self._network = network.eval()

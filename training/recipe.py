@@ -41,19 +41,19 @@ class Demonstrations(_Strict):
     """Data of one round; a shard is one site with one camera."""
 
     twins: Count = Field(default=220, description="shards of the first round")
-    dagger_twins: int = Field(default=50, ge=0, description="shards of every later round")
+    dagger_twins: int = Field(default=50, ge=0, description="shards of each later round")
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=24, description="per shard of the first round")
     dagger_episodes: Count = Field(default=24, description="per shard of a later round")
     goals: tuple[str, ...] = Field(
         default=tuple(GOALS), min_length=1, description="goals of a shard's episodes, in turn; repeat a goal for more"
     )
-    lanes: Count = Field(default=24, description="episodes of a shard that are driven side by side")
+    lanes: Count = Field(default=24, description="number of parallel episodes of a shard")
     max_actions: Count = 150
     perturbed_share: float = Field(default=0.06, ge=0, le=1, description="chance per step to begin random actions")
-    perturbed_actions: Count = Field(default=4, description="at most this many random actions in a row")
-    student_actions: Count = Field(default=10, description="at most this many in a row that a student drives")
-    expert_actions: Count = Field(default=15, description="at most this many that the demonstrator then drives")
+    perturbed_actions: Count = Field(default=4, description="maximum number of consecutive random actions")
+    student_actions: Count = Field(default=10, description="maximum number of consecutive actions of a student")
+    expert_actions: Count = Field(default=15, description="maximum number of consecutive actions of the demonstrator")
     mount_height_m: Span = (0.5, 0.75)
     tilt_deg: Span = (-5.0, 5.0)
     horizontal_fov_deg: Span = (55.0, 68.0)
@@ -83,12 +83,16 @@ class Seeing(_Strict):
 class Cloning(_Strict):
     """Behaviour cloning of one round: truncated back-propagation through time over lanes of whole episodes."""
 
-    updates: tuple[Count, ...] = Field(default=(2000, 1000, 2200), min_length=1, description="of each round")
+    updates: tuple[Count, ...] = Field(
+        default=(2000, 1000, 2200), min_length=1, description="number of updates in each round"
+    )
     lanes: Count = 32
-    steps: Count = Field(default=48, description="between two cuts of the gradient")
+    steps: Count = Field(default=48, description="steps between two cuts of the gradient")
     learning_rate: float = Field(default=6e-4, gt=0)
     largest_gradient: float = Field(default=1.0, gt=0)
-    least_inflection_weight: float = Field(default=1.0, ge=0, description="the weight is the data's own ratio, or this")
+    least_inflection_weight: float = Field(
+        default=1.0, ge=0, description="lower limit of the weight, which is otherwise the ratio in the data"
+    )
 
 
 class Validation(_Strict):

@@ -1,4 +1,4 @@
-"""Runs several episodes of a site at once and stores every step: the perturbed demonstrator, or a student (DAgger)."""
+"""Runs episodes of the perturbed demonstrator or of a DAgger student, and stores each step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
-INDEX: Final = {action: number for number, action in enumerate([each.executed for each in ACTIONS[:4]])}
+INDEX: Final = {action: number for number, action in enumerate([action.executed for action in ACTIONS[:4]])}
 """Actions in demonstrations."""
 _MOVES: Final = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
 
@@ -116,8 +116,8 @@ def demonstrate(
 def _students_turn(lane: Lane, plan: Demonstrations, rng: np.random.Generator) -> bool:
     """Return whether the student acts now; student and demonstrator alternate after a few actions.
 
-    A weak student that acts alone, or alternates at every step, soon gets to poses where the demonstrator's action does
-    not follow from what was seen, and learns to turn left and right.
+    A weak student that acts alone, or alternates at every step, soon reaches poses where the demonstrator's action does
+    not follow from the images so far, and learns to turn left and right.
     """
     if lane.turns_left == 0:
         lane.driven_by_student = bool(rng.random() < 0.5) if lane.steps == 0 else not lane.driven_by_student
@@ -204,7 +204,7 @@ class Outcome:
 
 
 def evaluate(world: TwinWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:
-    """Let a student act alone and judge it by the protocol's distance and cap."""
+    """Run episodes of a student alone and judge them by the protocol's distance and step limit."""
     goals = list(GOALS)
     wave = [goals[k % len(goals)] for k in range(episodes)]
     starts = [world.draw_start(goal, rng) for goal in wave]

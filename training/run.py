@@ -1,4 +1,4 @@
-"""All stages of a run; finished stages are skipped, so that a killed run resumes."""
+"""Runs all stages of a training run and skips finished ones, so a killed run resumes."""
 
 import json
 import logging
@@ -82,10 +82,10 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
 
 
 def load_start(network: PIRLNavNetwork, recipe: Recipe) -> None:
-    """Copy the weights from which the recipe continues into a network, if it names any.
+    """Load the recipe's initial weights into a network, if it has any.
 
     Raises:
-        TrainingError: the file is missing, has another hash, or holds a network of other sizes.
+        TrainingError: the file is missing, has another hash, or has other layer sizes.
     """
     path = recipe.start
     if path is None:
@@ -98,7 +98,7 @@ def load_start(network: PIRLNavNetwork, recipe: Recipe) -> None:
         raise TrainingError(f"start: {path} has SHA-256 {found}, the recipe expects {recipe.start_sha256 or 'none'}")
     checkpoint = read_checkpoint(path)
     if checkpoint.architecture != network.architecture:
-        raise TrainingError(f"start: {path} is a network of other sizes than the recipe's")
+        raise TrainingError(f"start: {path} has other layer sizes than the recipe's network")
     network.load_state_dict(dict(checkpoint.weights))
 
 
@@ -107,14 +107,14 @@ def _claim(recipe: Recipe, output: Path) -> None:
     claim = output / "recipe.json"
     if claim.is_file():
         if json.loads(claim.read_text())["sha256"] != recipe.sha256:
-            raise TrainingError(f"{output} holds a run of another recipe: choose another --output, or remove it")
+            raise TrainingError(f"{output} contains a run of another recipe: choose another --output, or remove it")
         sweep_parts(output, below=True)
         return
     _write_json(claim, {"sha256": recipe.sha256, "recipe": recipe.model_dump(mode="json")})
 
 
 def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path | None) -> int:
-    """Run one site's episodes and write the shard, after the student's features; return the number of steps."""
+    """Run the episodes of one site and write the student's features and the shard; return the number of steps."""
     torch.set_num_threads(1)
     world = TwinWorld(recipe, seed)
     driver: Student | None = None
@@ -165,7 +165,7 @@ def _demonstrations(recipe: Recipe, number: int, output: Path, workers: int, stu
 
 def _report(number: int, done: int, of: int, steps: int, began: float) -> None:
     pace = steps / (time.perf_counter() - began)
-    logger.info("demonstrations of round %d: %d/%d twins, %d frames, %.1f frames/s", number, done, of, steps, pace)
+    logger.info("demonstrations of round %d: %d/%d flats, %d frames, %.1f frames/s", number, done, of, steps, pace)
 
 
 def _result(recipe: Recipe, rows: list[Row], path: Path) -> dict[str, Any]:

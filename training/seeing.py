@@ -1,4 +1,4 @@
-"""Training of the image encoder on single frames: objects in view, their distance, and the free distance ahead.
+"""Trains the image encoder to predict visible goals, their distance and free distances.
 
 This is not part of the paper's recipe. The simulator provides the labels, and with a trained encoder the memory can be
 trained on stored features, many times faster than on images. Two CPU cores are then sufficient.

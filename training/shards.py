@@ -1,4 +1,4 @@
-"""Data of one site: frames with the network's inputs, the oracle's action, and labels of what is in view."""
+"""Training data of one site: network inputs, the oracle's actions, and image labels."""
 
 import json
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""One resumable stage of training: updates, periodic checkpoints, and a log inside them."""
+"""One resumable stage of training, with periodic checkpoints that contain its log."""
 
 import logging
 import time
@@ -106,4 +106,4 @@ class SessionContext:
         self.model.load_state_dict(state["model"])
         optimizer.load_state_dict(state["optimizer"])
         self.update, self.rows, self.extra = state["update"], state["rows"], state["extra"]
-        logger.info("%s goes on at update %d of %d", *self._where())
+        logger.info("%s resumes at update %d of %d", *self._where())

@@ -1,4 +1,4 @@
-"""Simulation of a site without physics: exact moves on the lattice, and images of the network's size."""
+"""Simulation of a generated flat without physics: exact lattice moves and small images."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from vsnbench.values.pose import Pose
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One image and what is in it."""
+    """One image, its labels and its visible objects."""
 
     rgb: npt.NDArray[np.uint8]
     labels: npt.NDArray[np.float16]
@@ -36,7 +36,7 @@ class View:
 
 
 class TwinWorld:
-    """One site, one camera, one lighting."""
+    """A generated flat with one camera and one lighting."""
 
     def __init__(self, recipe: Recipe, seed: int) -> None:
         plan, profile = recipe.demonstrations, load_profile(recipe.profile)
@@ -50,7 +50,7 @@ class TwinWorld:
         self.lattice = Lattice(self._space, float(rng.uniform(-math.pi, math.pi)))
         self._survey = Survey(self.lattice, self.camera.mount_height_m)
         self._starts: dict[str, npt.NDArray[np.int32]] = {}
-        # The image is the centre of the camera's, like that of the network's preprocessing.
+        # The image is a centre crop of the camera's image, as in the network's preprocessing.
         self._focal_px = self.camera.focal_px * self.size_px / min(self.camera.width, self.camera.height)
 
         self._half_view_rad = _SURELY_IN_VIEW * math.atan(self.size_px / 2 / self._focal_px)
@@ -112,7 +112,7 @@ class TwinWorld:
 _SHOWN_SHARE = 0.005
 """Minimum share of the image of a found object."""
 _SURELY_IN_VIEW = 0.85
-"""Share of half the field of view around the centre that counts as looked at."""
+"""Central share of the field of view in which a patch counts as seen."""
 
 
 def _low(depth_m: npt.NDArray[np.float32], share: float) -> float:

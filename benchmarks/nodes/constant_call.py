@@ -1,4 +1,4 @@
-"""A model that takes the same time for any number of observations, for benchmarks/served_scale.py."""
+"""Model whose calls take 100 ms for any number of observations, for `served_scale.py`."""
 
 import random
 import time
@@ -11,12 +11,12 @@ CHOICES = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
 class ConstantCall(BatchPolicy):
-    """Drives at random, and takes the same time for any number of observations."""
+    """Drives at random, with the same duration for any number of observations."""
 
     card = ModelCard("constant-call", sensors=frozenset({Sensor.RGB}))
 
     def new_state(self, goal: str, seed: int) -> random.Random:  # noqa: ARG002
-        """Return the random numbers of an episode."""
+        """Return the random generator of an episode."""
         return random.Random(seed)
 
     def act_batch(

@@ -1,10 +1,10 @@
-"""Puts a slow network between a ROS 2 robot and its client: every message is held back, in order, each way.
+"""Delays all messages between a ROS 2 robot and its client, in order, in both directions.
 
     python benchmarks/nodes/delaying_relay.py PROFILE DELAY_S JITTER_S SERVER
 
-The robot plays in the namespace `near`, its client finds it in `far`. DELAY_S is the mean, of which JITTER_S is the
-mean of an exponential share, as on a Wi-Fi that others use, too. SERVER is `vsnbench` where a discrete_move node is
-beside the base.
+The robot uses the namespace `near`, its client the namespace `far`. DELAY_S is the mean delay in seconds. Its random
+part is exponential with mean JITTER_S, as on a shared Wi-Fi. SERVER is `vsnbench` if a discrete_move node runs next to
+the base.
 """
 
 import heapq
@@ -57,7 +57,7 @@ client = ros2_interface(load_profile(f"{profile}@far"))
 for part, kind in (("odometry", Odometry), ("color", Image), ("depth", Image)):
     pass_on(kind, getattr(robot, part), getattr(client, part), SENSOR_DATA, SENSOR_DATA)
 own, shown = (lambda topic: robot.resolve(topic.lstrip("/"))), (lambda topic: client.resolve(topic.lstrip("/")))
-# Nobody steers by the truth: one in five does to compare with it where the robot stands.
+# No node steers by the true pose, so every fifth message is enough to measure errors.
 pass_on(Odometry, own(GROUND_TRUTH), shown(GROUND_TRUTH), SENSOR_DATA, SENSOR_DATA, one_in=5)
 pass_on(String, own(ACCOUNT), shown(ACCOUNT), LATCHED, LATCHED)
 pass_on(Twist, client.command, robot.command, SENSOR_DATA, RELIABLE)

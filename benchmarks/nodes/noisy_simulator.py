@@ -1,8 +1,8 @@
-"""Runs `vsnbench robots simulate` with white noise on the odometry, at rest as well.
+"""Runs `vsnbench robots simulate` with white noise on the odometry, also at rest.
 
     python benchmarks/nodes/noisy_simulator.py HEADING_DEG POSITION_MM ros1|ros2 simulate ROBOT ...
 
-The simulator's truth stays exact. The noise is an error of the odometer alone: nothing in the base knows of it.
+The true pose stays exact. The noise affects only the odometry and not the motion of the base.
 """
 
 import math
@@ -23,11 +23,11 @@ rng = random.Random(1)
 
 
 class NoisyBase(SimulatedBase):
-    """A base whose odometer reads with white noise."""
+    """A base with white noise on its odometry."""
 
     @property
     def odometry(self) -> Pose:
-        """The odometry of this moment, with noise."""
+        """Current odometry with noise."""
         exact = super().odometry
         return Pose(
             exact.x_m + rng.gauss(0, position_m),

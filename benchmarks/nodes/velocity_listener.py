@@ -1,9 +1,10 @@
-"""Listens to a base's commands and odometry: a line `seconds command|odometry speed` for each, by this machine's clock.
+"""Prints the arrival time and speed of a base's commands and odometry messages.
 
 usage: python velocity_listener.py ros1|ros2 PROFILE
 
-The speed is |m/s| + |rad/s|; that of the odometry is by its poses, for not every base fills in the twist. A node of its
-own that has nothing else to do, so that the times are those of the network.
+Each message gives a line `seconds command|odometry speed`, with this machine's clock. The speed is |m/s| + |rad/s|. The
+odometry's speed is computed from its poses, because not every base fills in the twist. This is a separate node without
+other work, so that no processing delays the timestamps.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any
 
 
 def listen(kind: str, profile_name: str) -> None:
-    """Write until the process is ended."""
+    """Print messages until the process is terminated."""
     from vsnbench.robots.profiles import load_profile
 
     profile = load_profile(profile_name)
@@ -28,8 +29,8 @@ def listen(kind: str, profile_name: str) -> None:
 
         names, speedometer = ros1_interface(profile), Speedometer()
         rospy.init_node("velocity_listener", disable_signals=True)
-        rospy.Subscriber(names.command, Twist, tell_command, queue_size=100, tcp_nodelay=True)
-        rospy.Subscriber(names.odometry, Odometry, speedometer.tell, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(names.command, Twist, print_command, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(names.odometry, Odometry, speedometer.print_speed, queue_size=100, tcp_nodelay=True)
         rospy.spin()
         return
     from vsnbench.ros2.installation import require_ros2
@@ -46,20 +47,20 @@ def listen(kind: str, profile_name: str) -> None:
     rclpy.init()
     node = rclpy.create_node("velocity_listener")
     kind = TwistStamped if names.command_type == TWIST_STAMPED else Twist
-    # Asks for no more than a sensor's quality, which every sender has.
-    node.create_subscription(kind, names.command, tell_command, qos_profile_sensor_data)
-    node.create_subscription(Odometry, names.odometry, speedometer.tell, qos_profile_sensor_data)
+    # Request only sensor-data quality of service, which is compatible with every publisher.
+    node.create_subscription(kind, names.command, print_command, qos_profile_sensor_data)
+    node.create_subscription(Odometry, names.odometry, speedometer.print_speed, qos_profile_sensor_data)
     rclpy.spin(node)
 
 
 class Speedometer:
-    """How fast a base goes, by the poses of its odometry."""
+    """Computes a base's speed from the poses of its odometry."""
 
     def __init__(self) -> None:
         self._before: tuple[float, float, float, float] | None = None
 
-    def tell(self, odometry: Any) -> None:
-        """Write the speed since the message before."""
+    def print_speed(self, odometry: Any) -> None:
+        """Print the speed since the previous message."""
         at, stamp = odometry.pose.pose, odometry.header.stamp
         stamp_s = stamp.to_sec() if hasattr(stamp, "to_sec") else stamp.sec + stamp.nanosec * 1e-9
         heading = 2 * math.atan2(at.orientation.z, at.orientation.w)
@@ -70,14 +71,14 @@ class Speedometer:
         self._before = now
 
 
-def tell_command(said: Any) -> None:
-    """Write the speed that is commanded."""
-    twist = getattr(said, "twist", said)
+def print_command(message: Any) -> None:
+    """Print the commanded speed."""
+    twist = getattr(message, "twist", message)
     write("command", abs(twist.linear.x) + abs(twist.angular.z))
 
 
 def write(what: str, speed: float) -> None:
-    """Write one line, at once."""
+    """Print a line and flush it."""
     sys.stdout.write(f"{time.time():.6f} {what} {speed:.5f}\n")
     sys.stdout.flush()
 

@@ -1,4 +1,4 @@
-"""What the matcher is tried on: rooms that differ from their survey, robots off their marks, cameras that err."""
+"""Random trials for placement: rooms unlike their survey, displaced robots, imperfect cameras."""
 
 import math
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
 SURVEY_M = 0.02
-"""Standard deviation of the survey of an object, along x and along y."""
+"""Standard deviation of an object's surveyed position in metres, along x and along y."""
 DEPTH_SCALE = 0.01
-"""By how much the camera's metres are too long, or too short."""
+"""Error of the camera's depth scale, in either direction."""
 Opening = TypeVar("Opening", Door, Window)
 _NEAR_M, _CLEARANCE_M = 4.0, 0.18
 _MOVED_M = (0.3, 1.0)
@@ -32,17 +32,17 @@ _MOVED_M = (0.3, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A robot somewhere about a mark, in a room that is not quite as surveyed."""
+    """A robot near a mark, in a room that differs from its survey."""
 
     site: Site
-    """As surveyed."""
+    """Site as surveyed."""
     room: Site
-    """As it is."""
+    """Real room."""
     start: StartingPosition
     pose: Pose
     moved: tuple[str, ...]
     depth_scale: float
-    """What the camera makes of a metre."""
+    """Measured depth divided by true depth."""
 
 
 def draw_trial(
@@ -54,16 +54,16 @@ def draw_trial(
     moved: int = 2,
     walls_m: float = 0.0,
 ) -> Trial:
-    """Draw a room and a place in it that the robot can stand at.
+    """Draw a room and a free pose of the robot in it.
 
     Args:
-        site: as surveyed.
-        start: the mark.
-        rng: the source of all randomness.
-        most_m: how far off the mark at most; every place within is as likely.
-        most_deg: how far off its heading at most.
-        moved: how many objects within 4 m of the mark stand 0.3 to 1 m from where they were.
-        walls_m: standard deviation of every corner of the building off the survey, along x and along y.
+        site: site as surveyed.
+        start: mark.
+        rng: source of randomness.
+        most_m: largest distance from the mark in metres; positions within it are equally likely.
+        most_deg: largest heading error in degrees.
+        moved: number of objects within 4 m of the mark to move by 0.3 to 1 m.
+        walls_m: standard deviation in metres of each corner of the building, along x and along y.
     """
     near = [
         thing.id
@@ -71,7 +71,7 @@ def draw_trial(
         if thing.solid and thing.elevation_m == 0 and math.dist(thing.position, start.position) < _NEAR_M
     ]
     while True:
-        chosen = tuple(sorted(str(one) for one in rng.choice(near, min(moved, len(near)), replace=False)))
+        chosen = tuple(sorted(str(name) for name in rng.choice(near, min(moved, len(near)), replace=False)))
         room = site.model_copy(update={"objects": [_put(thing, thing.id in chosen, rng) for thing in site.objects]})
         if walls_m:
             room = with_corners_off(room, walls_m, rng)
@@ -93,15 +93,15 @@ def _put(thing: SiteObject, elsewhere: bool, rng: Generator) -> SiteObject:
 
 
 def with_corners_off(site: Site, off_m: float, rng: Generator) -> Site:
-    """Return a site with the corners of its building elsewhere, as a survey by tape measure errs.
+    """Return a site with displaced building corners, like the errors of a survey by tape measure.
 
-    Walls that share a corner go on sharing it, and are a little longer, shorter and turned; doors and windows stay in
+    Walls that share a corner still share it; their lengths and directions change slightly. Doors and windows stay in
     their walls.
 
     Args:
-        site: as surveyed.
-        off_m: standard deviation, along x and along y.
-        rng: the source of all randomness.
+        site: site as surveyed.
+        off_m: standard deviation of a corner in metres, along x and along y.
+        rng: source of randomness.
     """
     steps: dict[tuple[float, float], tuple[float, float]] = {}
 
@@ -141,7 +141,7 @@ def _is_free(room: Site, pose: Pose) -> bool:
 
 
 class NoisyEye:
-    """A depth camera in a room, with noise, holes and a scale of its own."""
+    """A depth camera in a room, with noise, holes and a scale error."""
 
     def __init__(
         self, room: Site, camera: Camera, scale: float, rng: Generator, noise: DepthNoise | None = None
@@ -153,7 +153,7 @@ class NoisyEye:
         self._noise = noise or DepthNoise()
 
     def look(self, pose: Pose, odometry: Pose | None = None) -> DepthLook:
-        """Look from where the base stands at `pose`."""
+        """Return a depth look with the base at `pose`."""
         camera, mesh = self._camera, self._drawer.mesh
         pinhole = Pinhole(camera.width, camera.height, camera.focal_px, *camera.center_px)
         view = self._drawer.draw(eye_of(camera, pose), pinhole)
@@ -166,20 +166,20 @@ class NoisyEye:
         return DepthLook(depth_m, odometry or Pose(0.0, 0.0))
 
     def turn(self, pose: Pose, count: int = 12, turn_error: float = 0.0) -> tuple[list[DepthLook], Pose]:
-        """Turn once around on the spot, and return the looks and where the robot stands in the end.
+        """Turn a full circle on the spot; return the looks and the robot's final pose.
 
         Args:
-            pose: where it begins.
-            count: turns in a circle.
-            turn_error: share by which it turns farther than its odometry says.
+            pose: pose at the start.
+            count: number of turns in the circle.
+            turn_error: true turn minus turn in the odometry, as a share of the latter.
         """
-        said = [Pose(0.0, 0.0, math.tau * number / count) for number in range(count + 1)]
-        stood = [pose.compose(Pose(0.0, 0.0, each.heading_rad * (1 + turn_error))) for each in said]
-        return [self.look(there, odometry) for there, odometry in zip(stood, said, strict=True)], stood[-1]
+        odometry = [Pose(0.0, 0.0, math.tau * number / count) for number in range(count + 1)]
+        true = [pose.compose(Pose(0.0, 0.0, measured.heading_rad * (1 + turn_error))) for measured in odometry]
+        return [self.look(there, measured) for there, measured in zip(true, odometry, strict=True)], true[-1]
 
 
 def _unlit(colors: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
-    """Return linear colours as a picture in even light."""
+    """Return linear colours as an sRGB image under uniform light."""
     srgb = np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * np.maximum(colors, 1e-9) ** (1 / 2.4) - 0.055)
     return np.asarray(np.clip(255 * srgb, 0, 255), np.uint8)
 

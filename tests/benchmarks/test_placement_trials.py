@@ -1,4 +1,4 @@
-"""Rooms that differ from their survey: walls stay joined, and doors stay in them."""
+"""Rooms with displaced corners keep their walls joined and their doors in the walls."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A bundle has the chosen part of a record, and the same record gives the same bytes."""
+"""A bundle contains the selected part of a record, and is reproducible to the byte."""
 
 import csv
 import hashlib
@@ -325,7 +325,7 @@ def test_the_tables_load_in_a_library_for_croissant(everything: OpenBundle) -> N
 
 
 def same(text: str, value: object) -> bool:
-    """Return whether a library read a cell as it was written."""
+    """Return whether a library reads a cell with its written value."""
     if isinstance(value, bytes):
         return value.decode() == text
     if text == "":

@@ -1,4 +1,4 @@
-"""A robot that a person puts at its starts, like a real one; it drives in the embedded apartment."""
+"""Simulated robot that a person places at its starts, like a real robot."""
 
 from pathlib import Path
 
@@ -16,11 +16,11 @@ from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 
 
 class ByHand(SimulatedRobot):
-    """Says that it is real, and that nothing but a person can place it."""
+    """Declares itself a real robot that only a person can place."""
 
     needs_operator = True
     sensors = SimulatedRobot.sensors - {Sensor.DEPTH}
-    """It says nothing of its depth camera: nobody checks how it stands."""
+    """No depth camera, so no placement check runs."""
 
     def __init__(self, site: Site, parameters: ProtocolParameters) -> None:
         profile = load_profile("turtlebot2")
@@ -36,7 +36,7 @@ class ByHand(SimulatedRobot):
 
 
 class Slow(ByHand):
-    """Takes its time over every turn, so that a person can press a key."""
+    """Turns slowly, so that a person can press a key."""
 
     def execute(self, action: Action) -> MotionResult:
         import time
@@ -46,7 +46,7 @@ class Slow(ByHand):
 
 
 class TurnTwice(Policy):
-    """Turns twice, and stops."""
+    """Turns twice and then stops."""
 
     card = ModelCard("turn-twice")
 
@@ -59,7 +59,7 @@ class TurnTwice(Policy):
 
 
 class Stuck(Policy):
-    """Never comes back from reset, whatever it is told."""
+    """Never returns from reset, and ignores interrupts."""
 
     card = ModelCard("stuck")
 
@@ -69,7 +69,7 @@ class Stuck(Policy):
             try:
                 while True:
                     pass
-            except BaseException:  # as deaf as code can be
+            except BaseException:  # suppress every exception
                 continue
 
     def act(self, observation: Observation) -> Decision:
@@ -77,7 +77,7 @@ class Stuck(Policy):
 
 
 class Straying(Policy):
-    """Leaves a thread running that is no daemon."""
+    """Leaves a non-daemon thread running."""
 
     card = ModelCard("straying")
 

@@ -1,4 +1,4 @@
-"""The distribution's Chromium with one page, driven by Playwright."""
+"""The distribution's Chromium with a single page, driven by Playwright."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 EXECUTABLE = "/usr/bin/chromium"
 FLAGS = (
-    "--no-sandbox",  # Chromium has none for root
+    "--no-sandbox",  # Chromium has no sandbox for root
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage",

@@ -1,4 +1,4 @@
-"""The command line as a test types it, within this process: a process of its own costs a second of imports."""
+"""Fixture that runs the command line in this process, which saves a second of imports."""
 
 from collections.abc import Callable
 
@@ -9,5 +9,5 @@ from tests.cli.console import Answer, vsnbench
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Types words after `vsnbench`."""
+    """Runs `vsnbench` with some arguments."""
     return lambda *words: vsnbench(monkeypatch, capsys, *words)

@@ -1,4 +1,4 @@
-"""Calls the command line as a user does: in this process for speed, or in one of its own where it must be killed."""
+"""Runs the command line in this process, or in a separate one that a test can kill."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ from vsnbench.runner.executors import capacity, process
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command printed, and its exit code."""
+    """Output and exit code of a command."""
 
     code: int
     out: str
@@ -23,7 +23,7 @@ class Answer:
 
 
 def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
-    """Run a command in this process, whose environment stays as it was: a lab's file writes its defaults there.
+    """Run a command in this process, and restore the environment, which a configuration file changes.
 
     An automatic number of workers is 1: each worker, and each server that forks workers, imports for a second.
     """
@@ -45,7 +45,7 @@ def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 
 @contextmanager
 def vsnbench_process(words: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
-    """Start a command in a process of its own; it is ended with the block."""
+    """Start a command in a separate process, which ends with the block."""
     process = subprocess.Popen(
         [sys.executable, "-m", "vsnbench.cli.main", *words],
         stdout=subprocess.PIPE,

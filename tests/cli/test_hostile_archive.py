@@ -1,4 +1,4 @@
-"""Somebody else's results directory is data: nothing outside it is read or written, and nothing in it is run."""
+"""A foreign results directory is only data: nothing outside it is accessed, nothing in it is run."""
 
 import os
 import sqlite3
@@ -17,7 +17,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 
 
 def vsnbench(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the console script, as a user who stands in `cwd`."""
+    """Run the console script in the directory `cwd`."""
     program = "import sys; sys.path.pop(0); from vsnbench.cli.main import main; main()"  # -c puts the directory first
     inherited = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     return subprocess.run(

@@ -1,4 +1,4 @@
-"""`vsnbench init`, `config show` and `models new`, typed one after another as a new lab would."""
+"""`vsnbench init`, `config show` and `models new`, in the order of a new lab."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def environment(**more: str) -> dict[str, str]:
 
 @pytest.fixture
 def type_in(typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
-    """Types words after `vsnbench` in a directory, with these variables and no other of ours."""
+    """Run `vsnbench` in a directory, with no vsnbench environment variables except these."""
 
     def type_there(cwd: Path, *words: str, **more: str) -> Answer:
         with monkeypatch.context() as there:
@@ -199,7 +199,7 @@ def test_a_study_is_planned_in_the_labs_own_flat_and_says_so(type_in: Type, tmp_
     assert "site lab.yaml, robot simulated (from " in made.err
     assert 'site: "lab.yaml"' in (tmp_path / "lab" / "s.yaml").read_text()
     checked = type_in(tmp_path / "lab", "study", "check", "s.yaml")
-    assert "6 trials in 3 cells" in checked.out + checked.err, "all the starting positions that the flat has"
+    assert "6 trials in 3 cells" in checked.out + checked.err, "all starting positions of the flat"
 
 
 def test_the_next_command_repeats_no_directory_that_the_labs_file_says(

@@ -1,4 +1,4 @@
-"""The console script: light to start, every verb there, errors as one line."""
+"""The console script: fast start, all verbs, errors in one line."""
 
 import importlib
 import os
@@ -145,7 +145,7 @@ class Mine(Policy):
         (("models", "show", "mine:Mine"), True),
     ],
 )
-def test_the_working_directory_is_looked_into_last_and_only_for_a_class_that_was_named(
+def test_the_working_directory_is_searched_last_and_only_for_a_named_class(
     words: tuple[str, ...], looked_into: bool, tmp_path: Path
 ) -> None:
     (tmp_path / "mine.py").write_text(MINE)

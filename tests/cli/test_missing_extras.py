@@ -1,4 +1,4 @@
-"""A verb whose extra is not installed says in one line which to install."""
+"""A command whose extra is not installed names the extra in one line."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ main()
 MISSING = [
     ("viewer", "rerun,rerun_bindings,rerun_cli", "view 1"),
     ("neural", "torch", "run --model pirlnav --goal chair --starts 1"),
-    ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://nobody@127.0.0.1/none"),
+    ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://user@127.0.0.1/none"),
     ("bags", "rosbags", "export bag 1 episode.bag"),
     ("video", "av", "export video 1"),
     ("lerobot", "pyarrow", "export lerobot dataset"),
@@ -35,13 +35,13 @@ MISSING = [
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A record with an episode, made where nothing of the extras is."""
+    """A record with an episode, made without any extra."""
     directory = tmp_path_factory.mktemp("core") / "results"
     hidden = "rerun,rerun_bindings,torch,onnx,onnxruntime,psycopg,rosbags,ray,rclpy,pyarrow"
     line = "run --model random --goal chair --starts 1 --max-steps 2 --quiet --json"
     done = without(hidden, line, directory)
     assert (done.returncode, done.stderr) == (0, "")
-    assert not list(directory.glob("**/*.rrd")), "the copy for Rerun waits for somebody who has it"
+    assert not list(directory.glob("**/*.rrd")), "the copy for Rerun is created where Rerun is installed"
     return directory
 
 

@@ -20,12 +20,12 @@ PROMISED = {
     "id", "uuid", "campaign", "model", "robot", "site", "goal", "start", "repetition", "end_reason", "success",
     "actions", "distance_to_goal_m", "collision", "path_length_m", "duration_s", "started_at",
 }  # fmt: skip
-"""What scripts may count on in `episodes list --json`."""
+"""Stable keys of `episodes list --json`."""
 
 
 @dataclass(frozen=True)
 class Done:
-    """What a command left behind."""
+    """Result of a command."""
 
     returncode: object
     stdout: str
@@ -33,7 +33,7 @@ class Done:
 
 
 def vsnbench(results: Path, *words: str) -> Done:
-    """Run the console script in this process: as the user sees it, without paying for its imports each time."""
+    """Run the console script in this process, which saves the imports."""
     stdout, stderr = io.StringIO(), io.StringIO()
     with (
         mock.patch.object(sys, "argv", ["vsnbench", *words]),
@@ -48,7 +48,7 @@ def vsnbench(results: Path, *words: str) -> Done:
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two episodes of a model whose name would colour the terminal and the table if it could."""
+    """Two episodes of a model whose name contains terminal and table markup."""
     folder = tmp_path_factory.mktemp("results")
     given = plan()
     hostile = replace(given, model=replace(given.model, name="[red]evil\x1b[31m\n"))
@@ -149,7 +149,7 @@ def test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key(tmp_pa
             for one in json.loads(vsnbench(tmp_path, "episodes", "list", "--campaign", word, "--json").stdout)
         }
 
-    assert len({campaign.key[0] for campaign in campaigns}) < len(campaigns), "some keys begin alike"
+    assert len({campaign.key[0] for campaign in campaigns}) < len(campaigns), "some keys have a common prefix"
     for campaign in campaigns:
         assert listed(str(campaign.id)) == {campaign.id}
         assert listed(campaign.key[0]) <= {int(campaign.key[0], 16)}

@@ -1,4 +1,4 @@
-"""`vsnbench sites` as a person or a script calls it."""
+"""`vsnbench sites` from a terminal and from scripts."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ from vsnbench.sites.site import load_site
 
 
 def call(*words: str) -> tuple[int, str]:
-    """Return exit code and stdout; known errors come out as they reach the boundary."""
+    """Return exit code and stdout; known errors are raised as at the boundary."""
     result = CliRunner().invoke(app, list(words))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception

@@ -13,7 +13,7 @@ from vsnbench.values.observation import Observation, Sensor
 
 
 class Turning(Policy):
-    """Turns on the spot for ever."""
+    """Turns on the spot forever."""
 
     card = ModelCard("turning")
 
@@ -25,7 +25,7 @@ class Turning(Policy):
 
 
 class Broken(Turning):
-    """Fails at the first look."""
+    """Fails at the first observation."""
 
     card = ModelCard("broken")
 
@@ -34,7 +34,7 @@ class Broken(Turning):
 
 
 class Loaded(Turning):
-    """Turns, with weights and settings that the command line hands it."""
+    """Turns, and accepts weights and settings from the command line."""
 
     card = ModelCard("loaded")
 
@@ -52,7 +52,7 @@ class Exiting(Turning):
 
 
 class EndlessClose(Turning):
-    """Answers STOP, and never returns from `close`."""
+    """Returns STOP, and never returns from `close`."""
 
     card = ModelCard("endless-close")
 
@@ -65,7 +65,7 @@ class EndlessClose(Turning):
 
 
 class Forking(Turning):
-    """Leaves a process behind at every step, whose parent has ended."""
+    """Leaves an orphaned process behind at each step."""
 
     card = ModelCard("forking")
 
@@ -75,7 +75,7 @@ class Forking(Turning):
 
 
 class Narrow(Turning):
-    """Was trained with a field of view of 40°, and stops at once with what it received in the details."""
+    """Declares a trained field of view of 40°, and stops immediately with the received camera in its details."""
 
     card = ModelCard(
         "narrow",

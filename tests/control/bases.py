@@ -1,4 +1,4 @@
-"""Bases to drive in tests: exact, late, sluggish, weak or stuck, all on a clock that is only counted."""
+"""Simulated bases on a counted clock: exact, late, sluggish, weak or stuck."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from vsnbench.values.pose import Pose
 
 @dataclass(frozen=True)
 class Sample:
-    """One moment of a motion: what was commanded and where the base truly was."""
+    """Command and true pose of a base at a time."""
 
     at_s: float
     command: Command
@@ -22,23 +22,23 @@ class Sample:
 
 @dataclass(frozen=True)
 class BaseModel:
-    """How a base answers to commands, and how its odometry reports it."""
+    """Response of a base to commands, and properties of its odometry."""
 
     command_delay_s: float = 0.0
-    """A command acts this much later."""
+    """Delay of a command, seconds."""
     sluggishness_s: float = 0.0
     """Time constant of the first-order lag of its speed."""
     odometry_delay_s: float = 0.0
-    """A reading reaches the controller this much after it was taken."""
+    """Delay of a reading, seconds."""
     odometry_period_s: float = 0.02
     stamped: bool = True
-    """Whether the controller is told when a reading was taken."""
+    """Whether readings have a time stamp."""
     gain: float = 1.0
     """True speed over commanded speed."""
     swerve_rad_per_m: float = 0.0
-    """Heading error that driving straight brings about."""
+    """Heading error caused by driving straight."""
     quantum_rad: float = 0.0
-    """Resolution of the heading it reports."""
+    """Resolution of the reported heading."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,12 @@ class Motion:
 
     @property
     def displacement_m(self) -> float:
-        """How far the base truly moved."""
+        """True distance that the base moved."""
         return self.start.distance_to(self.end)
 
     @property
     def turn_rad(self) -> float:
-        """How far the base truly turned."""
+        """True angle that the base turned."""
         return self.end.heading_rad - self.start.heading_rad
 
 
@@ -68,7 +68,7 @@ def move(
     start: Pose | None = None,
     target_heading_rad: float | None = None,
 ) -> Motion:
-    """Let a controller drive a base to the end of one action, and then watch it stand for half a second."""
+    """Drive a base with a controller to the end of an action, and observe half a second of rest."""
     start = start if start is not None else Pose(0.0, 0.0, 0.0)
     target = heading_after(action, start.heading_rad, settings) if target_heading_rad is None else target_heading_rad
     controller = MotionController(action, start, target, settings)

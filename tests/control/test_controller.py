@@ -1,4 +1,4 @@
-"""One discrete motion on exact, late, sluggish, swerving and broken bases."""
+"""A discrete motion on exact, late, sluggish, swerving and broken bases."""
 
 import math
 from itertools import pairwise
@@ -39,7 +39,7 @@ LATE_BASES = {
 
 
 def true_error(motion: Motion, action: Action, asked: MotionSettings = PAPER) -> float:
-    """Return by how many tolerances the base truly missed, long after the motion ended."""
+    """Return the true final error in units of the tolerance, long after the motion ended."""
     covered = abs(motion.turn_rad) if action.turns else motion.displacement_m
     return abs(covered - asked.way(action)) / asked.tolerance(action)
 

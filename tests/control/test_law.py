@@ -1,4 +1,4 @@
-"""The formulas against the paper's figures and against a profile integrated step by step."""
+"""The motion formulas against the paper's figures and a numerically integrated profile."""
 
 import math
 
@@ -112,7 +112,7 @@ def test_the_ideal_durations_of_the_papers_actions() -> None:
 
 
 @given(st.floats(0, 2), st.floats(0.05, 5), st.floats(0.005, 0.2))
-def test_a_braking_speed_held_for_its_period_neither_passes_the_goal_nor_needs_harder_braking(
+def test_a_braking_speed_held_for_its_period_neither_overshoots_nor_brakes_harder(
     remaining: float, braking: float, period: float
 ) -> None:
     held = braking_speed(remaining, braking, period)

@@ -1,4 +1,4 @@
-"""The noise of a base at rest: measured over rests, without drift, and not from readings of a base that is moved."""
+"""Odometry noise at rest is measured without drift, and never while the base is moved."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Types the commands of a page at a shell, in a directory of its own."""
+"""Types the commands of a page at a shell, in its own directory."""
 
 import http.cookiejar
 import os
@@ -111,7 +111,7 @@ class Shell:
 
     @contextmanager
     def running(self, command: str) -> Iterator[tuple["subprocess.Popen[bytes]", Path]]:
-        """Start a command in a session of its own, as a terminal does; kill what is left of it afterwards."""
+        """Start a command in a new session, as a terminal does, and kill its remaining processes afterwards."""
         self._number += 1
         log = self.directory / ".home" / f"{self._number:02}.log"
         with log.open("wb") as sink:

@@ -26,7 +26,7 @@ def output(*words: str) -> str:
     return answer.stdout
 
 
-def test_every_disturbance_is_on_the_page_of_stress_tests_with_its_unit_and_severities() -> None:
+def test_every_disturbance_is_documented_with_its_unit_and_severities() -> None:
     page = (ROOT / "docs" / "stress.md").read_text(encoding="utf-8").split("\n## Disturbances\n")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `([a-z_]+)` \| .* \| (\w+) \| ([-\d., ]+) \|$", page, re.MULTILINE)
     assert rows == [(kind.name, kind.unit, ", ".join(f"{value:g}" for value in kind.values)) for kind in KINDS.values()]

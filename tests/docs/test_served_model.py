@@ -1,4 +1,4 @@
-"""The model's server that the page about other processes shows answers `vsnbench run`."""
+"""The model server shown in the docs works with `vsnbench run`."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The examples run as their first lines say, and what they show is kept; the documents show the same code."""
+"""The examples run as documented, their output is recorded, and the docs show the same code."""
 
 import re
 import sqlite3

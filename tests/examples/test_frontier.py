@@ -1,4 +1,4 @@
-"""The examples with movements run as their first lines say and reach the goal."""
+"""The examples with movements run as documented and reach the goal."""
 
 import sqlite3
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The server in Node keeps to docs/wire.md and runs a goal in words with waypoints."""
+"""The Node.js server conforms to docs/wire.md and runs a text goal with waypoints."""
 
 import json
 import shutil

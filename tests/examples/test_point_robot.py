@@ -1,4 +1,4 @@
-"""The example of docs/robots.md runs as it says, and is told from an edited copy of itself."""
+"""The example of docs/robots.md runs as documented, and an edited copy has another identity."""
 
 import shutil
 import sqlite3
@@ -20,7 +20,7 @@ def robots(directory: Path) -> list[tuple[str, int]]:
         return connection.execute("select kind, simulated from robot order by id").fetchall()
 
 
-def test_the_example_runs_is_found_again_and_is_another_robot_once_its_code_is_another(tmp_path: Path) -> None:
+def test_the_example_runs_resumes_and_is_another_robot_after_an_edit(tmp_path: Path) -> None:
     mine = tmp_path / EXAMPLE.name
     shutil.copy(EXAMPLE, mine)
     done = run(tmp_path)

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and what a killed process left half written is found again."""
+"""Files are written atomically, and partial files of killed processes are found."""
 
 import os
 import stat

@@ -1,4 +1,4 @@
-"""The machine's cache: believed only when whole, and never needed."""
+"""The disk cache is optional, and only complete entries are used."""
 
 import hashlib
 import os
@@ -20,7 +20,7 @@ GRID = np.arange(12, dtype=np.float32).reshape(3, 4)
 
 
 class Work:
-    """Counts how often it is done."""
+    """Counts its calls."""
 
     def __init__(self) -> None:
         self.times = 0

@@ -1,4 +1,4 @@
-"""What travels with the package is in the wheel under the name that it is looked for by."""
+"""The wheel contains the package data under the names that the code uses."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Directories for the moment: gone with their owner, and what a killed owner left with the next one."""
+"""Temporary directories are removed by their owner, or after a kill by the next process."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""The long fuzz: `python -m tests.fuzz --seed 2 --count 1000 [--target site]`; a table, and every finding."""
+"""Runs a long fuzz: `python -m tests.fuzz --seed 2 --count 1000 [--target site]`."""
 
 import argparse
 import sys
@@ -8,7 +8,7 @@ from tests.fuzz.targets import TARGETS
 
 
 def main() -> None:
-    """Run every target; exit code 1 when anything passed a boundary."""
+    """Run every target and print a table and the findings; exit code 1 if there is a finding."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--count", type=int, default=1000, help="inputs per target")

@@ -1,4 +1,4 @@
-"""The child that takes a target's inputs: `python -m tests.fuzz.child TARGET SEED FIRST END`; a line of JSON each."""
+"""Child process that runs a target's inputs: `python -m tests.fuzz.child TARGET SEED FIRST END`."""
 
 import contextlib
 import io
@@ -20,7 +20,7 @@ from vsnbench.errors import VsnbenchError
 def main(name: str, seed: int, first: int, end: int) -> None:
     """Run the inputs `first` to `end - 1`."""
     report = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(2, 1)  # whatever a library prints must not mix with the report
+    os.dup2(2, 1)  # output of libraries must not mix with the report
     target = TARGETS[name]
     home = Path.cwd() / "target"
     home.mkdir()
@@ -33,34 +33,34 @@ def main(name: str, seed: int, first: int, end: int) -> None:
     for index in range(first, end):
         rng = random.Random(f"{name}/{seed}/{index}")
         began = time.monotonic()
-        finding, said = "", "accepted"
+        finding, outcome = "", "accepted"
         try:
-            with quiet() as heard:
+            with quiet() as stderr:
                 instance.load(rng, index)
-            if "Traceback (most recent call last)" in heard.getvalue():
-                finding = f"a traceback on stderr: {heard.getvalue()[-500:]}"
+            if "Traceback (most recent call last)" in stderr.getvalue():
+                finding = f"a traceback on stderr: {stderr.getvalue()[-500:]}"
         except VsnbenchError as error:
-            said = type(error).__name__
+            outcome = type(error).__name__
         except BaseException as error:
-            said = type(error).__name__
+            outcome = type(error).__name__
             where = traceback.extract_tb(error.__traceback__)[-4:]
             trace = " < ".join(f"{Path(frame.filename).name}:{frame.lineno}" for frame in reversed(where))
-            finding = f"{said}: {str(error)[:200]!r} at {trace}"
-        told: dict[str, Any] = {"index": index, "end": said, "finding": finding, "s": time.monotonic() - began}
+            finding = f"{outcome}: {str(error)[:200]!r} at {trace}"
+        result: dict[str, Any] = {"index": index, "end": outcome, "finding": finding, "s": time.monotonic() - began}
         grown_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib
-        print(json.dumps(told | {"grown_mib": grown_kib / 1024}), file=report)
+        print(json.dumps(result | {"grown_mib": grown_kib / 1024}), file=report)
 
 
 @contextlib.contextmanager
 def quiet() -> Any:
-    """Keep what is printed."""
-    heard = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(heard):
-        yield heard
+    """Capture the output."""
+    stderr = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(stderr):
+        yield stderr
 
 
 def data_bytes() -> int:
-    """Return what counts towards RLIMIT_DATA now."""
+    """Return the current memory that counts towards RLIMIT_DATA."""
     (line,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData")]
     return int(line.split()[1]) * 1024
 

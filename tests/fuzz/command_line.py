@@ -1,4 +1,4 @@
-"""The command line within this process, with its own error boundary."""
+"""Runs the command line in this process, inside its error boundary."""
 
 import sys
 
@@ -6,7 +6,7 @@ from vsnbench.cli.main import main
 
 
 def call(*words: str) -> int:
-    """Run a command and return its exit code; what passes its boundary is raised."""
+    """Run a command and return its exit code; unexpected errors are raised."""
     before = sys.argv
     sys.argv = ["vsnbench", *words]
     try:

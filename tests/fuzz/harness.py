@@ -1,7 +1,7 @@
-"""Feeds a loader its inputs in a child process of bounded memory, and notes what passes its boundary.
+"""Runs a loader's inputs in a child process with bounded memory, and records findings.
 
-A finding is an exception that is no `VsnbenchError`, a death, an input that takes more than `TIME_LIMIT_S`, or memory
-beyond `MEMORY_LIMIT_BYTES`. An input is a pure function of (target, seed, index): a finding can be had again.
+A finding is an exception other than `VsnbenchError`, a crash, an input that takes more than `TIME_LIMIT_S`, or memory
+beyond `MEMORY_LIMIT_BYTES`. An input is a pure function of (target, seed, index), so findings are reproducible.
 """
 
 import json
@@ -24,7 +24,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Outcome:
-    """What became of the inputs of one target."""
+    """Results of the inputs of a target."""
 
     target: str
     inputs: int = 0
@@ -33,11 +33,11 @@ class Outcome:
     findings: list[str] = field(default_factory=list)
     worst_s: float = 0.0
     worst_mib: float = 0.0
-    """The most that the child grew over what it had before the first input."""
+    """Largest growth of the child's memory since before the first input."""
 
 
 def run(target: str, seed: int, count: int, first: int = 0) -> Outcome:
-    """Feed a target `count` inputs, one child after the other where one dies."""
+    """Run `count` inputs of a target, with a new child after each crash."""
     outcome = Outcome(target)
     index, end = first, first + count
     while index < end:
@@ -46,11 +46,11 @@ def run(target: str, seed: int, count: int, first: int = 0) -> Outcome:
 
 
 def _one_child(outcome: Outcome, seed: int, index: int, end: int) -> int:
-    """Run inputs until all are done or the child is; return the next index."""
+    """Run inputs until all are done or the child ends; return the next index."""
     words = [sys.executable, "-m", "tests.fuzz.child", outcome.target, str(seed), str(index), str(end)]
-    with tempfile.TemporaryDirectory(prefix="vsnbench-fuzz-") as folder, tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryDirectory(prefix="vsnbench-fuzz-") as folder, tempfile.TemporaryFile() as errors:
         environment = os.environ | {"TMPDIR": folder, "HOME": folder, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
-        child = subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=said)
+        child = subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=errors)
         assert child.stdout is not None
         try:
             limit_s = START_LIMIT_S
@@ -66,29 +66,29 @@ def _one_child(outcome: Outcome, seed: int, index: int, end: int) -> int:
                     part = os.read(child.stdout.fileno(), 65536)
                     if not part:
                         if limit_s == START_LIMIT_S:
-                            said.seek(0)
+                            errors.seek(0)
                             raise RuntimeError(
-                                f"{outcome.target}: refuses its good input: {said.read()[-3000:].decode()}"
+                                f"{outcome.target}: refuses its good input: {errors.read()[-3000:].decode()}"
                             )
                         if index < end:
-                            said.seek(0)
-                            last = said.read()[-600:].decode(errors="replace")
+                            errors.seek(0)
+                            last = errors.read()[-600:].decode(errors="replace")
                             outcome.inputs += 1
                             outcome.findings.append(f"seed {seed} input {index}: died with {child.wait()}: {last}")
                         return index + 1
                     buffer += part
                 line, _, buffer = buffer.partition(b"\n")
                 limit_s = TIME_LIMIT_S
-                told = json.loads(line)
-                if told.get("ready"):
+                result = json.loads(line)
+                if result.get("ready"):
                     continue
                 outcome.inputs += 1
-                outcome.ends[told["end"]] += 1
-                outcome.worst_s = max(outcome.worst_s, told["s"])
-                outcome.worst_mib = max(outcome.worst_mib, told["grown_mib"])
-                if told["finding"]:
-                    outcome.findings.append(f"seed {seed} input {told['index']}: {told['finding']}")
-                index = told["index"] + 1
+                outcome.ends[result["end"]] += 1
+                outcome.worst_s = max(outcome.worst_s, result["s"])
+                outcome.worst_mib = max(outcome.worst_mib, result["grown_mib"])
+                if result["finding"]:
+                    outcome.findings.append(f"seed {seed} input {result['index']}: {result['finding']}")
+                index = result["index"] + 1
         finally:
             child.kill()
             child.wait()

@@ -1,4 +1,4 @@
-"""Makes bad inputs out of good ones: of bytes, of YAML text, of trees of plain values."""
+"""Makes invalid inputs from valid ones: bytes, YAML text and trees of plain values."""
 
 import copy
 import random
@@ -99,7 +99,7 @@ YAML_TOKENS: Sequence[str] = (
 
 
 def bytes_of(rng: random.Random, content: bytes) -> bytes:
-    """Return a content with a few of its bytes changed, cut, doubled or moved."""
+    """Return bytes with some of them changed, cut, duplicated or moved."""
     made = bytearray(content)
     for _ in range(rng.choice((1, 1, 2, 4, 16))):
         at = rng.randrange(len(made) + 1)
@@ -140,7 +140,7 @@ def value(rng: random.Random, depth: int = 0) -> Any:
 
 
 def nested(levels: int) -> Any:
-    """Return a list in a list in a list."""
+    """Return deeply nested lists."""
     made: Any = 1
     for _ in range(levels):
         made = [made]
@@ -177,7 +177,7 @@ def _places(node: Any) -> list[tuple[Any, Any]]:
 
 
 def yaml_text(rng: random.Random, content: bytes) -> bytes:
-    """Return YAML that is nearly a settings file."""
+    """Return YAML that resembles a settings file."""
     choice = rng.random()
     if choice < 0.45:
         try:

@@ -1,4 +1,4 @@
-"""A results directory that somebody else made: its rows, its tables, its bytes and its files, under every verb."""
+"""Results directories with damaged rows, tables, bytes and files, under every command."""
 
 import random
 import shutil
@@ -44,7 +44,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 
 
 def flip_bits_of_text(rng: random.Random, file: Path) -> None:
-    """Flip the highest bits of letters, in rows and in the schema: what is left is not UTF-8."""
+    """Flip the highest bits of letters, in rows and in the schema, so that texts are not UTF-8."""
     content = bytearray(file.read_bytes())
     letters = [place for place, byte in enumerate(content[100:], 100) if chr(byte).isalpha() and byte < 0x80]
     for place in rng.sample(letters, rng.choice((1, 3, 30))):
@@ -53,7 +53,7 @@ def flip_bits_of_text(rng: random.Random, file: Path) -> None:
 
 
 class RecordTarget:
-    """The SQLite database, and what lies beside it."""
+    """The SQLite database and the files next to it."""
 
     in_suite: ClassVar[int] = 40
 
@@ -89,7 +89,7 @@ class RecordTarget:
             raise VsnbenchError
 
     def spoil(self, rng: random.Random) -> None:
-        """Do one thing that no vsnbench does."""
+        """Make a change that vsnbench never makes."""
         file = self.path / "vsnbench.db"
         kind = rng.random()
         if kind < 0.15:
@@ -109,7 +109,7 @@ class RecordTarget:
             self.files(rng)
 
     def rows(self, rng: random.Random, file: Path) -> None:
-        """Write values of the wrong kind into rows, past every check of the schema."""
+        """Write values of the wrong type into rows, without the schema's checks."""
         with closing(sqlite3.connect(file)) as database, database:
             database.execute("PRAGMA ignore_check_constraints = ON")
             for _ in range(rng.choice((1, 1, 2, 4))):
@@ -156,7 +156,7 @@ class RecordTarget:
                     database.execute("DROP TABLE IF EXISTS event")
 
     def files(self, rng: random.Random) -> None:
-        """Spoil a file beside the database."""
+        """Damage a file next to the database."""
         folder = self.path / "episodes" / "000001"
         name = rng.choice(("rgb/0001.jpg", "depth/0001.png", "episode.rrd", "trajectory.tum", "../../vsnbench.db-wal"))
         path = folder / name

@@ -1,4 +1,4 @@
-"""Every loader of what comes from outside, with good inputs to spoil."""
+"""All loaders of external data, with valid inputs to damage."""
 
 import csv
 import io
@@ -23,19 +23,19 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Target(Protocol):
-    """A loader; made once in a folder of its own."""
+    """A loader, created once in its own folder."""
 
     in_suite: ClassVar[int]
-    """Inputs in a run of the tests, for some seconds; `make fuzz` takes more."""
+    """Number of inputs in the test suite, for some seconds; `make fuzz` runs more."""
 
     def __init__(self, home: Path) -> None: ...
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        """Spoil a good input and load it; None for `index` loads it as it is."""
+        """Damage a valid input and load it; None for `index` loads it unchanged."""
 
 
 class _SettingsFile(ABC):
-    """A YAML file behind a function that reads it."""
+    """A YAML file and the function that reads it."""
 
     in_suite: ClassVar[int] = 100
     files: ClassVar[tuple[Path | str, ...]]
@@ -51,7 +51,7 @@ class _SettingsFile(ABC):
 
     @abstractmethod
     def read(self) -> None:
-        """Have the project read the file."""
+        """Read the file with the project's loader."""
 
 
 SMALL_SITE = """
@@ -70,7 +70,7 @@ starts: [{number: 1, position: [1, 1], heading_deg: 0}, {number: 2, position: [2
 
 
 class SiteTarget(_SettingsFile):
-    """Site files, and what `sites check` does with those that are read."""
+    """Site files, and `sites check` on the readable ones."""
 
     files = (SMALL_SITE,)
 
@@ -92,7 +92,7 @@ class ProfileTarget(_SettingsFile):
 
 
 class ModelSettingsTarget(_SettingsFile):
-    """The files of --model-config and of discrete_move."""
+    """Files of --model-config and settings of discrete_move."""
 
     files = (
         "decision: sampled\ncompass: turns\nturn_deg: 30.0\nas_published: true\nthreads: 2\nprecision: single\n",
@@ -118,7 +118,7 @@ class ModelSettingsTarget(_SettingsFile):
 
 
 class PictureTarget:
-    """Pictures of a record: what a report, a bag and an import decode."""
+    """Images of a record, as a report, a bag and an import decode them."""
 
     in_suite: ClassVar[int] = 200
 
@@ -142,7 +142,7 @@ class PictureTarget:
         from vsnbench.values.encoding.images import decode_picture
 
         content = self.good[0] if index is None else mutations.bytes_of(rng, rng.choice(self.good))
-        if index is not None and rng.random() < 0.2 and len(content) > 24:  # a size that is not the picture's
+        if index is not None and rng.random() < 0.2 and len(content) > 24:  # a size other than the image's
             content = content[:16] + rng.randbytes(8) + content[24:]
         (self.folder / "0001.jpg").write_bytes(content)
         kept = read_confined(self.home, "episodes/000001/rgb/0001.jpg") or b""
@@ -153,7 +153,7 @@ class PictureTarget:
 
 
 class ImageMessageTarget:
-    """Images that a camera's driver sends."""
+    """Images from a camera driver."""
 
     in_suite: ClassVar[int] = 250
 
@@ -174,7 +174,7 @@ class ImageMessageTarget:
         if index is not None:
             for _ in range(rng.choice((1, 1, 2))):
                 field = rng.choice(("height", "width", "encoding", "is_bigendian", "step", "data"))
-                numbers = (0, 1, 2, 7, 9, 255, 65535, 2**31, 2**32 - 1)  # what the message's fields can hold
+                numbers = (0, 1, 2, 7, 9, 255, 65535, 2**31, 2**32 - 1)  # values that the message's fields can have
                 changed: Any = rng.choice(numbers)
                 if field == "encoding":
                     changed = rng.choice(mutations.WORDS)
@@ -185,7 +185,7 @@ class ImageMessageTarget:
 
 
 class DatabaseURLTarget:
-    """What is typed after --db."""
+    """Values of --db."""
 
     in_suite: ClassVar[int] = 250
 
@@ -238,7 +238,7 @@ class HabitatTarget:
 
 
 class UpstreamLogTarget:
-    """`import ros4vsn`: the log and its pictures."""
+    """`import ros4vsn`: the log and its images."""
 
     in_suite: ClassVar[int] = 60
 

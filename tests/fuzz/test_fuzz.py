@@ -1,4 +1,4 @@
-"""A few hundred bad inputs for every loader: each is refused in a line, in time and in little memory, or taken."""
+"""Hundreds of invalid inputs per loader are accepted or refused, in time and memory limits."""
 
 import pytest
 
@@ -15,5 +15,5 @@ def test_nothing_gets_past_a_loader_s_boundary(name: str) -> None:
     assert outcome.findings == []
     assert outcome.inputs == count
     assert len(outcome.ends) > 1 or name == "mask r-cnn", (
-        "some are taken and some refused, or the inputs are not near enough to good ones"
+        "the inputs must be close enough to valid ones that some are accepted and some refused"
     )

@@ -1,4 +1,4 @@
-"""Files of weights: checkpoints spoilt as archives and as what they hold, and ONNX files."""
+"""Weights files: checkpoints with damaged archives or contents, and ONNX files."""
 
 import io
 import json
@@ -19,7 +19,7 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 
 
 class _Checkpoint(ABC):
-    """A PyTorch file; its tensors are spoilt before it is written, or its bytes afterwards."""
+    """A PyTorch file whose tensors are damaged before it is written, or its bytes afterwards."""
 
     in_suite: ClassVar[int] = 80
 
@@ -30,15 +30,15 @@ class _Checkpoint(ABC):
 
     @abstractmethod
     def make(self) -> "dict[str, Any]":
-        """Return good tensors by name."""
+        """Return valid tensors by name."""
 
     @abstractmethod
     def as_file(self, state: Mapping[str, Any]) -> Any:
-        """Return what a file with these tensors holds."""
+        """Return the content of a file with these tensors."""
 
     @abstractmethod
     def read(self) -> None:
-        """Have the project read the file."""
+        """Read the file with the project's loader."""
 
     def written(self, content: Any) -> bytes:
         import torch
@@ -61,7 +61,7 @@ class _Checkpoint(ABC):
             self.read()
 
     def spoilt(self, rng: random.Random) -> Any:
-        """Return what the file holds with one of its parts replaced."""
+        """Return the file's content with one part replaced."""
         import torch
 
         state = dict(self.state)
@@ -92,7 +92,7 @@ class _Checkpoint(ABC):
         return content
 
     def rewritten(self, rng: random.Random) -> bytes:
-        """Return the archive with one of its records changed and its checksums right."""
+        """Return the archive with a changed record and correct checksums."""
         buffer = io.BytesIO()
         chosen = rng.randrange(5)
         with zipfile.ZipFile(io.BytesIO(self.small)) as old, zipfile.ZipFile(buffer, "w") as new:
@@ -169,7 +169,7 @@ class DetectorTarget(_Checkpoint):
 
         with torch.device("meta"):
             shapes = {name: tuple(tensor.shape) for name, tensor in MaskRCNN(len(CLASSES_91)).state_dict().items()}
-        # One number is kept for all of them, so that a file is small; the first check that reads the rest refuses it.
+        # All tensors share one stored number, which keeps the file small; the first check of values refuses it.
         return {name: torch.zeros(shape if np.prod(shape) < 4096 else (1,)) for name, shape in shapes.items()}
 
     def as_file(self, state: Mapping[str, Any]) -> Any:

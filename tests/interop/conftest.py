@@ -1,4 +1,4 @@
-"""The PostgreSQL of the record's own tests."""
+"""PostgreSQL fixtures of the record's tests."""
 
 from tests.results.conftest import postgresql, postgresql_server
 

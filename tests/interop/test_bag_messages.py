@@ -1,4 +1,4 @@
-"""What is in a bag can be read by ROS's own tools, from its definitions alone, and its frames are REP-103's."""
+"""ROS tools can read the messages of a bag from its definitions, and frames follow REP-103."""
 
 import math
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_ros_itself_reads_every_topic_by_the_definitions_in_the_bag(tmp_path: Pa
     assert read["/odom"].pose.pose.position.y == 2.0
     assert read["/camera/color/camera_info"].K[0] == pytest.approx(CAMERA.focal_px)
     assert read["/tf_static"].transforms[0].child_frame_id == "camera_color_optical_frame"
-    # As `rosmsg md5` gives them.
+    # From `rosmsg md5`.
     assert sums["/tf"] == "94810edda583a504dfda3829e70d7eec"
     assert sums["/camera/color/camera_info"] == "c9a58c1b0b154e0e6da7578cb991d214"
     assert sums["/odom"] == "cd5e73d190d741a2f92e81eda573aca7"

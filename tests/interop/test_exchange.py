@@ -1,4 +1,4 @@
-"""What other tools write comes in, what they read goes out, and what comes in twice or broken is refused."""
+"""Imports from and exports to other tools; repeated and damaged imports are refused."""
 
 import csv
 import json
@@ -197,7 +197,7 @@ def test_an_upstream_log_comes_in_unjudged_with_its_pictures(lab: Lab, tmp_path:
     first, second = episodes_of(lab)
     assert (first.id, second.id) == numbers
     assert (first.goal, first.end_reason, first.success, first.counts) == ("chair", "stop", None, False)
-    assert second.end_reason == "aborted"  # it just ends: what happened is for a person to say
+    assert second.end_reason == "aborted"  # the log has no result, so a person judges the episode
     steps = list(episode_steps(lab.engine(), second.id))
     assert [(one.raw_action, one.action) for one in steps] == [
         ("MOVE_FORWARD", "MOVE_FORWARD"),
@@ -206,7 +206,7 @@ def test_an_upstream_log_comes_in_unjudged_with_its_pictures(lab: Lab, tmp_path:
     ]
     kept = sorted((lab.directory / second.images_directory / "rgb").iterdir())
     assert [path.name for path in kept] == ["0001.jpg", "0002.jpg", "0003.jpg"]
-    assert abs(int(cv2.imread(str(kept[0])).mean()) - 3) <= 1  # the fourth picture is the second episode's first
+    assert abs(int(cv2.imread(str(kept[0])).mean()) - 3) <= 1  # the fourth image is the first of the second episode
     (one,) = summarise(read(lab.url, Selection())).conditions
     assert (one.total.episodes, one.total.unjudged) == (0, 2)
     assert math.isnan(one.total.success_rate)
@@ -239,7 +239,7 @@ def test_an_episode_that_is_not_there_is_named(lab: Lab) -> None:
     with pytest.raises(UsageError, match="no ended episode 7"):
         read_episodes(lab.engine(), [7])
     with pytest.raises(UsageError, match="no ended episodes to export"):
-        read_episodes(lab.engine(), models=["nobody"])
+        read_episodes(lab.engine(), models=["unknown"])
 
 
 def imported(lab: Lab, log: Path) -> tuple[int, tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""A merge that is killed with SIGKILL: before, between and after its files are in place and its rows committed."""
+"""A merge killed before, between and after moving its files and committing its rows."""
 
 import os
 import signal
@@ -44,7 +44,7 @@ merge(ResultsDirectory.locate(Path(sys.argv[4]), None, {}), [merge_source(sys.ar
 
 @pytest.fixture(scope="module")
 def two_labs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, object]]:
-    """Two records, and what one says that both are merged into."""
+    """Two records, and the content of their merge."""
     folder = tmp_path_factory.mktemp("labs")
     here, there = lab(folder / "here", plan(), seed=1), lab(folder / "there", plan(), plan(seed=8), seed=2)
     both = copy_of(here, folder / "both")
@@ -97,7 +97,7 @@ def test_a_killed_merge_leaves_the_record_as_it_was_or_done_and_nothing_else(
     assert list(copies.iterdir()) == [], "the killed merge's copy of the other database"
 
 
-def test_a_number_that_a_killed_merge_had_used_is_given_to_an_episode_without_its_files(tmp_path: Path) -> None:
+def test_a_number_of_a_killed_merge_is_reused_without_the_files_of_the_merge(tmp_path: Path) -> None:
     directory = tmp_path / "episodes" / "000004"
     (directory / "rgb").mkdir(parents=True)
     (directory / "rgb" / "0050.jpg").write_bytes(b"another lab's")

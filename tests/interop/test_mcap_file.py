@@ -1,4 +1,4 @@
-"""The files are read with Foxglove's reader and its own ROS 2 decoder, which know nothing of our message store."""
+"""Foxglove's reader and ROS 2 decoder can read exported MCAP files."""
 
 import json
 from pathlib import Path

@@ -32,17 +32,17 @@ GOALS = ("chair", "sofa", "bed", "toilet")
 
 
 DEPTH = np.arange(48, dtype=np.uint16).reshape(6, 8) + 500
-"""Millimetres; what every step of these records measured."""
+"""Depth in millimetres in each step of these records."""
 
 
 def image(uuid: str, number: int) -> bytes:
-    """A JPEG whose pixels depend on the episode and the step."""
+    """Return a JPEG whose pixels depend on the episode and the step."""
     chance = np.random.default_rng(list(f"{uuid} {number}".encode()))
     return encode_jpeg(chance.integers(0, 256, (6, 8, 3), np.uint8))
 
 
 def draw(results: Path) -> None:
-    """Give every episode of a record the files that it names, and its steps the digests of depth and colour files."""
+    """Write the image files of all episodes of a record, and their digests in the steps."""
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         for episode in list_episodes(journal.engine, EpisodeFilter()):
             draw_episode(results / episode.images_directory, episode.uuid, episode.actions)
@@ -75,7 +75,7 @@ def set_depth_digests(journal: Journal) -> None:
 
 
 def lab(results: Path, *plans: CampaignPlan, seed: int = 1) -> Path:
-    """A record with an episode or two for most trials of some campaigns, and their files."""
+    """Make a record with one or two episodes, and their files, for most trials of some campaigns."""
     chance = random.Random(seed)
     results.mkdir()
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
@@ -109,7 +109,7 @@ def copy_of(results: Path, there: Path) -> Path:
 
 
 def split(results: Path, into: Path, parts: int, seed: int) -> list[Path]:
-    """Deal the episodes of a record out at random, each with its files, numbers as they are."""
+    """Distribute the episodes of a record at random, with their files and numbers."""
     chance = random.Random(seed)
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
         episodes = [row[0] for row in database.execute("SELECT id FROM episode ORDER BY id")]
@@ -130,7 +130,7 @@ def split(results: Path, into: Path, parts: int, seed: int) -> list[Path]:
 
 
 def content(results: Path) -> dict[str, Any]:
-    """What a record says, by what does not depend on its numbers, its files included."""
+    """Return a record's content, with its files, independent of its row numbers."""
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         found = {}
         for episode in list_episodes(journal.engine, EpisodeFilter()):
@@ -174,7 +174,7 @@ def test_a_record_that_was_split_in_five_is_whole_again_with_an_equal_report(
     assert report(tmp_path / "again") == report(whole)
     assert len(merged.plan.new_episodes) == len(content(whole)["episodes"])
     assert [everything(part) for part in parts] == before
-    of_a_reader = {"vsnbench.db-wal", "vsnbench.db-shm"}  # SQLite's own, while somebody has the record open
+    of_a_reader = {"vsnbench.db-wal", "vsnbench.db-shm"}  # SQLite's files while a reader has the record open
     assert {path.name for path in (tmp_path / "again").iterdir()} - of_a_reader == {"episodes", "vsnbench.db"}
     assert not list((tmp_path / "again").rglob(".arriv*"))
 
@@ -200,7 +200,7 @@ def dumped(results: Path) -> list[str]:
         return [line for line in database.iterdump() if 'INTO "process"' not in line and "sqlite_sequence" not in line]
 
 
-def test_two_records_of_one_condition_become_one_campaign_and_the_first_result_of_a_trial_counts(
+def test_two_records_of_a_condition_become_one_campaign_and_first_results_count(
     tmp_path: Path,
 ) -> None:
     monday, tuesday = lab(tmp_path / "monday", plan(), seed=1), lab(tmp_path / "tuesday", plan(), seed=2)
@@ -365,13 +365,13 @@ def test_a_record_of_the_oldest_schema_is_upgraded_on_a_copy(tmp_path: Path) -> 
 
 
 def as_of_0004(results: Path) -> Path:
-    """Make a record what the schema before digests would have kept of it."""
+    """Reduce a record to the content of the schema before digests."""
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
         for image in ("rgb", "depth"):
             database.execute(f"UPDATE step SET {image}_digest = replace({image}_digest, 'blake3:', '')")
             database.execute(f"ALTER TABLE step RENAME COLUMN {image}_digest TO {image}_sha256")
         database.execute("UPDATE step SET depth_sha256 = ?", (hashlib.sha256(DEPTH.tobytes()).hexdigest(),))
-        database.execute("UPDATE process SET start_ticks = 1")  # it has ended
+        database.execute("UPDATE process SET start_ticks = 1")  # the process has ended
         for added_since in ("TABLE study_event", "TABLE released_claim"):
             database.execute(f"DROP {added_since}")
         database.execute("ALTER TABLE study DROP COLUMN log_heads")
@@ -389,7 +389,7 @@ def digests(results: Path) -> set[str]:
         return {row[0] for row in database.execute("SELECT rgb_digest FROM step")}
 
 
-def test_a_record_and_its_copy_of_before_the_upgrade_are_the_same_and_so_is_the_report(
+def test_a_record_and_its_copy_before_the_upgrade_merge_with_the_same_report(
     tmp_path: Path, two_campaigns: Path
 ) -> None:
     old = as_of_0004(copy_of(two_campaigns, tmp_path / "old"))

@@ -1,4 +1,4 @@
-"""A merge takes intact image sets only, names what is damaged, and repairs what an intact copy has."""
+"""A merge accepts only intact image sets, reports damaged ones, and repairs them from copies."""
 
 import json
 import os
@@ -25,7 +25,7 @@ def intact(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def episode_directory(results: Path) -> Path:
-    """The first episode's, which has three steps."""
+    """Files of the first episode, which has three steps."""
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
         (named,) = database.execute("SELECT images_directory FROM episode WHERE actions = 3 LIMIT 1").fetchone()
     return results / named

@@ -1,4 +1,4 @@
-"""ROS's maps, as map_server writes them."""
+"""ROS maps in the format of map_server."""
 
 import math
 from pathlib import Path

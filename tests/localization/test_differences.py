@@ -1,4 +1,4 @@
-"""What is said to differ from the plan: what is gone, not what is hidden or a hand's breadth off."""
+"""Reported differences from the plan: removed objects, not occluded or slightly displaced ones."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ APARTMENT = load_site("apartment")
 CAMERA = load_profile("turtlebot2").camera
 START = APARTMENT.start(9)
 CHAIR = "office-chair"
-"""Stands before the robot there."""
+"""Object in front of the robot at that start."""
 
 
 def measured(room: Site) -> MeasuredPlacement:

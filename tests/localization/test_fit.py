@@ -1,4 +1,4 @@
-"""The fit's derivatives are those of its residuals, for the pose and for all that the camera may err by."""
+"""The fit's derivatives match its residuals, for the pose and all camera errors."""
 
 import numpy as np
 import pytest

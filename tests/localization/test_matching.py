@@ -1,4 +1,4 @@
-"""A placing measured from depth images: as precise as it says, never green by mistake, honest where it cannot tell."""
+"""Placements from depth images: correct uncertainty, no false green, undetermined if ambiguous."""
 
 import math
 
@@ -42,7 +42,7 @@ def test_an_offset_is_measured_in_a_room_that_is_not_quite_as_surveyed() -> None
     assert covered >= 5
 
 
-def test_a_bare_wall_leaves_left_and_right_undetermined_and_a_turn_on_the_spot_settles_it() -> None:
+def test_a_bare_wall_does_not_determine_left_and_right_but_a_turn_does() -> None:
     trial, eye = trial_at(FACING_A_BARE_WALL, seed=3, most_m=0.10, most_deg=3.0)
     look = MATCHER.measure(trial.start, [eye.look(trial.pose)])
     assert look.undetermined == ("left-right",)
@@ -104,7 +104,7 @@ def test_what_was_moved_does_not_draw_the_pose_to_where_it_would_fit() -> None:
     trial = draw_trial(APARTMENT, APARTMENT.start(7), rng)
     eye = NoisyEye(trial.room, CAMERA, trial.depth_scale, rng)
     got = MATCHER.measure(trial.start, [eye.look(trial.pose)])
-    assert {"cabinet-1", "chair-3"} == set(trial.moved), "both fill the view"
+    assert {"cabinet-1", "chair-3"} == set(trial.moved), "both fill the image"
     assert not got.determined or got.region_holds(trial.pose)
 
 
@@ -112,12 +112,12 @@ def test_a_fit_that_hinges_on_the_edge_of_what_was_moved_is_not_sure_along_the_w
     rng = np.random.default_rng([12, 60])
     trial = draw_trial(APARTMENT, APARTMENT.start(2), rng)
     got = MATCHER.measure(trial.start, [NoisyEye(trial.room, CAMERA, trial.depth_scale, rng).look(trial.pose)])
-    assert "wardrobe-1" in trial.moved, "a corner's breadth of it is all that is seen beside one wall"
+    assert "wardrobe-1" in trial.moved, "only a corner of it is visible next to a wall"
     assert not got.determined
     assert got.region_holds(trial.pose)
 
 
-def test_a_site_that_was_surveyed_coarsely_says_so_and_is_measured_with_as_much_doubt() -> None:
+def test_a_coarse_survey_increases_the_uncertainty_of_the_placement() -> None:
     rng = np.random.default_rng(8)
     start = APARTMENT.start(12)
     coarse = APARTMENT.model_copy(update={"survey_error_m": 0.03})
@@ -135,7 +135,7 @@ def test_what_fits_farther_off_than_robots_are_looked_for_is_not_where_it_stands
     look = NoisyEye(trial.room, CAMERA, trial.depth_scale, rng).look(trial.pose)
     got = PlacementMatcher(site, CAMERA).measure(trial.start, [look])
     assert not got.determined or got.region_holds(trial.pose)
-    assert not got.fits or math.hypot(*got.offset.position) < 0.60, "a cupboard's front of the same kind is 1 m aside"
+    assert not got.fits or math.hypot(*got.offset.position) < 0.60, "an identical cupboard front is 1 m to the side"
 
 
 @pytest.mark.slow

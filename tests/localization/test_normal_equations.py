@@ -1,4 +1,4 @@
-"""What is left of a pose's covariance: survey errors count, and whether an object was moved as far as is likely."""
+"""The covariance of a pose includes survey errors and probably moved objects."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ SURVEYED_M, MOVED, MOVED_M = 0.02, 0.1, 0.5
 
 
 def equations(chair_off_m: float, wall_ahead: bool = True) -> NormalEquations:
-    """A chair, of which a front and a side are seen, and a wall ahead, where the fit has ended: x ahead, y to the left.
+    """A chair with visible front and side, and a wall ahead, after the fit: x ahead, y to the left.
 
-    Only the chair says where to the left the robot stands; how far ahead it is, chair and wall both say.
+    Only the chair constrains y; chair and wall both constrain x.
     """
     ahead, aside = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
     kinds = [(CHAIR, ahead, [-1.0, 0.0], chair_off_m), (CHAIR, aside, [0.0, -1.0], 0.0)]
@@ -44,12 +44,12 @@ def test_no_number_of_pixels_makes_a_pose_surer_than_the_survey_of_what_they_sho
     assert aside_m > SURVEYED_M
 
 
-def test_a_chair_that_stands_right_as_far_as_the_wall_can_tell_was_hardly_moved_to_the_side() -> None:
+def test_a_chair_that_agrees_with_the_wall_was_hardly_moved_sideways() -> None:
     _, aside_m = spread_m(equations(0.0))
     assert aside_m < 0.06
 
 
-def test_what_hinges_on_a_chair_that_stands_off_where_the_wall_can_tell_is_not_determined() -> None:
+def test_a_direction_that_only_a_moved_chair_constrains_is_not_determined() -> None:
     _, right_m = spread_m(equations(0.02))
     _, off_m = spread_m(equations(0.15))
     assert off_m > 0.10 > right_m

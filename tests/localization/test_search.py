@@ -1,4 +1,4 @@
-"""Where else a robot may stand: along a bare wall anywhere, in a corner nowhere."""
+"""Alternative poses: any along a bare wall, none in a corner."""
 
 import math
 
@@ -17,19 +17,19 @@ CAMERA = load_profile("turtlebot2").camera
 FACING_A_BARE_WALL, FACING_A_CORNER = Pose(7.6, 5.9, math.pi), APARTMENT.start(12).pose
 
 
-def beside(pose: Pose) -> tuple[Candidate, ...]:
+def alternatives(pose: Pose) -> tuple[Candidate, ...]:
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(pose)
     sighting = Sighting(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)])
     return along_surfaces(sighting, Candidate(pose, 0.0), 1.0)
 
 
 def test_along_a_bare_wall_another_place_fits_as_well() -> None:
-    along = [one for one in beside(FACING_A_BARE_WALL) if abs(one.pose.x_m - FACING_A_BARE_WALL.x_m) < 1e-9]
+    along = [item for item in alternatives(FACING_A_BARE_WALL) if abs(item.pose.x_m - FACING_A_BARE_WALL.x_m) < 1e-9]
     assert len(along) == 4
     assert min(one.misfit for one in along) < 0.01
 
 
 def test_in_a_corner_no_other_place_along_its_walls_does() -> None:
-    tried = beside(FACING_A_CORNER)
+    tried = alternatives(FACING_A_CORNER)
     assert len(tried) == 8, "two walls, two distances to each side"
     assert min(one.misfit for one in tried) > 0.05

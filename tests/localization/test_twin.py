@@ -1,4 +1,4 @@
-"""What errs alike: an object, and a wall with both its sides, its skirting and its door frames."""
+"""Survey errors are shared by an object's faces, and by a wall, its skirting and door frames."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def test_the_floor_and_nothing_else_is_the_floor() -> None:
 
 
 def _face(axis: int, at_m: float) -> int:
-    """Return the largest face of the building on a plane square to an axis."""
+    """Return the largest face of the building on a plane perpendicular to an axis."""
     corners = TWIN.drawer.mesh.corners
     there = (np.abs(TWIN.normals[:, axis]) > 0.99) & (TWIN.object_of == 0)
     there &= np.abs(corners[:, 0, axis] - at_m) < 0.03

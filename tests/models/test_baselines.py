@@ -1,4 +1,4 @@
-"""The two models that look for nothing: `random` and `forward`."""
+"""The baselines without search: `random` and `forward`."""
 
 from collections import Counter
 
@@ -54,7 +54,7 @@ def test_forward_turns_to_one_side_until_the_depth_image_is_free() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_forward_turns_when_its_move_did_not_move(seed: int) -> None:
-    """What the depth image does not show, odometry does: the robot stood still."""
+    """Odometry shows that the robot did not move, although the depth image does not."""
     policy = ForwardUntilBlocked()
     policy.reset("chair", seed)
     assert policy.act(look(depth_m=3.0)).action is Action.MOVE_FORWARD

@@ -1,4 +1,4 @@
-"""What `models check` finds in policies that break the contract, each in a way that people do."""
+"""`models check` finds common violations of the policy contract."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What tells two models of one's own apart: handed files and code, by content; built-in ones say it themselves."""
+"""Identity of a user's model: content of its files and code; built-in models declare theirs."""
 
 import importlib
 import sys

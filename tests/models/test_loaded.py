@@ -1,4 +1,4 @@
-"""What a model may do is decided when it is loaded; one that takes too long for an action is lost."""
+"""A model's permissions are fixed when it is loaded; a model that exceeds its time is lost."""
 
 import signal
 import threading
@@ -61,7 +61,7 @@ def test_a_model_that_is_closed_was_closed_itself() -> None:
 
 
 class Growing(Policy):
-    """Gives itself the survey and all sensors after it has been loaded."""
+    """Sets the survey and all sensors in its card after it has been loaded."""
 
     def __init__(self) -> None:
         self.card = ModelCard("growing", sensors=frozenset({Sensor.RGB}))
@@ -84,7 +84,7 @@ def test_what_a_model_is_handed_is_decided_when_it_is_loaded() -> None:
 
 
 class Pretending(Growing):
-    """Raises what only a model in another process may raise."""
+    """Raises an error that only a remote model may raise."""
 
     def act(self, observation: Any) -> Decision:
         raise ModelLostError("\x1b[31m" + 1_000_000 * "x")

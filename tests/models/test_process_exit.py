@@ -1,4 +1,4 @@
-"""Model code cannot end the process that it runs in; what it forks can end."""
+"""Model code cannot end its own process, but its forked processes can end."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Policies are created by name, by entry point and by path; others are refused in one line."""
+"""Policies are created by name, entry point and path; others are refused in one line."""
 
 import sys
 import types
@@ -18,7 +18,7 @@ from vsnbench.values.decision import Decision
 
 
 class Statue(Policy):
-    """A whole policy, as a third party would write it."""
+    """A complete third-party policy."""
 
     def __init__(self, patience: int = 1) -> None:
         if patience < 0:

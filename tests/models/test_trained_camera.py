@@ -1,4 +1,4 @@
-"""The camera that a model was trained with against the cameras of robots: differences, and the crop."""
+"""A model's training camera compared with robots' cameras: differences and crop."""
 
 import math
 
@@ -39,7 +39,7 @@ def stated_camera(model: str) -> TrainedCamera:
 
 @pytest.mark.parametrize("model", TRAINED)
 @pytest.mark.parametrize("robot", embedded_profiles())
-def test_differences_of_the_published_models_to_the_embedded_robots_are_the_true_ones(model: str, robot: str) -> None:
+def test_differences_between_published_models_and_embedded_robots_are_correct(model: str, robot: str) -> None:
     trained, camera = TRAINED[model], load_profile(robot).camera
     expected = {
         "mount_height_m": camera.mount_height_m - trained["mount_height_m"],

@@ -1,4 +1,4 @@
-"""The way on which a person wheels the robot to its mark: short, and through no wall."""
+"""The path on which a person moves the robot to its mark is short and crosses no wall."""
 
 import math
 

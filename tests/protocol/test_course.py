@@ -1,4 +1,4 @@
-"""Stages, sight and clearance of a course in two rooms whose measures are worked out by hand."""
+"""Stages, visibility and clearance of a course in two rooms, against hand-computed values."""
 
 import math
 
@@ -40,7 +40,7 @@ def test_the_furthest_stage_at_any_pose_counts(poses: tuple[Pose, ...], succeede
     assert approach(*poses).stage(succeeded) is stage
 
 
-def test_the_stage_of_a_robot_whose_camera_is_unknown_is_unknown_until_it_came_nearer() -> None:
+def test_with_an_unknown_camera_the_stage_is_unknown_until_the_robot_approaches() -> None:
     blind = ground(field_of_view_deg=None)
     assert approach(TOWARDS, of=blind).stage(succeeded=False) is None
     assert approach(AWAY, HALF, of=blind).stage(succeeded=False) is Stage.APPROACHED
@@ -64,7 +64,7 @@ def test_the_way_left_and_being_there_are_those_of_the_judge() -> None:
 
 
 def test_clearance_is_measured_from_the_edge_of_the_base_along_the_whole_path() -> None:
-    """The outer wall's face is at y = 0.05, and the way between the two poses runs 0.6 m and 0.35 m from it."""
+    """The outer wall's face is at y = 0.05; the two poses are 0.6 m and 0.35 m from it."""
     found = ground().clearance([Pose(1, 0.65), Pose(3, 0.65), Pose(3, 0.4)])
     assert found is not None
     assert found.minimum_m == pytest.approx(0.4 - 0.05 - RADIUS_M)

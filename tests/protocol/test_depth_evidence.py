@@ -1,4 +1,4 @@
-"""The pixels that must show the way ahead: where they are, and what their depth proves."""
+"""The pixels that must show the path ahead, and the free distance that they prove."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def image_of(depth_m: float, camera: Camera = LEVEL) -> np.ndarray:
 
 
 def in_rows(camera: Camera) -> np.ndarray:
-    """Share of the columns that are evidence, by row."""
+    """Share of columns that are evidence, by row."""
     where = evidence_pixels(camera, camera.width, camera.height, RADIUS_M, GUARD)
     share = np.zeros(camera.height)
     share[where.first_row : where.first_row + where.cells.shape[0]] = (where.cells >= 0).mean(axis=1)

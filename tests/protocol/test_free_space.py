@@ -1,4 +1,4 @@
-"""Where a robot can stand, and how far it is from there to a goal."""
+"""Free space of a robot, and its path lengths to a goal."""
 
 import functools
 import math
@@ -68,7 +68,7 @@ def test_no_path_leads_through_a_door_narrower_than_the_robot() -> None:
 
 
 def test_the_way_around_a_corner_is_the_two_sides_of_it() -> None:
-    """With the door in a corner, the way is a straight line to the door's edge and another one from there."""
+    """With the door in a corner, the path is a straight line to the door's edge and another from there."""
     space = free_space(two_rooms(Door(name="door", start=(4, 3.0), end=(4, 3.9))), RADIUS_M)
     start, reach = Pose(3.0, 0.5), 7.1 - 1.0
     before, after = (4 - 0.05, 3.0 + RADIUS_M), (4 + 0.05, 3.0 + RADIUS_M)
@@ -127,7 +127,7 @@ def test_no_way_is_shorter_than_the_straight_line(position: tuple[float, float],
     assume(space.clearance_at_m(*position) >= RADIUS_M)
     nearest = min(thing.shape.distance(shapely.Point(position)) for thing in space.site.instances(goal))
     length = space.geodesic_to_goal_m(Pose(*position), goal)
-    assume(math.isfinite(length))  # beside the wardrobe is a pocket that a robot can stand in but not drive to
+    assume(math.isfinite(length))  # next to the wardrobe is a free area that a robot cannot reach
     assert length >= max(0.0, nearest - 1.0) - RESOLUTION_M
 
 

@@ -1,4 +1,4 @@
-"""How far a goal is and from where STOP succeeds at it: to the footprint of the nearest instance, in sight."""
+"""Distance to a goal's nearest visible footprint, and the region where STOP succeeds."""
 
 import math
 from itertools import pairwise
@@ -80,7 +80,7 @@ def test_a_goal_that_the_site_lacks_has_no_distance() -> None:
 
 
 PLANT = SiteObject(id="plant-1", category="plant", position=(4.45, 2.0), size_m=(0.5, 0.5, 1.0))
-"""Its near side is 0.15 m behind the face of the wall between the rooms."""
+"""The goal's near side is 0.15 m behind the face of the wall between the rooms."""
 
 
 def two_rooms(*doors: Door, objects: tuple[SiteObject, ...] = (PLANT,)) -> Site:
@@ -126,7 +126,7 @@ def test_furniture_does_not_hide_a_goal() -> None:
 
 
 def test_a_goal_half_hidden_is_as_far_as_its_nearest_point_in_sight() -> None:
-    """Through a door beside it: the line to what one sees of the plant grazes the jamb."""
+    """Through a door next to it, the line to the visible part of the plant touches the jamb."""
     door = Door(name="door", start=(4, 2.5), end=(4, 3.4))
     here = (3.7, 3.0)
     measured = distance_to_goal(two_rooms(door), "plant", standing_at(*here), PAPER)
@@ -152,7 +152,7 @@ def test_nobody_looks_through_a_crack_of_the_survey() -> None:
 
 
 def test_the_shortest_way_leads_to_where_the_goal_is_in_sight() -> None:
-    """Beside the wall STOP succeeded at once; in sight, the way leads through the door."""
+    """Without visibility, STOP succeeds behind the wall; with it, the path goes through the door."""
     site = two_rooms(Door(name="door", start=(4, 3.0), end=(4, 3.9)))
     space, start = free_space(site, 0.177), Pose(3.6, 1.2)
     assert space.geodesic_to_goal_m(start, "plant", THROUGH_WALLS) == 0.0

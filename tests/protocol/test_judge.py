@@ -1,4 +1,4 @@
-"""Every ruling of the protocol about how an episode ends and whether it succeeds."""
+"""All rules of the protocol about the end and the success of an episode."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""SR, SPL, SoftSPL and path length against hand-worked values and their invariants."""
+"""SR, SPL, SoftSPL and path length, against hand-computed values and invariants."""
 
 import math
 

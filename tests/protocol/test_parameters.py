@@ -1,4 +1,4 @@
-"""The protocol's numbers, and by which version of its rules a record was judged."""
+"""The protocol's parameters, and the version of the rules in a record."""
 
 import pytest
 from pydantic import ValidationError

@@ -1,4 +1,4 @@
-"""Writes small records through the journal, as a run would, for the tests of what reads them."""
+"""Writes small records through the journal, as a run does, for tests of readers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ MORNING = datetime(2026, 3, 2, 9, 0, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class Attempt:
-    """One episode to write."""
+    """An episode to write."""
 
     goal: str = "chair"
     start: int = 1
@@ -47,22 +47,22 @@ class Attempt:
     steps: Sequence[StepRecord] = ()
     judged: bool = True
     proposed: bool = False
-    """Its verdict is the protocol's and awaits a person's word."""
+    """Whether the protocol's verdict awaits a person's judgement."""
     final: Pose | None = None
     begins: Pose = field(default_factory=lambda: Pose(1.0, 1.0))
     operator: str = ""
-    """Who stood beside the robot."""
+    """Name of the operator."""
 
 
 @cache
 def apartment() -> Site:
-    """Return the embedded apartment, read once for all records."""
+    """Return the embedded apartment, cached for all records."""
     return load_site("apartment")
 
 
 @dataclass(frozen=True)
 class Lab:
-    """A record in a directory, and what stays the same in its campaigns."""
+    """A record in a directory, and the common settings of its campaigns."""
 
     directory: Path
     site: Site = field(default_factory=apartment)
@@ -72,7 +72,7 @@ class Lab:
         return sqlite_url(self.directory / "vsnbench.db")
 
     def engine(self) -> Engine:
-        """Return one on the record, for reading."""
+        """Return an engine on the record, for reading."""
         return open_engine(self.url, read_only=True)
 
     def journal(self) -> Journal:
@@ -93,7 +93,7 @@ class Lab:
         settings: Mapping[str, Any] | None = None,
         conditions: Mapping[str, Any] | None = None,
     ) -> list[int]:
-        """Write a campaign of these attempts, in their order, and return the episodes' numbers."""
+        """Write a campaign with attempts in order, and return their episode numbers."""
         planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
         plan = CampaignPlan(
             site=self.site,
@@ -116,7 +116,7 @@ class Lab:
 
 def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetime) -> int:
     handle = journal.claim_next(trial.campaign_id, [trial.id])
-    assert handle is not None, "an episode of this trial counts already"
+    assert handle is not None, "this trial already has a result"
     if attempt.operator:
         journal.set_operator(handle.id, attempt.operator)
     journal.place(handle.id, Fix(attempt.begins, PoseSource.SIMULATED))
@@ -146,12 +146,12 @@ def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetim
 
 
 def void(goal: str = "chair", start: int = 1, reason: EndReason = EndReason.MOTION_FAILED) -> Attempt:
-    """An attempt that is no result."""
+    """Return an attempt without a result."""
     return Attempt(goal=goal, start=start, success=None, end_reason=reason, distance_m=None)
 
 
 def step(number: int, action: Action, raw_action: str = "", *, x_m: float = 0.0, blocked: bool = False) -> StepRecord:
-    """A step that ends at (x, 1) in the site."""
+    """Return a step that ends at (x, 1) in the site."""
     return StepRecord(
         number=number,
         action=action,

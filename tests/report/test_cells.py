@@ -1,4 +1,4 @@
-"""Cells are counted once, in arrays; here episode by episode, to the same end."""
+"""Cell counts in arrays equal counts episode by episode."""
 
 import numpy as np
 from hypothesis import given

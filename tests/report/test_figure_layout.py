@@ -1,4 +1,4 @@
-"""Every figure holds all that is drawn in it, and no words lie over others, however long the names."""
+"""Figures have no clipped elements and no overlapping texts, even with long names."""
 
 import itertools
 import random
@@ -27,7 +27,7 @@ _ALLOWED_PX = 1.0
 
 @dataclass(frozen=True)
 class Words:
-    """Where words were drawn, pixels from the lower left."""
+    """Position of a drawn text, pixels from the lower left."""
 
     text: str
     left: float
@@ -42,7 +42,7 @@ class Words:
 
 
 def words_drawn(figure: Figure) -> list[Words]:
-    """Return what is really drawn: matplotlib keeps texts of ticks that no axes show."""
+    """Return the texts that are drawn; matplotlib also keeps texts of invisible ticks."""
     drawn: list[Text] = []
     draw = Text.draw
 
@@ -58,7 +58,7 @@ def words_drawn(figure: Figure) -> list[Words]:
 
 
 def faults(drawing: Drawing) -> Iterator[str]:
-    """Yield what is cut off by the edge of a figure, and what lies over other words."""
+    """Yield texts that are clipped by the figure or overlap other texts."""
     figure = drawing.figure
     assert figure is not None
     with styled():

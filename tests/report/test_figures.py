@@ -1,4 +1,4 @@
-"""The figures: drawn from what counts, the same twice, with names as they are and rare actions readable."""
+"""Figures: drawn from counted episodes, reproducible, with exact names and readable rare actions."""
 
 import io
 import re
@@ -35,7 +35,7 @@ def drawn(lab: Lab) -> tuple[Report, dict[str, Drawing]]:
 
 
 def texts(drawing: Drawing) -> list[str]:
-    """The texts of a figure: matplotlib leaves each as a comment beside its outlines."""
+    """Return the texts of a figure; matplotlib writes each as a comment next to its outlines."""
     return COMMENT.findall(drawing.svg().decode())
 
 
@@ -136,13 +136,13 @@ def test_a_campaign_without_results_still_draws(lab: Lab) -> None:
 def test_figures_drawn_in_two_processes_are_the_same_and_complete(lab: Lab) -> None:
     for model in ("vlv", "oracle", "random", "pirlnav", "a", "b", "c"):
         lab.write([Attempt(steps=[step(1, Action.STOP)]), Attempt(start=2, success=False)], model=model)
-    report, beside = build_and_draw(lab.url, Selection())
+    report, in_process = build_and_draw(lab.url, Selection())
     here = list(drawings(report, lab.url))
-    assert [drawing.name for drawing in beside] == [drawing.name for drawing in here]
+    assert [drawing.name for drawing in in_process] == [drawing.name for drawing in here]
     assert [drawing.name for drawing in here][:3] == ["success-by-goal", "success-by-cell", "success-by-cell-2"]
     assert sum(drawing.name.startswith("trajectories") for drawing in here) == 7 < MAX_TRAJECTORIES
-    for one, other in zip(beside, here, strict=True):
-        assert one.figure is None, "nothing is left to be drawn"
+    for one, other in zip(in_process, here, strict=True):
+        assert one.figure is None, "no figure remains to be drawn"
         assert (one.svg(), one.pdf(), one.png()) == (other.svg(), other.pdf(), other.png())
         assert one.width_in == other.width_in > 0
 

@@ -1,4 +1,4 @@
-"""The forms: the numbers scripts rely on, text from the record as text everywhere, and room for narrow terminals."""
+"""Output formats: numbers for scripts, escaped texts of the record, and narrow terminals."""
 
 import csv
 import io
@@ -190,8 +190,8 @@ def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
     assert tables.split(r"\label{tab:overview}")[0].rsplit(r"\begin{", 1)[1].startswith("table}"), "it fits a column"
 
 
-# LaTeX is larger than all else that the tests need, and no part of their set-up: where it is absent, the tests above
-# still hold the document's structure, and only that a compiler takes it goes unseen.
+# LaTeX is large and not part of the test set-up. Without it, the tests above check the document's structure, but not
+# that it compiles.
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
 def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> None:
     (tmp_path / "report.tex").write_text(document(reference_tables()), encoding="utf-8")
@@ -216,7 +216,7 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
     assert max(map(len, out.getvalue().splitlines())) <= width
     table = build(lab.url, Selection(), activity=False).tables()[0]
     for column in table.columns:
-        assert column.heading in out.getvalue(), "what has no room goes into a block below"
+        assert column.heading in out.getvalue(), "columns that do not fit move to a block below"
     assert (out.getvalue().count(" chair ") > 1) == (width < 150)
 
 

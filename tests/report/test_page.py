@@ -1,4 +1,4 @@
-"""The page in a real browser: no network, no complaint on the console, sorted by a click, readable on a phone."""
+"""The report page in a browser: no network, no console errors, sortable, readable on a phone."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -74,7 +74,7 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
         browser.goto(page.as_uri())
         assert ask(browser, "window.complaints") == []
         assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
-        # A name is text: no element came of it, and the title is ours.
+        # Names are text: they add no element and do not change the title.
         assert ask(browser, "document.querySelectorAll('img[src=x]').length") == 0
         assert ask(browser, "document.title") == "vsnbench report"
         assert ask(browser, "[...document.images].every(i => i.alt && (i.complete ? i.naturalWidth > 0 : true))")
@@ -97,7 +97,7 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
         assert ask(browser, "document.querySelectorAll('img.strip').length") == 3
         assert "vsnbench view 1" in str(ask(browser, "document.querySelector('#episodes code').textContent"))
 
-        # Pictures open below their episode, stay with it when sorted, and are no match of their own.
+        # Images open below their episode, move with it when sorted, and do not match searches themselves.
         ask(browser, "(filter.value = '', filter.dispatchEvent(new Event('input')), 0)")
         browser.click("#episodes > details > summary")
         width = ask(browser, "document.getElementById('episode-table').offsetWidth")
@@ -124,11 +124,11 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
             e.getBoundingClientRect().right > 391).map(e => e.tagName + '.' + e.className)"
         assert ask(browser, wide) == []
         assert ask(browser, "document.documentElement.scrollWidth") == 390
-        # What goes on beyond the edge says so, and every picture is there without having been scrolled to.
+        # Content beyond the edge is marked, and all images load without scrolling.
         cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 2 && \
             !(e.classList.contains('more') && e.nextElementSibling.checkVisibility()))"
         browser.wait_for_selector("#figure-success-map, .scroll.more")
-        # Measured once the pictures are laid out, and again when they change the widths.
+        # Measured after the layout of the images, and again when they change the widths.
         wait_until(lambda: ask(browser, f"{cut}.filter(e => e.checkVisibility()).length") == 0, "what is cut says so")
         assert ask(browser, "document.querySelectorAll('.scroll.more').length > 0")
         assert ask(browser, "[...document.querySelectorAll('#figures img')].every(i => i.loading !== 'lazy')")
@@ -138,9 +138,9 @@ def test_nothing_but_tables_scrolls_sideways_on_a_phone(page: Path) -> None:
         ask(browser, "document.querySelectorAll('details').forEach(each => { each.open = true })")
         assert ask(browser, wide) == []
         broken = "[...document.querySelectorAll('#goals-1 tbody th')].filter(c => c.offsetWidth < 40).length"
-        assert ask(browser, broken) == 0  # no name is set one letter a line
+        assert ask(browser, broken) == 0  # no name wraps after each letter
         torn = "[...document.querySelectorAll('.number')].filter(c => c.querySelector('wbr')).length"
-        assert ask(browser, torn) == 0  # a break is offered within names alone: 81/90 stays whole
+        assert ask(browser, torn) == 0  # only names may wrap: 81/90 is not broken
 
 
 @pytest.fixture(scope="module")
@@ -171,10 +171,10 @@ def test_the_page_is_led_by_its_question_and_folds_what_is_long(large_page: Path
         assert ask(browser, titles.format("peers")) == ["vlv", "pirlnav", "random", LOUD]
         assert ask(browser, titles.format("few")) == ["once"]
         assert ask(browser, titles.format("bounds")) == ["oracle"]
-        # A card leads to its tables, which open.
+        # A click on a card opens its tables.
         assert ask(browser, "document.querySelector('#goals-2').checkVisibility()") is False
         browser.click("a[href='#condition-2']")
-        browser.locator("#goals-2").wait_for()  # visible; a function of ours is kept out by the page's policy
+        browser.locator("#goals-2").wait_for()  # visible; the page's policy blocks injected functions
 
 
 def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_strip_has_five_frames_and_never_leaves_the_results(tmp_path: Path) ->
     (directory / "0006.jpg").write_bytes(b"cut off")
     strip = frame_strip(tmp_path / "results", "episodes/000001")
     assert strip is not None
-    assert strip.frames == 4  # the middle one cannot be read
+    assert strip.frames == 4  # the middle image is unreadable
     picture = cv2.imdecode(np.frombuffer(strip.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape[:2] == (132, 4 * 176 + 3 * 4)
     assert frame_strip(tmp_path / "results" / "episodes", "../episodes/000001") is not None
@@ -204,6 +204,6 @@ def test_everybody_can_read_the_page_and_sort_it_by_keyboard(page: Path) -> None
         heading = browser.locator("#episode-table th").nth(7)
         assert heading.get_attribute("aria-sort") == "ascending"
         assert heading.locator("button").evaluate("button => getComputedStyle(button).outlineStyle") != "none"
-        # A table's rows are alike, and every cell on the page is measured: two of them say as much as all.
+        # The rows of a table are similar, so measuring the cells of two rows is enough.
         browser.evaluate("document.querySelectorAll('tbody tr:nth-child(n+3), .strip').forEach(each => each.remove())")
         assert accessibility_findings(browser) == []

@@ -1,4 +1,4 @@
-"""A real PostgreSQL on loopback, started once and stopped at the end."""
+"""A PostgreSQL server on loopback, shared by all tests of a session."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,7 +29,7 @@ def postgresql(postgresql_server: str) -> str:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def url(request: pytest.FixtureRequest) -> str:
-    """Every database that the record can live in."""
+    """URL of an empty record in each supported database."""
     found = request.getfixturevalue(request.param)
     assert isinstance(found, str)
     return found

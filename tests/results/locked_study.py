@@ -1,4 +1,4 @@
-"""A study that was drawn from a real plan, locked in a record, and partly run; no model is loaded."""
+"""A study from a plan, locked in a record and partly run, without loading models."""
 
 from dataclasses import replace
 
@@ -37,13 +37,18 @@ def lock_drawn(journal: Journal, text: str = "", schedule: Schedule | None = Non
                 base,
                 model=replace(base.model, name=name),
                 trials=[
-                    PlannedTrial(one.goal, one.start, one.repetition) for one in schedule.trials if one.arm == name
+                    PlannedTrial(trial.goal, trial.start, trial.repetition)
+                    for trial in schedule.trials
+                    if trial.arm == name
                 ],
             ),
         )
         for name, code in schedule.codes.items()
     ]
-    trials = [LockedTrial(one.rank, one.block, one.arm, one.goal, one.start, one.repetition) for one in schedule.trials]
+    trials = [
+        LockedTrial(trial.rank, trial.block, trial.arm, trial.goal, trial.start, trial.repetition)
+        for trial in schedule.trials
+    ]
     study = parse_study(text, "study.yaml")
     return journal.lock_study(
         StudyLock(study.title, text, hash_of(text), schedule.fingerprint, 7, study.blind, arms, trials)
@@ -51,19 +56,19 @@ def lock_drawn(journal: Journal, text: str = "", schedule: Schedule | None = Non
 
 
 def run_ranks(journal: Journal, study: RecordedStudy, ranks: range) -> None:
-    """Run these of the scheduled trials; every third one succeeds."""
-    for one in journal.study_progress(study.id)[ranks.start : ranks.stop]:
-        run(journal, one.trial, stopped(success=one.rank % 3 == 0), steps=1)
+    """Run some of the scheduled trials; every third one succeeds."""
+    for planned in journal.study_progress(study.id)[ranks.start : ranks.stop]:
+        run(journal, planned.trial, stopped(success=planned.rank % 3 == 0), steps=1)
 
 
 def note_of(journal: Journal, study: RecordedStudy) -> LockNote:
-    """Return what `study lock` writes next to the file."""
+    """Return the lock file of `study lock`."""
     first = read_evidence(journal.engine, study.id).log[0]
     return LockNote(study.uuid, study.sha256, "", "", study.schedule_sha256, first.sha256)
 
 
 def integrity(journal: Journal, identity: str, note: LockNote | None = None) -> StudyIntegrity:
-    """Compare a study as it is now with its lock and its log."""
+    """Compare the current study with its lock and its log."""
     (study,) = [study for study in studies(journal.engine) if study.uuid == identity]
     evidence = read_evidence(journal.engine, study.id)
     return check_integrity(study, evidence, parse_study(study.content, "study.yaml"), note)

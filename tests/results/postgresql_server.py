@@ -1,4 +1,4 @@
-"""A real PostgreSQL on loopback, in a folder of its own under /tmp; stopped and removed at the end."""
+"""A PostgreSQL server on loopback in its own folder under /tmp, removed at the end."""
 
 import os
 import pwd
@@ -108,7 +108,7 @@ def _binaries() -> Path:
 
 
 def _server_user() -> pwd.struct_passwd | None:
-    """PostgreSQL refuses to run as root; any other user runs it as itself."""
+    """Return the user for PostgreSQL, which refuses to run as root."""
     if os.getuid():
         return None
     names = {entry.pw_name: entry for entry in pwd.getpwall()}

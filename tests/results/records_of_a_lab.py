@@ -1,4 +1,4 @@
-"""A small plan, and episodes of it, for the tests of the record."""
+"""A small plan and its episodes, for tests of the record."""
 
 import os
 import subprocess
@@ -101,14 +101,14 @@ def void(reason: EndReason = EndReason.ABORTED) -> EpisodeEnd:
 
 
 def begun(journal: Journal, trial: Trial) -> Claim:
-    """An episode of the trial that is under way."""
+    """Return the started episode of a trial."""
     claim = journal.claim_next(trial.campaign_id, [trial.id])
     assert claim is not None
     return going(journal, claim)
 
 
 def going(journal: Journal, claim: Claim) -> Claim:
-    """Place a claimed episode and let it begin."""
+    """Place a claimed episode and begin it."""
     journal.place(claim.id, Fix(Pose(1.0, 1.0, 0.0), PoseSource.SIMULATED))
     journal.begin(claim.id, EpisodeBegin(geodesic_m=2.0))
     return claim
@@ -124,7 +124,7 @@ def finish(journal: Journal, claim: Claim, end: EpisodeEnd, steps: int = 3) -> C
 
 
 def complete(journal: Journal, episode: Claim, end: EpisodeEnd, steps: int = 3) -> Claim:
-    """Let an episode that is under way take its steps and end."""
+    """Record the steps and the end of a running episode."""
     for number in range(1, steps + 1):
         journal.append_step(episode.id, forward(number))
     journal.end_episode(episode.id, end)
@@ -149,7 +149,7 @@ while True:
 
 @contextmanager
 def running_elsewhere(url: str) -> Iterator[subprocess.Popen[str]]:
-    """Run an episode without end in another process, which prints the number of each step that is kept."""
+    """Run an endless episode in another process, which prints the number of each stored step."""
     root = Path(__file__).parents[2]
     process = subprocess.Popen(
         [sys.executable, "-c", RUNNER, url],

@@ -20,18 +20,18 @@ def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStud
     second = replace(first, model=replace(first.model, name="another"))
     arms = [LockedArm("lark", "B", first), LockedArm("owl", "A", second)]
     trials = [
-        LockedTrial(rank, rank // 2, arm.name, one.goal, one.start, one.repetition)
-        for rank, (one, arm) in enumerate((one, arm) for one in first.trials for arm in arms)
+        LockedTrial(rank, rank // 2, arm.name, trial.goal, trial.start, trial.repetition)
+        for rank, (trial, arm) in enumerate((trial, arm) for trial in first.trials for arm in arms)
     ]
     return journal.lock_study(StudyLock("Which?", CONTENT, hash_of(CONTENT), "h", seed, blind, arms, trials))
 
 
 def amend(journal: Journal, study: RecordedStudy, content: str) -> None:
-    """Let another text be the plan."""
+    """Replace the text of the plan."""
     journal.amend_study(study.id, StudyChange(content, hash_of(content), "Which?", "we had to", f"+{content.strip()}"))
 
 
 def apply_merge(journal: Journal, study: RecordedStudy, ranks: range) -> None:
-    """Run these of its scheduled trials."""
-    for one in journal.study_progress(study.id)[ranks.start : ranks.stop]:
-        run(journal, one.trial, stopped(success=one.rank % 3 == 0), steps=1)
+    """Run some of its scheduled trials."""
+    for planned in journal.study_progress(study.id)[ranks.start : ranks.stop]:
+        run(journal, planned.trial, stopped(success=planned.rank % 3 == 0), steps=1)

@@ -1,4 +1,4 @@
-"""Campaigns that several processes make and extend at once."""
+"""Campaigns that several processes create and extend concurrently."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -18,7 +18,7 @@ PROCESSES = 6
 
 
 def at_once(url: str, ask: "list[tuple[PlannedTrial, ...]]") -> list[OpenCampaign]:
-    """Let each of these plans be asked for by a journal of its own, all at the same moment."""
+    """Request each plan from its own journal, all at the same time."""
     journals = [Journal.open(url) for _ in ask]
     barrier = Barrier(len(ask))
 

@@ -1,4 +1,4 @@
-"""No password leaves a database URL for a screen, the record, or another program's command line."""
+"""Passwords of database URLs never reach the screen, the record, or a command line."""
 
 import pytest
 
@@ -18,7 +18,7 @@ def test_every_spelling_of_a_driver_reaches_libpq_alike(driver: str) -> None:
 def test_what_a_connection_string_would_misread_is_escaped() -> None:
     string, secrets = libpq_connection("postgresql://o%27hara%20%5C@h/d")
     assert string == r"host='h' user='o\'hara \\' dbname='d'"
-    assert secrets == {}, "libpq looks into ~/.pgpass"
+    assert secrets == {}, "libpq reads ~/.pgpass"
 
 
 def test_a_password_given_as_a_parameter_is_one_too() -> None:

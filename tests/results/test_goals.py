@@ -1,4 +1,4 @@
-"""Definitions of goals in the record, through a run, a report and a merge."""
+"""Goal definitions in the record survive a run, a report and a merge."""
 
 from pathlib import Path
 

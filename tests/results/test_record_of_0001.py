@@ -1,4 +1,4 @@
-"""A real record of schema 0001 is brought up to date: nothing is lost, only what was wrong is reported otherwise."""
+"""A record of schema 0001 is upgraded without loss; only wrong values are reported differently."""
 
 import json
 import sqlite3
@@ -26,7 +26,7 @@ DATA = Path(__file__).parents[1] / "data" / "records"
 
 @pytest.fixture
 def before(sqlite: str) -> sqlite3.Connection:
-    """The record as it was, to compare with."""
+    """The original record, for comparison."""
     script = (DATA / "0001.sql").read_text(encoding="utf-8")
     path = sqlite_path(sqlite)
     assert path is not None
@@ -59,7 +59,7 @@ KEPT = {
     "geodesic_start_m, geodesic_end_m, duration_s, distance_to_goal_m, distance_source, start_x_m, final_x_m, "
     "final_source, images_directory",
 }
-"""What no upgrade may touch."""
+"""Rows that no upgrade may change."""
 
 
 @pytest.mark.parametrize("table", sorted(KEPT))
@@ -222,7 +222,7 @@ def test_a_server_with_these_rows_comes_to_the_same(before: sqlite3.Connection, 
 
 
 def _for_a_server(table: Table, row: sqlite3.Row) -> dict[str, Any]:
-    """SQLite keeps truth as numbers, times without a zone and JSON as text."""
+    """Convert a value of SQLite, which stores booleans as numbers, times without a zone and JSON as text."""
 
     def typed(column: Any, value: Any) -> Any:
         if value is None:

@@ -1,4 +1,4 @@
-"""Second judgements in the record: the latest counts, retraction, merging, and who may give them."""
+"""Second judgements in the record: the latest counts, retraction, merging, permitted raters."""
 
 import shutil
 from pathlib import Path

@@ -29,10 +29,10 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "blind_camera.py"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """What a fault of the depth camera over ROS may lead to."""
+    """Expected effect of a fault of the depth camera over ROS."""
 
     moves: int
-    """Number of movements that may pass before it is noticed."""
+    """Number of movements that may pass before it is detected."""
     says: str
     """Part of the reason of the episode's end."""
 
@@ -52,13 +52,13 @@ class FaultyRobot(SimulatedRobot):
     seed = 0
 
     def begin(self, start: StartingPosition, seed: int) -> None:
-        """Begin with a camera that has seen nothing yet."""
+        """Begin with a camera without earlier images."""
         super().begin(start, seed)
         self._rng = np.random.default_rng(self.seed)
         self._frozen: np.ndarray | None = None
 
     def observe(self) -> Observation:
-        """Return what the camera says."""
+        """Return the camera's depth image."""
         seen = super().observe()
         assert seen.depth_m is not None
         depth_m = seen.depth_m
@@ -92,7 +92,7 @@ class ForwardOnly(Policy):
 
 @dataclass
 class Counts:
-    """What came of the episodes of one fault; also their recorder."""
+    """Counts of the episodes of a fault; also their recorder."""
 
     on_begin: Callable[[], None] = lambda: None
     actions: int = 0
@@ -105,7 +105,7 @@ class Counts:
         """Return no photo."""
 
     def begin(self, *_: Any) -> None:
-        """Take that the robot is at its start."""
+        """Call `on_begin`."""
         self.on_begin()
 
     def step(self, step: Step) -> None:
@@ -117,12 +117,12 @@ class Counts:
             self.collisions += 1
 
     def event(self, kind: str, text: str) -> None:
-        """Keep why a sensor was lost."""
+        """Store the reason of a sensor's loss."""
         if kind == "sensor_lost":
             self.words = text
 
     def intervention(self, *_: Any) -> None:
-        """Keep nothing."""
+        """Do nothing."""
 
     def end(self, outcome: EpisodeOutcome) -> None:
         """Count the end."""
@@ -159,7 +159,7 @@ class Counts:
 def drive(
     robot: Robot, site: Site, starts: Iterable[int], actions: int, on_begin: Callable[[], None] = lambda: None
 ) -> Counts:
-    """Run one episode from each start and count what came of it; `on_begin` is called once the robot is there."""
+    """Run an episode from each start and count the results; call `on_begin` when the robot is placed."""
     counts, parameters = Counts(on_begin), ProtocolParameters(max_actions=actions)
     for number in starts:
         plan = EpisodePlan(site, "chair", site.start(number), 1, parameters)

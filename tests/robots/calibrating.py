@@ -27,13 +27,13 @@ def typed(environment: Mapping[str, str], *words: str) -> "subprocess.CompletedP
 
 
 def corrects_the_profile(environment: Mapping[str, str], path: Path, kind: str, **topics: str) -> None:
-    """Calibrate a profile, and see that its file has what the camera truly is, comments kept."""
+    """Calibrate a profile, and check that its file has the true camera and keeps comments."""
     profile = write_profile(path / "robot.yaml", kind, **topics)
     done = typed(environment, "robots", "calibrate", str(profile), "--yes", "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert said["written"]
-    assert faults("robots-calibrate", said) == []
+    printed = json.loads(done.stdout)
+    assert printed["written"]
+    assert faults("robots-calibrate", printed) == []
     camera = load_profile(profile).camera
     assert camera.mount_height_m == pytest.approx(HEIGHT_M, abs=0.01)
     assert camera.tilt_deg == pytest.approx(TILT_DEG, abs=0.3)
@@ -55,7 +55,7 @@ def is_refused_in_one_line(environment: Mapping[str, str], path: Path, kind: str
 
 
 def doctor(environment: Mapping[str, str], path: Path, kind: str, **fields: object) -> dict[str, tuple[str, str]]:
-    """Return health and words of each thing that the doctor looked at."""
+    """Return health and message of each check of `doctor`."""
     profile = write_profile(path / "robot.yaml", kind, **fields)
     done = typed(environment, "doctor", "--robot", str(profile), "--results", str(path / "results"), "--json")
     assert "Traceback" not in done.stderr

@@ -13,7 +13,7 @@ from tests.processes import Process
 from tests.robots.client import Client, ClientError
 
 WITH_DOCTOR = bool(os.environ.get("FAULT_TABLE"))
-"""Whether `doctor` examines each fault: some 6 s each, so only where the table is measured."""
+"""Whether `doctor` examines each fault. It takes 6 s per fault, so only when the table is measured."""
 STARTED_M, STARTED_DEG = 0.002, 0.2
 """A base that has moved by more has started a movement."""
 _WATCHED_S = 0.5
@@ -23,7 +23,7 @@ Truth = Callable[[], tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Attempt:
-    """A further movement that was asked for while a fault lasts."""
+    """A movement that was requested during a fault."""
 
     why: str
     """Why it did not start, or an empty string."""
@@ -43,7 +43,7 @@ class Attempt:
 
 
 def attempt(client: Client, truth: Truth, name: str, *arguments: Any) -> Attempt:
-    """Ask for a movement as a run does, and compare where the base truly is before and after."""
+    """Request a movement as a run does, and compare the base's true pose before and after."""
     before = truth()
     try:
         result = client(name, *arguments)
@@ -63,7 +63,7 @@ def held(second: Attempt) -> str:
 
 
 def complaints(doctor: Process, healthy: frozenset[str] = frozenset()) -> dict[str, str]:
-    """Wait for `doctor --json`; return what is not ok by check, without what was not ok of a healthy robot."""
+    """Wait for `doctor --json`; return the failed checks, without those of the healthy robot."""
     doctor.wait(120)
     start = doctor.output.index("{\n")
     checks = json.JSONDecoder().raw_decode(doctor.output[start:])[0]["checks"]
@@ -77,7 +77,7 @@ def doctor_text(found: dict[str, str]) -> str:
 
 @dataclass(frozen=True)
 class FaultRow:
-    """One fault: what the base did, and what vsnbench reported."""
+    """A fault with the base's motion and vsnbench's reports."""
 
     cause: str
     zero_s: float | None

@@ -17,7 +17,7 @@ PROFILE = HERE / "profile_of_test_base.yaml"
 
 
 def client_of(network: RosNetwork, patience_s: float = 6.0) -> Client:
-    """A RosRobot in a process of its own."""
+    """A RosRobot in a separate process."""
     return Client(network, PYTHON_OF_ROS1, PROFILE, patience_s)
 
 
@@ -46,13 +46,13 @@ class Rig:
         return self.probe.tell(f"/{part}/fault", word)
 
     def moving(self, action: str) -> "Future[Any]":
-        """Ask for an action, and return once the base is really moving."""
+        """Request an action, and return once the base truly moves."""
         future = self.client.later("execute", action)
         wait_until(lambda: self.probe.speed > 0.05 or future.done(), "the base moves")
         return future
 
     def put_right(self) -> None:
-        """End every fault, and wait until the base stands."""
+        """End every fault, and wait until the base is at rest."""
         self.client("halt")
         for part, words in (("base", ("good", "release", "floor", "raise")), ("camera", ("good",))):
             for word in words:
@@ -74,11 +74,11 @@ class Rig:
         return float(self.probe.zeroed_at(since_s)) - since_s
 
     def second(self, name: str, *arguments: Any) -> Attempt:
-        """Ask for a further movement."""
+        """Request another movement."""
         return attempt(self.client, lambda: self.probe.pose, name, *arguments)
 
     def doctor(self, *words: str) -> str:
-        """Return what `doctor` finds now, where the table is measured."""
+        """Return the findings of `doctor`, if the table is measured."""
         return doctor_text(self._complaints(*words)) if WITH_DOCTOR else "–"
 
     def _complaints(self, *words: str) -> dict[str, str]:
@@ -86,12 +86,12 @@ class Rig:
         return complaints(self.network.start("-m", "vsnbench.cli.main", "doctor", *where, *words), self.healthy)
 
     def examine_healthy(self) -> None:
-        """Note what `doctor` reports of the healthy robot."""
+        """Store the findings of `doctor` about the healthy robot."""
         if WITH_DOCTOR:
             self.healthy = frozenset(self._complaints())
 
     def times(self, since_s: float) -> tuple[float, float]:
-        """Return the times from a fault to the command of zero velocity and to rest, before anything else is asked."""
+        """Return the times from a fault to zero velocity and to rest, before the next request."""
         return self.zero_s(since_s), self.rest_s(since_s)
 
     def row(
@@ -115,7 +115,7 @@ def start_server(network: RosNetwork) -> Process:
 
 @contextmanager
 def live_rig(directory: Path) -> Iterator[Rig]:
-    """A robot whose base never stops by itself: whatever stands still was told to."""
+    """A robot whose base only stops on command."""
     with live_network(directory) as network:
         base = network.start(HERE / "nodes" / "kinematic_base.py", "_heading_deg:=-72", "_command_timeout_s:=1000")
         camera = network.start(HERE / "nodes" / "camera.py")

@@ -1,4 +1,4 @@
-"""A robot with a faulty depth camera does not hit anything; every fault, driving straight in simulation."""
+"""A robot with a faulty depth camera has no collisions, for each fault, driving straight in simulation."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Robot profiles: the embedded ones include the paper's robots, and errors name line and field."""
+"""Robot profiles include the paper's robots, and errors name line and field."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Robots by name: simulated ones with their profile, plug-ins, and clear words for everything else."""
+"""Robots by name: simulated robots, plug-ins, and errors for other names."""
 
 from pathlib import Path
 from typing import Any
@@ -21,14 +21,14 @@ PAPER = ProtocolParameters()
 
 
 class OutsideRobot(SimulatedRobot):
-    """What a third party might bring: made from the site alone."""
+    """A third-party robot, created from the site alone."""
 
     def __init__(self, site: Site) -> None:
         super().__init__(site, load_profile("lola2"))
 
 
 class GreedyRobot(OutsideRobot):
-    """Takes whatever it is offered."""
+    """Accepts all arguments."""
 
     def __init__(self, **offered: Any) -> None:
         self.offered = offered
@@ -46,14 +46,14 @@ class OutdatedRobot(OutsideRobot):
 
 
 class BrokenRobot:
-    """Cannot be made."""
+    """Raises on creation."""
 
     def __init__(self) -> None:
         raise OSError("no such serial port")
 
 
 class PassesForOurs(OutsideRobot):
-    """Would be pooled with the simulated robot."""
+    """Has the identity of the simulated robot."""
 
     identity = RobotIdentity(load_profile("lola2"), "simulated", simulated=True)
 

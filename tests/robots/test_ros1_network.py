@@ -131,7 +131,7 @@ def test_two_bases_on_one_network_are_named(rig) -> None:
 
 
 def test_a_restarted_master_is_reported_at_once(rig) -> None:
-    """The last test of this rig, because the new master does not know the nodes."""
+    """Must be the last test of this rig, because the nodes are not registered at the new master."""
     rig.client("begin")
     rig.network.roscore.end()
     assert rig.client("execute", "TURN_LEFT")["completed"], "a running episode continues"

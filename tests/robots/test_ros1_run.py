@@ -21,7 +21,7 @@ PROFILE = HERE / "profile_of_test_base.yaml"
 
 @dataclass
 class Stack:
-    """A real robot's side, as far as a test can have one: base, camera, discrete_move; nothing can place it."""
+    """A robot as close to a real one as possible: base, camera, discrete_move, no placement service."""
 
     network: RosNetwork
     probe: Probe

@@ -1,4 +1,4 @@
-"""The simulated robot: motion as precise as the protocol asks, honest senses, and the same episode for a seed."""
+"""The simulated robot: motion within tolerance, correct sensors, reproducible episodes."""
 
 import hashlib
 import math
@@ -34,7 +34,7 @@ FURNISHED = square_room(4.0, CHAIR, PLANT)
 
 
 def robot_in(site: Site, profile: RobotProfile | None = None, noise: NoiseSettings | None = None) -> SimulatedRobot:
-    """Return a robot with a small picture."""
+    """Return a robot with a small image."""
     wanted = profile if profile is not None else turtlebot2()
     return SimulatedRobot(
         site, wanted.model_copy(update={"camera": wanted.camera.resized(80, 60)}), ProtocolParameters(), noise
@@ -48,7 +48,7 @@ def begun(robot: SimulatedRobot, seed: int = 0) -> SimulatedRobot:
 
 @dataclass(frozen=True)
 class Step:
-    """One action: what odometry and truth say before and after it."""
+    """An action with odometry and true pose before and after it."""
 
     action: Action
     result: MotionResult
@@ -289,7 +289,7 @@ def test_the_robot_sees_the_chair_ahead_and_knows_its_instance(furnished: Simula
 
 
 def fingerprint(robot: SimulatedRobot, seed: int) -> str:
-    """Return a hash of everything that an episode of 12 actions measured and saw."""
+    """Return a hash of all measurements and images of an episode of 12 actions."""
     begun(robot, seed)
     digest = hashlib.sha256()
     for action in random_actions(12, seed=5):

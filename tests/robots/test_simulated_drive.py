@@ -1,4 +1,4 @@
-"""The simulated robot executes movements with parameters, and stops for what it sees."""
+"""The simulated robot executes movements with parameters, and stops for visible obstacles."""
 
 import math
 
@@ -65,7 +65,7 @@ def test_a_wall_ahead_stops_a_movement_before_it_is_touched(movement: Drive, spe
     assert result.collision is None
     left_m = 2.95 - robot.locate().pose.x_m - robot.profile.base.radius_m
     assert 0.1 < left_m < 0.7
-    assert result.displacement_m > 1.0, "it drove until it saw the wall near"
+    assert result.displacement_m > 1.0, "it drove until the wall was near"
 
 
 def test_velocities_towards_a_wall_are_blocked_and_touch_nothing() -> None:

@@ -10,6 +10,6 @@ from tests.ros1.network import RosNetwork, live_network
 
 @pytest.fixture
 def network(tmp_path: Path) -> Iterator[RosNetwork]:
-    """A ROS network of the test's own."""
+    """A separate ROS network."""
     with live_network(tmp_path) as ros:
         yield ros

@@ -1,4 +1,4 @@
-"""A real ROS master and real ROS nodes for tests, as processes that are ended and waited for."""
+"""A ROS master and nodes as processes that end with the test."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from vsnbench.ros1.master import Master, MasterError
 ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
 HERE = Path(__file__).parent
 PYTHON_OF_ROS1 = (sys.executable, str(HERE / "speak_ros1.py"))
-"""What runs a Python file of ROS 1, also where ROS 2 has packages of the same names."""
+"""Program that runs a Python file with ROS 1, even if ROS 2 has packages of the same names."""
 
 
 def free_port() -> int:
@@ -28,7 +28,7 @@ def free_port() -> int:
 
 @dataclass
 class RosNetwork(ProcessGroup):
-    """One ROS network on the loopback interface: a master on a port of its own, and the nodes started on it."""
+    """A ROS network on the loopback interface: a master on a free port, and its nodes."""
 
     port: int = field(default_factory=free_port)
     roscore: Process | None = None
@@ -81,24 +81,24 @@ class RosNetwork(ProcessGroup):
 
 
 class Probe:
-    """A ROS node of the test's own, in a process, spoken to in lines of JSON."""
+    """A ROS node in a separate process, controlled by lines of JSON."""
 
     def __init__(self, network: RosNetwork) -> None:
         self._node = Conversation([*PYTHON_OF_ROS1, str(HERE / "nodes" / "probe.py")], network.environment)
         self.ask("ready")
 
     def ask(self, word: str, *arguments: Any) -> Any:
-        """Ask the node and return its answer."""
+        """Send a request to the node and return its answer."""
         return json.loads(self._node.tell(json.dumps([word, *arguments])))
 
     def tell(self, topic: str, word: str) -> float:
-        """Publish a std_msgs/String to whoever listens there, and return when (monotonic clock)."""
+        """Publish a std_msgs/String on a topic, and return the time (monotonic clock)."""
         self.ask("connect", topic)
         return float(self.ask("publish", topic, word))
 
     @property
     def speed(self) -> float:
-        """How fast the base really moves now: |m/s| + |rad/s|."""
+        """Current true speed of the base: |m/s| + |rad/s|."""
         return float(self.ask("truth")["speed"])
 
     @property
@@ -112,17 +112,17 @@ class Probe:
 
     @property
     def pose(self) -> tuple[float, float, float]:
-        """Where the base truly is: metres and degrees."""
+        """True pose of the base, metres and degrees."""
         truth = self.ask("truth")
         return truth["x_m"], truth["y_m"], truth["heading_deg"]
 
     def stopped_at(self, since_s: float) -> float | None:
-        """Return when the base came to rest for good after `since_s` (monotonic clock), None while it moves."""
+        """Return when the base finally came to rest after `since_s` (monotonic clock), None while it moves."""
         when = self.ask("stopped_since", since_s, "speed")
         return None if when is None else float(when)
 
     def zeroed_at(self, since_s: float) -> float | None:
-        """Return when the base was commanded zero velocity for good after `since_s`, None while it is commanded."""
+        """Return when the last motion command after `since_s` was followed by zero, None before that."""
         when = self.ask("stopped_since", since_s, "commanded")
         return None if when is None else float(when)
 
@@ -132,7 +132,7 @@ class Probe:
 
 @contextmanager
 def live_network(directory: Path) -> Iterator[RosNetwork]:
-    """A ROS network with a live master; its nodes are ended afterwards, and what they said is shown."""
+    """Yield a ROS network with a running master; afterwards end its nodes and print their output."""
     ros = RosNetwork(directory)
     try:
         ros.start_master()

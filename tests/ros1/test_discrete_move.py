@@ -45,7 +45,7 @@ class Stand:
         return bool(self.client().call(DiscreteServerRequest(movement, angle), PATIENCE_S).response)
 
     def ask_later(self, movement: str, angle: int = 0) -> "Future[bool]":
-        """Ask from another thread, and return once the base is really moving."""
+        """Request a movement from another thread, and return once the base truly moves."""
         pool = ThreadPoolExecutor(1)
         future = pool.submit(self.ask, movement, angle)
         pool.shutdown(wait=False)
@@ -75,7 +75,7 @@ def shared_stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 @pytest.fixture
 def stand(shared_stand: Stand) -> Iterator[Stand]:
-    """The shared stand, put right again after the test."""
+    """The shared stand, repaired after the test."""
     yield shared_stand
     for word in ("good", "release", "floor", "raise"):
         shared_stand.fault(word)
@@ -84,7 +84,7 @@ def stand(shared_stand: Stand) -> Iterator[Stand]:
 
 
 def moved(stand: Stand, movement: str, angle: int = 0) -> tuple[float, float]:
-    """Carry out a movement and return what the base really did: metres along its old heading, degrees."""
+    """Execute a movement and return the base's true motion: metres along its old heading, degrees."""
     (x0, y0), heading0 = stand.probe.position, stand.probe.heading_deg
     assert stand.ask(movement, angle) is True
     (x1, y1), heading1 = stand.probe.position, stand.probe.heading_deg

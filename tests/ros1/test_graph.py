@@ -13,7 +13,7 @@ CLIENT = frozenset({"/vsnbench"})
 
 
 def state(**changes: list[str]) -> SystemState:
-    """A healthy robot: base, camera, our server and our client; `changes` are publishers by topic."""
+    """A healthy robot: base, camera, vsnbench's server and client; `changes` are publishers by topic."""
     publishers = {
         NAMES.odometry: ["/base"],
         NAMES.color: ["/camera"],

@@ -154,7 +154,7 @@ def test_a_service_without_a_server_is_unavailable(network) -> None:
 
 
 class FixedMaster(Master):
-    """A master that knows one service, at an address where something else listens."""
+    """A master with a service whose address belongs to another program."""
 
     def service_uri(self, name: str) -> str:
         return self.uri

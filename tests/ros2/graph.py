@@ -33,7 +33,7 @@ def is_bound(to_bind: socket.socket, host: str, port: int) -> bool:
 
 
 class Domain:
-    """A domain of ROS 2 in which nobody is, and which no other test takes until it is given back."""
+    """An unused ROS 2 domain, reserved until it is released."""
 
     def __init__(self) -> None:
         for step in range(101):
@@ -53,11 +53,11 @@ class Domain:
 
 @dataclass
 class Graph2(ProcessGroup):
-    """One graph: a domain, and the processes that were started in it."""
+    """A graph: a domain and its processes."""
 
     domain: Domain = field(default_factory=Domain)
     state: Path | None = None
-    """Where measurements of watchdogs are kept; of this graph alone where left out."""
+    """Directory of watchdog measurements; default: one for this graph."""
 
     @property
     def environment(self) -> dict[str, str]:
@@ -77,7 +77,7 @@ class Graph2(ProcessGroup):
         }
 
     def start(self, *words: str | Path, **environment: str) -> Process:
-        """Start a Python file or module in this graph; it can be told things on its stdin."""
+        """Start a Python file or module in this graph, with an open stdin."""
         return self.launch([sys.executable, *map(str, words)], environment, subprocess.PIPE)
 
     def vsnbench(self, *words: str | Path, **environment: str) -> Process:
@@ -88,8 +88,8 @@ class Graph2(ProcessGroup):
         self.domain.close()
 
 
-def told(process: Process, words: str) -> float:
-    """Tell a robot of the tests something, and return when (monotonic clock)."""
+def send_line(process: Process, words: str) -> float:
+    """Send a line to a robot of the tests, and return the time (monotonic clock)."""
     assert process.popen.stdin is not None
     process.popen.stdin.write(f"{words}\n".encode())
     process.popen.stdin.flush()
@@ -97,14 +97,14 @@ def told(process: Process, words: str) -> float:
 
 
 def moves(robot: Process) -> bool:
-    said = [line.split()[0] for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
-    return bool(said) and said[-1] == "moves"
+    states = [line.split()[0] for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return bool(states) and states[-1] == "moves"
 
 
 def stands_since(robot: Process) -> float | None:
-    """Return since when the base stands, None while it moves."""
-    said = [line.split() for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
-    return float(said[-1][1]) if said and said[-1][0] == "stands" else None
+    """Return since when the base is at rest, None while it moves."""
+    states = [line.split() for line in robot.output.splitlines() if line.startswith(("moves", "stands"))]
+    return float(states[-1][1]) if states and states[-1][0] == "stands" else None
 
 
 def zeroed_since(robot: Process) -> float | None:
@@ -114,27 +114,27 @@ def zeroed_since(robot: Process) -> float | None:
 
 
 def true_pose(robot: Process) -> tuple[float, float, float]:
-    """Return where the base truly is: metres and degrees."""
+    """Return the true pose of the base: metres and degrees."""
     before = robot.output.count("\nat ")
-    told(robot, "where")
+    send_line(robot, "where")
     wait_until(lambda: robot.output.count("\nat ") > before, "the robot writes where it is")
     x_m, y_m, heading_deg = map(float, robot.output.rsplit("\nat ", 1)[1].split()[:3])
     return x_m, y_m, heading_deg
 
 
 def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> Client:
-    """A RosRobot in a process of its own, as on another machine, whose base was seen to stop by itself."""
+    """A RosRobot in a separate process, whose base has a measured watchdog."""
     return Client(graph, (sys.executable,), profile, patience_s, XDG_STATE_HOME=str(measured_watchdog()))
 
 
 @cache
 def measured_watchdog() -> Path:
-    """Have `vsnbench doctor --move` measure the watchdog of the tests' base, once; returns where it is kept."""
+    """Measure the watchdog of the tests' base with `vsnbench doctor --move`; return its directory."""
     directory = Path(mkdtemp(prefix="watchdog"))
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
     with live_graph(directory) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py")
-        told(robot, "timeout 0.5")
+        send_line(robot, "timeout 0.5")
         doctor = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", directory)
         doctor.wait(120)
         assert "the base stopped" in doctor.output, doctor.output
@@ -143,7 +143,7 @@ def measured_watchdog() -> Path:
 
 @dataclass
 class Rig2:
-    """A robot whose base never stops by itself unless it is told to, and its client."""
+    """A robot whose base has no watchdog unless one is set, and its client."""
 
     graph: Graph2
     robot: Process
@@ -154,28 +154,28 @@ class Rig2:
     """Checks of `doctor` that are not ok of the healthy robot."""
 
     def moving(self, action: str) -> "Future[Any]":
-        """Ask for an action, and return once the base is moving."""
+        """Request an action, and return once the base moves."""
         future = self.client.later("execute", action)
         wait_until(lambda: moves(self.robot) or future.done(), "the base moves")
         assert not future.done(), future.result()
         return future
 
     def stood_after(self, fault_s: float) -> float:
-        """Return how long after a fault the base came to rest."""
+        """Return the time from a fault to the base's rest."""
         wait_until(lambda: stands_since(self.robot) is not None, "the base stands")
         return float(stands_since(self.robot)) - fault_s
 
     def zeroed_after(self, fault_s: float) -> float | None:
-        """Return how long after a fault the base was commanded zero velocity for good; None if it still is not."""
+        """Return the time from a fault to the final command of zero velocity, None before it."""
         zeroed_s = zeroed_since(self.robot)
         return None if zeroed_s is None else zeroed_s - fault_s
 
     def second(self, name: str, *arguments: Any) -> Attempt:
-        """Ask for a further movement."""
+        """Request another movement."""
         return attempt(self.client, lambda: true_pose(self.robot), name, *arguments)
 
     def doctor(self, *words: str) -> str:
-        """Return what `doctor` finds now, where the table is measured."""
+        """Return the findings of `doctor`, if the table is measured."""
         return doctor_text(self._complaints(*words)) if WITH_DOCTOR else "–"
 
     def _complaints(self, *words: str) -> dict[str, str]:
@@ -184,13 +184,13 @@ class Rig2:
         return complaints(self.graph.vsnbench("doctor", *where, *words, **state), self.healthy)
 
     def examine_healthy(self) -> None:
-        """Note what `doctor` reports of the healthy robot."""
+        """Store the findings of `doctor` about the healthy robot."""
         if WITH_DOCTOR:
             self.healthy = frozenset(self._complaints())
 
     def put_right(self) -> None:
         for words in ("good", "release"):
-            told(self.robot, words)
+            send_line(self.robot, words)
         self.client("halt")
 
 
@@ -210,13 +210,13 @@ def start_discrete_move(graph: Graph2) -> Process:
 
 
 @contextmanager
-def live_rig(directory: Path, *, beside_base: bool) -> Iterator[Rig2]:
-    """A robot that is steered by this machine, or beside its base, which then listens to TwistStamped."""
+def live_rig(directory: Path, *, next_to_base: bool) -> Iterator[Rig2]:
+    """A robot steered by this machine, or next to its base, which then subscribes to TwistStamped."""
     with live_graph(directory) as graph:
-        robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if beside_base else []))
-        node = start_discrete_move(graph) if beside_base else None
+        robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if next_to_base else []))
+        node = start_discrete_move(graph) if next_to_base else None
         rig = Rig2(graph, robot, client_of(graph), node)
-        rig.table.title = f"ROS 2, {'beside the base' if beside_base else 'workstation'}"
+        rig.table.title = f"ROS 2, {'next to the base' if next_to_base else 'workstation'}"
         rig.examine_healthy()
         try:
             yield rig

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.processes import Process, wait_until
-from tests.ros2.graph import HERE, PROFILE, Graph2, live_graph, stands_since, told
+from tests.ros2.graph import HERE, PROFILE, Graph2, live_graph, send_line, stands_since
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.watchdog import WatchdogMeasurement
 
@@ -39,7 +39,7 @@ def test_a_session_steers_only_a_base_whose_watchdog_was_measured(tmp_path) -> N
         assert stands_since(robot) is not None
         assert stored(graph).stopped_s is None
         assert "the base still moved" in refusal(graph)
-        told(robot, "timeout 0.5")
+        send_line(robot, "timeout 0.5")
         passed = doctor(graph)
         assert passed.popen.returncode == 0, passed.output
         stopped_s = stored(graph).stopped_s
@@ -55,6 +55,6 @@ def test_doctor_fails_with_bad_odometry_or_a_pressed_bumper(tmp_path, fault, say
         wait_until(lambda: "up" in robot.output, "the robot is up")
         done = graph.vsnbench("doctor", "--robot", PROFILE, "--results", tmp_path, COLUMNS="200")
         # A bumper of type Bool publishes its state continuously.
-        wait_until(lambda: told(robot, fault) and done.popen.poll() is not None, "doctor is done", 120)
+        wait_until(lambda: send_line(robot, fault) and done.popen.poll() is not None, "doctor is done", 120)
     assert done.popen.returncode == 1
     assert says in done.output

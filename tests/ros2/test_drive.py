@@ -14,17 +14,17 @@ from tests.processes import wait_until
 from tests.robots.drives import FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
 from tests.ros1.network import PATIENCE_S
-from tests.ros2.graph import Rig2, live_rig, moves, told, true_pose
+from tests.ros2.graph import Rig2, live_rig, moves, send_line, true_pose
 
 pytestmark = pytest.mark.ros2
 AT_REST_S = 1.0
 """Limit from a fault to the command of zero velocity, and to rest, measured at the base."""
-BESIDE = pytest.mark.parametrize("rig", ["beside the base"], indirect=True)
+NEXT_TO_BASE = pytest.mark.parametrize("rig", ["next to the base"], indirect=True)
 
 
-@pytest.fixture(scope="module", params=["workstation", "beside the base"])
+@pytest.fixture(scope="module", params=["workstation", "next to the base"])
 def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig2]:
-    with live_rig(tmp_path_factory.mktemp("ros2"), beside_base=request.param == "beside the base") as shared:
+    with live_rig(tmp_path_factory.mktemp("ros2"), next_to_base=request.param == "next to the base") as shared:
         yield shared
 
 
@@ -73,7 +73,7 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
 )
 def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str, sensor_lost: bool) -> None:
     future = driving(rig, IN_FLIGHT[movement])
-    fault_s = told(rig.robot, fault)
+    fault_s = send_line(rig.robot, fault)
     result = end(rig, f"{movement}: {fault}", future, fault_s, IN_FLIGHT[movement])
     rig.put_right()
     assert result["failure"]
@@ -83,7 +83,7 @@ def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str,
 @pytest.mark.parametrize("movement", IN_FLIGHT)
 def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -> None:
     future = driving(rig, IN_FLIGHT[movement])
-    fault_s = told(rig.robot, "blind")
+    fault_s = send_line(rig.robot, "blind")
     result = end(rig, f"{movement}: camera silent", future, fault_s, IN_FLIGHT[movement])
     rig.put_right()
     assert result["blocked"]
@@ -91,8 +91,8 @@ def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -
 
 @pytest.mark.parametrize("movement", IN_FLIGHT)
 def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str) -> None:
-    """By the node beside the base, or by the base's own limit; the resumed workstation does not go on."""
-    told(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
+    """The node next to the base, or the base's own limit, stops it; the resumed workstation does not continue."""
+    send_line(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
     future = driving(rig, IN_FLIGHT[movement])
     stop_s = time.monotonic()
     rig.client.popen.send_signal(signal.SIGSTOP)
@@ -106,15 +106,15 @@ def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str
     why = result["failure"] or result["blocked"]
     row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
     rig.table.rows.append(row)
-    told(rig.robot, "timeout 1000")
+    send_line(rig.robot, "timeout 1000")
     assert result["completed"] is False
     assert true_pose(rig.robot) == stood_at
     assert stood_s < AT_REST_S
 
 
-@BESIDE
+@NEXT_TO_BASE
 @pytest.mark.parametrize("movement", IN_FLIGHT)
-def test_a_stopped_node_beside_the_base_stops_it(rig: Rig2, movement: str) -> None:
+def test_a_stopped_node_next_to_the_base_stops_it(rig: Rig2, movement: str) -> None:
     assert rig.node is not None
     future = driving(rig, IN_FLIGHT[movement])
     lost_s = time.monotonic()
@@ -129,9 +129,9 @@ def test_a_stopped_node_beside_the_base_stops_it(rig: Rig2, movement: str) -> No
 
 
 @pytest.mark.parametrize("movement", IN_FLIGHT)
-def test_a_killed_node_beside_the_base_stops_it(tmp_path: Path, movement: str) -> None:
-    """In a graph of its own, as are all killed processes: where all is on one machine, later ones are disturbed."""
-    with live_rig(tmp_path, beside_base=True) as rig:
+def test_a_killed_node_next_to_the_base_stops_it(tmp_path: Path, movement: str) -> None:
+    """Uses its own graph, because a killed process disturbs later ones on the same machine."""
+    with live_rig(tmp_path, next_to_base=True) as rig:
         assert rig.node is not None
         future = driving(rig, IN_FLIGHT[movement])
         lost_s = time.monotonic()
@@ -140,11 +140,11 @@ def test_a_killed_node_beside_the_base_stops_it(tmp_path: Path, movement: str) -
 
 
 @pytest.mark.parametrize("movement", IN_FLIGHT)
-@pytest.mark.parametrize("who", ["workstation", "beside the base"])
+@pytest.mark.parametrize("who", ["workstation", "next to the base"])
 def test_a_killed_workstation_leaves_a_base_at_rest(tmp_path: Path, movement: str, who: str) -> None:
-    with live_rig(tmp_path, beside_base=who == "beside the base") as rig:
+    with live_rig(tmp_path, next_to_base=who == "next to the base") as rig:
         if rig.node is None:
-            told(rig.robot, "timeout 0.5")
+            send_line(rig.robot, "timeout 0.5")
         future = driving(rig, IN_FLIGHT[movement])
         kill_s = time.monotonic()
         rig.client.popen.kill()

@@ -1,7 +1,7 @@
 """Faults of a ROS 2 robot: time to standstill, the failure in the episode, and that no further movement starts.
 
 `FAULT_TABLE=1 pytest tests/ros2/test_faults.py -s` prints the table, and has `doctor` examine each fault. The base
-would go on for ever by itself, except in the last two tests, where it has a limit of 0.5 s, as a Create 3 does.
+would never stop by itself, except in the last two tests, where it has a limit of 0.5 s, like a Create 3.
 """
 
 import math
@@ -22,9 +22,9 @@ from tests.ros2.graph import (
     live_graph,
     live_rig,
     moves,
+    send_line,
     stands_since,
     start_discrete_move,
-    told,
     true_pose,
 )
 
@@ -32,9 +32,9 @@ pytestmark = pytest.mark.ros2
 AT_REST_S = 1.0
 
 
-@pytest.fixture(scope="module", params=["workstation", "beside the base"])
+@pytest.fixture(scope="module", params=["workstation", "next to the base"])
 def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig2]:
-    with live_rig(tmp_path_factory.mktemp("ros2"), beside_base=request.param == "beside the base") as one:
+    with live_rig(tmp_path_factory.mktemp("ros2"), next_to_base=request.param == "next to the base") as one:
         yield one
 
 
@@ -67,7 +67,7 @@ def ended(result: dict) -> tuple[str, str]:
 def test_a_fault_in_a_movement_stops_the_base(rig, fault, said, sensor_lost) -> None:
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
-    fault_s = told(rig.robot, fault)
+    fault_s = send_line(rig.robot, fault)
     stood_s = rig.stood_after(fault_s)
     result = future.result(PATIENCE_S)
     times = rig.zeroed_after(fault_s), stood_s
@@ -106,7 +106,9 @@ def test_another_publisher_ends_a_movement_at_once(rig) -> None:
     assert abs(result["turn_deg"]) < 15
 
 
-@pytest.mark.parametrize("rig", ["workstation"], indirect=True)  # who steers changes nothing for the camera
+@pytest.mark.parametrize(
+    "rig", ["workstation"], indirect=True
+)  # the camera's faults do not depend on the steering node
 @pytest.mark.parametrize(
     ("fault", "code"),
     [("blind", "no-image"), ("small", "wrong-image-size"), ("past", "no-matching-images")],
@@ -114,7 +116,7 @@ def test_another_publisher_ends_a_movement_at_once(rig) -> None:
 def test_a_camera_that_fails_is_a_lost_sensor(rig, fault, code) -> None:
     rig.client("begin")
     assert rig.client("observe")["rgb"] == [48, 64, 3]
-    told(rig.robot, fault)
+    send_line(rig.robot, fault)
     # Only images from after the last motion count, so there has to be a motion.
     assert rig.client("execute", "TURN_LEFT")["failure"] == ""
     with pytest.raises(ClientError, match="SensorLostError") as lost:
@@ -128,10 +130,10 @@ def test_a_camera_that_fails_is_a_lost_sensor(rig, fault, code) -> None:
 
 
 def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
-    """By the node beside the base, or by the base, whose limit is that of a Create 3 and a Stretch."""
+    """The node next to the base stops it, or the base itself, with the limit of a Create 3 and a Stretch."""
     rig.client("begin")
     if rig.node is None:
-        told(rig.robot, "timeout 0.5")
+        send_line(rig.robot, "timeout 0.5")
     future = rig.moving("MOVE_FORWARD")
     stop_s = time.monotonic()
     rig.client.popen.send_signal(signal.SIGSTOP)
@@ -150,10 +152,10 @@ def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
     assert says in result["failure"]
 
 
-@pytest.mark.parametrize("rig", ["beside the base"], indirect=True)  # elsewhere there is none to be killed
+@pytest.mark.parametrize("rig", ["next to the base"], indirect=True)  # only this rig has a server to kill
 def test_a_killed_discrete_move_is_detected_and_a_restarted_one_moves(rig) -> None:
-    """After those that only stop: where all is on one machine, a killed process may hold up a base that shares memory
-    with it, some 2 s, once in twenty times."""
+    """Runs after the tests that only stop a process: a killed process can delay a base on the same machine that shares
+    memory with it, by about 2 s in 5 % of runs."""
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
     kill_s = time.monotonic()
@@ -172,7 +174,7 @@ def test_a_killed_discrete_move_is_detected_and_a_restarted_one_moves(rig) -> No
 
 
 def test_a_base_stops_when_the_workstation_is_killed(rig) -> None:
-    """The last one: the client is gone afterwards."""
+    """Must be the last test, because it kills the client."""
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
     kill_s = time.monotonic()

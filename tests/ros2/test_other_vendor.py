@@ -14,8 +14,8 @@ LOCALHOST = """
 <Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>
 </Domain></CycloneDDS>
 """
-"""What ROS 2's own layer over CycloneDDS asks of it: peers on this machine by unicast, as ROS_AUTOMATIC_DISCOVERY_RANGE
-says there, and types that match by name: vendor 1.15, Fast DDS, describes them in a way that CycloneDDS 11 rejects."""
+"""Settings that rmw_cyclonedds makes: unicast peers on this machine, as ROS_AUTOMATIC_DISCOVERY_RANGE requires,
+and types matched by name, because CycloneDDS 11 rejects the type descriptions of vendor 1.15 (Fast DDS)."""
 
 
 def test_a_robot_of_another_vendors_dds_sees_and_drives(tmp_path) -> None:

@@ -15,7 +15,7 @@ def test_a_hold_overrides_the_movement_of_this_process() -> None:
     from vsnbench.ros2.robot_link import RobotLink
 
     sent: list[Command] = []
-    link = object.__new__(RobotLink)  # without a graph: only what it sends is looked at
+    link = object.__new__(RobotLink)  # without a graph: the test only checks what it sends
     link._hold = ZeroHold(link.stand_still)
     link._reports = SimpleNamespace(take_own_command=lambda: None)
     link.velocities = SimpleNamespace(send=sent.append)

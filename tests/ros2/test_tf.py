@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.processes import Process, wait_until
-from tests.ros2.graph import HERE, PROFILE, Graph2, client_of, live_graph, told
+from tests.ros2.graph import HERE, PROFILE, Graph2, client_of, live_graph, send_line
 
 pytestmark = pytest.mark.ros2
 
@@ -27,7 +27,7 @@ def live_tf_robot(directory: Path, *words: str) -> Iterator[tuple[Graph2, Path, 
         broadcaster = graph.start(HERE / "nodes" / "tf_broadcaster.py", *words)
         for process in (robot, broadcaster):
             wait_until(lambda one=process: "up" in one.output, "the robot is up")
-        told(robot, "timeout 0.5")
+        send_line(robot, "timeout 0.5")
         yield graph, profile, broadcaster
 
 

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.ros2
 
 
 def serve(graph: Graph2, base: str) -> Process:
-    """Start a base on its dock that does as its name says, and wait until it serves."""
+    """Start a docked base with the behaviour of its name, and wait until it serves the action."""
     process = graph.start(HERE / "nodes" / "dock.py", base)
     wait_until(lambda: "up" in process.output, "the action is served", 100)
     return process

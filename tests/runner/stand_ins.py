@@ -44,7 +44,7 @@ PLAN = EpisodePlan(APARTMENT, "chair", APARTMENT.starts[0], 7, ProtocolParameter
 
 @dataclass
 class StandInRobot(Robot):
-    """Moves by adding numbers; what it does wrong is scripted by the test."""
+    """Moves by adding to its pose; its faults are scripted by the test."""
 
     on_observe: Callable[[int], None] = lambda _count: None
     on_execute: Callable[[Action], MotionResult] = lambda _action: MotionResult(completed=True)
@@ -86,7 +86,7 @@ class StandInRobot(Robot):
 
 @dataclass
 class ScriptedPolicy(Policy):
-    """Answers with the actions it was given, the last one for ever; an exception in the script is raised."""
+    """Returns scripted actions and repeats the last one; raises exceptions in the script."""
 
     script: list[Action | Exception]
     card: ModelCard = field(default_factory=lambda: ModelCard("scripted"))

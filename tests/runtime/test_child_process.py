@@ -1,4 +1,4 @@
-"""A worker ends with Ctrl-C while C code keeps it busy, and when its parent is killed."""
+"""A worker ends on Ctrl-C while C code is running, and when its parent is killed."""
 
 import multiprocessing
 import os
@@ -48,7 +48,7 @@ def test_ctrl_c_ends_a_worker_while_its_database_counts() -> None:
 
 
 def runs(worker: int) -> bool:
-    """Whether it still runs; what has ended may wait for whoever adopted it to take note."""
+    """Return whether a process still runs. An ended orphan may not be reaped yet."""
     try:
         return psutil.Process(worker).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
     except psutil.NoSuchProcess:

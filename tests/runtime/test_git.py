@@ -1,4 +1,4 @@
-"""Which commit code is at: a checkout's own files only, and whether they were changed."""
+"""The commit of code: only tracked files of a checkout, and whether they were changed."""
 
 import subprocess
 from pathlib import Path

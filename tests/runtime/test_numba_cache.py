@@ -1,4 +1,4 @@
-"""Inner loops are compiled with or without a place to keep the machine code."""
+"""Inner loops compile with or without a writable cache of machine code."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""A process speaks one generation of ROS: with both in one place or in two, its messages are that one's."""
+"""A process uses the messages of a single ROS generation, even if both are installed."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ def package(root: Path, name: str, whose: str) -> None:
 
 @pytest.fixture
 def homes(tmp_path: Path) -> tuple[Path, Path]:
-    """ROS 1 and ROS 2, each in a directory of its own; ROS 1 comes first on the path."""
+    """ROS 1 and ROS 2 in separate directories; ROS 1 is first on the path."""
     first, second = tmp_path / "noetic", tmp_path / "jazzy"
     for root, client, whose in ((first, "rospy", "ROS 1"), (second, "rclpy", "ROS 2")):
         for name in (client, "std_msgs", "message_filters"):
@@ -40,7 +40,7 @@ def homes(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def said(homes: tuple[Path, ...], *words: str) -> list[str]:
-    """Return what a process says that speaks and imports these, finding ROS only in `homes`."""
+    """Return the output of a process that selects a generation and imports modules, with ROS only in `homes`."""
     paths = [*map(str, homes), str(Path(__file__).parents[2])]
     # Without site-packages, where a real ROS may be.
     code = f"import sys; sys.path[:0] = {paths!r}\n{SPEAK}"

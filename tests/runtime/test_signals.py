@@ -1,4 +1,4 @@
-"""The end is heard in the main thread whenever the signal comes, and never waits for itself."""
+"""A stop signal reaches the main thread at any time, without deadlock."""
 
 import os
 import signal

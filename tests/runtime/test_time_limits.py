@@ -1,4 +1,4 @@
-"""Code that never returns is interrupted, or left behind."""
+"""Code that never returns is interrupted or abandoned."""
 
 import signal
 import threading

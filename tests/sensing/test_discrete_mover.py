@@ -1,4 +1,4 @@
-"""The mover on a base with noise and a dead time, on a counted clock: True means within tolerance."""
+"""The mover on a base with noise and latency, on a counted clock: True means within tolerance."""
 
 import math
 import random
@@ -42,7 +42,7 @@ class Stand:
     base: SimulatedBase
     rate_hz: float
     heading_deg: float = 0.0
-    """Standard deviation of white noise on the odometry, at rest as well; likewise `position_m`."""
+    """Standard deviation of white noise on the odometry, also at rest; `position_m` in the same way."""
     position_m: float = 0.0
     settings: MotionSettings = SETTINGS
     mover: DiscreteMover = field(init=False)
@@ -66,7 +66,7 @@ class Stand:
                 self.mover.take_odometry(x_m, y_m, math.remainder(heading_rad, math.tau), self.base.now_s)
 
     def ask(self, movement: str, angle_deg: int) -> tuple[bool, Pose]:
-        """Return the answer, and where the odometry stands half a second later, when nothing rolls any more."""
+        """Return the answer, and the odometry half a second later, when the base is at rest."""
         answer = self.mover.carry_out(movement, angle_deg, lambda: False).answer
         self.sleep_until(self.base.now_s + REST_S)
         return answer, self.base.odometry
@@ -76,7 +76,7 @@ class Stand:
     ("lag_s", "noise", "rate_hz"), [(0.1, True, 50), (0.1, True, 20), (0.0, True, 50), (0.1, False, 10)]
 )
 def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, noise: bool, rate_hz: float) -> None:
-    """Absolute headings are what is promised; from call to call two of them, and a move's end between, add up."""
+    """The tolerance applies to absolute headings; between calls, two errors and the end of a move add up."""
     stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, NoiseSettings() if noise else None, lag_s), rate_hz)
     stand.base.put_down(Pose(0.0, 0.0, 0.3), seed=8)
     stand.sleep_until(stand.base.now_s + REST_S)
@@ -98,7 +98,7 @@ def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, nois
         before = after
     assert worst_absolute < math.radians(0.1)
     if noise:
-        # What a caller sees who subtracts two headings: where the move before had left the robot is turned back, too.
+        # The difference of two headings also includes the correction of the previous move's error.
         assert worst_relative > math.radians(0.13)
 
 
@@ -118,7 +118,7 @@ def noisy_stand(rate_hz: float, heading_deg: float = 0.0, position_m: float = 0.
 
 
 def durations_s(stand: Stand, movements: int) -> list[float]:
-    """Return how long random movements took, all answered True and truly within tolerance of the base's truth."""
+    """Return the durations of random movements, all answered True and truly within tolerance."""
     choice, took_s = random.Random(5), []
     held_rad = stand.base.odometry.heading_rad
     for _ in range(movements):

@@ -1,4 +1,4 @@
-"""The occupancy map: what a depth image may change, and what it never does."""
+"""The occupancy map: permitted and forbidden changes by a depth image."""
 
 import math
 
@@ -141,7 +141,7 @@ def test_losing_pixels_never_adds_an_obstacle(depth: npt.NDArray[np.float32], po
 
 
 def _obstacles(grid: OccupancyMap) -> set[tuple[int, int]]:
-    """Return the occupied cells, counted from the frame's origin, for what sees farther grows further."""
+    """Return the occupied cells relative to the frame's origin, because maps with farther views grow more."""
     rows, columns = np.nonzero(grid.occupied)
     below, left = (round(origin_m / grid.resolution_m) for origin_m in (grid.origin_y_m, grid.origin_x_m))
     return {(int(row), int(column)) for row, column in zip(rows + below, columns + left, strict=True)}

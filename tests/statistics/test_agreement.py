@@ -1,4 +1,4 @@
-"""Agreement and ranks against statsmodels, scipy and cases worked by hand."""
+"""Agreement and ranks against statsmodels, scipy and hand-computed cases."""
 
 import math
 
@@ -59,7 +59,7 @@ def test_rank_correlation_is_that_of_the_ranks(pairs: "list[tuple[int, int]]") -
 
 def test_the_interval_of_a_rank_correlation_covers() -> None:
     random, held, samples = np.random.default_rng(3), 0, 400
-    true = 6 / math.pi * math.asin(0.6 / 2)  # Spearman's of a normal pair correlated by 0.6
+    true = 6 / math.pi * math.asin(0.6 / 2)  # Spearman's rho of a normal pair with correlation 0.6
     for _ in range(samples):
         x = random.standard_normal(30)
         y = 0.6 * x + 0.8 * random.standard_normal(30)
@@ -100,7 +100,7 @@ def test_the_interval_of_kappa_is_that_of_resampled_starting_positions() -> None
     judged = [JudgedTwice(start, first, first ^ bool(random.random() < 0.15)) for start, first in items]
     found = judge_agreement(judged)
     kappas = []
-    for _ in range(3000):  # written out: draw whole starting positions, and compute kappa anew
+    for _ in range(3000):  # written out: resample starting positions, and recompute kappa
         drawn = random.integers(0, 15, 15)
         pairs = [(item.first, item.second) for start in drawn for item in judged if item.cluster == start]
         first, second = np.array(pairs).T

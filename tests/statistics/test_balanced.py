@@ -1,4 +1,4 @@
-"""The arrays of samples against the formulas for one sample."""
+"""Array formulas for many samples against the formulas for a single sample."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interv
 
 
 def paired(first: np.ndarray, second: np.ndarray, trials: int) -> PairedOutcomes:
-    """Return one sample as the report reads it."""
+    """Return a sample in the report's format."""
     return PairedOutcomes(
         tuple(
             PairedCell(Cell(start, int(first[start, cell]), trials), Cell(start, int(second[start, cell]), trials))

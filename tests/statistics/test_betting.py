@@ -1,4 +1,4 @@
-"""Every finite plan that is small enough is tried in every order; coverage is counted, not sampled."""
+"""Small finite plans are tried in all orders, so coverage is counted, not sampled."""
 
 import itertools
 from fractions import Fraction
@@ -34,7 +34,7 @@ def test_the_sequence_covers_the_mean_at_every_look_of_every_order(size: int) ->
         assert missed <= 0.2 * len(orders)
 
 
-def test_the_sequence_of_values_between_the_steps_covers_their_mean_and_closes_around_it() -> None:
+def test_the_confidence_sequence_covers_the_mean_of_values_and_converges() -> None:
     random = np.random.default_rng(0)
     missed = 0
     for _ in range(300):
@@ -83,10 +83,10 @@ def test_more_values_than_the_plan_has_are_refused() -> None:
 
 
 def ruled_out(values: list[float], mean: Fraction, size: int, alpha: float) -> list[bool]:
-    """Say after each value whether a bet on a greater mean has won: written anew from the definition, in fractions.
+    """Return after each value whether a bet on a greater mean has won, by definition, in fractions.
 
-    A gambler puts a share of the capital on "the next is greater than it should be": it is multiplied by 1 less the
-    share, plus the share times value over expectation, and the expectation is what the rest must have on average.
+    The gambler bets a share of the capital on "the next value exceeds its expectation". The capital is multiplied by 1
+    minus the share, plus share times value / expectation. The expectation is the required mean of the remaining values.
     """
     purses = [Fraction(1, len(FRACTIONS)) for _ in FRACTIONS]
     rest, won, told = mean * size, False, []

@@ -1,4 +1,4 @@
-"""The bootstrap of whole clusters against scipy's, and its coverage with few clusters."""
+"""The cluster bootstrap against scipy's bootstrap, and its coverage with few clusters."""
 
 import numpy as np
 import pytest

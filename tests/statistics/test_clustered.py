@@ -1,4 +1,4 @@
-"""Intervals for episodes that resemble each other: what they reduce to, what copies change, and their coverage."""
+"""Intervals for correlated episodes: special cases, effect of copies, and coverage."""
 
 import itertools
 import math
@@ -81,11 +81,11 @@ def test_the_variance_is_that_of_a_regression_with_clustered_errors() -> None:
     assert effective_sample(outcomes(cells)).variance == pytest.approx(float(fit.cov_params()[0, 0]))
 
 
-def test_where_all_outcomes_are_alike_each_cell_counts_once_and_those_of_a_position_are_half_alike() -> None:
+def test_with_equal_outcomes_cells_count_once_and_correlate_by_half_in_a_position() -> None:
     assert effective_sample(outcomes([(start, 0, 5) for start in range(15)])).trials == pytest.approx(15)
-    # Five goals from each position, once each: 75 cells whose resemblance nobody knows. 75 / (1 + 4 * 0.5).
+    # Five goals from each position, once each: 75 cells with unknown correlation. 75 / (1 + 4 * 0.5).
     assert effective_sample(outcomes([(start, 0, 1) for start in range(15)] * 5)).trials == pytest.approx(25)
-    assert effective_sample(outcomes([(1, 3, 5)])).trials == 1  # one cell alone
+    assert effective_sample(outcomes([(1, 3, 5)])).trials == 1  # a single cell
     assert rate_interval(Outcomes(())) is UNKNOWN
     assert independent_difference(Outcomes(()), outcomes([(1, 1, 1)])) is UNKNOWN
 
@@ -119,7 +119,7 @@ def test_few_positions_of_several_goals_are_covered_as_often_as_promised(starts:
             wins = random.random((5, starts)) < chances
             cells = [(start, int(wins[goal, start]), 1) for goal in range(5) for start in range(starts)]
             held += rate in rate_interval(outcomes(cells))
-        assert held / samples >= 0.91  # 93 %, less what 300 samples leave to chance
+        assert held / samples >= 0.91  # 93 %, minus the sampling error of 300 samples
 
 
 @pytest.mark.parametrize(("concentration", "rate"), [(1.0, 0.1), (1.0, 0.8), (4.0, 0.3), (4.0, 0.5), (1e6, 0.5)])
@@ -131,9 +131,9 @@ def test_fifteen_positions_under_five_seeds_are_covered_as_often_as_promised(con
         found = outcomes([(start, int(random.binomial(5, chance)), 5) for start, chance in enumerate(chances)])
         held += rate in rate_interval(found)
         plain += rate in wilson(found.proportion)
-    assert held / samples >= 0.925  # 93 %, less what 600 samples leave to chance
+    assert held / samples >= 0.925  # 93 %, minus the sampling error of 600 samples
     if concentration <= 4:
-        assert plain / samples < 0.89  # what taking each episode for a place of its own would do
+        assert plain / samples < 0.89  # with all episodes taken as independent
 
 
 def test_counts_that_cannot_be_are_refused() -> None:
@@ -155,6 +155,6 @@ def test_rates_of_goals_and_seeds_are_covered_despite_position_effects(
     start = math.sqrt(0.7) * random.standard_normal((3000, 15, 1))
     chances = expit(at + spread * (start + math.sqrt(0.3) * random.standard_normal(shape)))
     seeds = 1 if seeds_alike else 5
-    means = random.binomial(seeds, chances) / seeds  # seeds that all agree are copies of one
+    means = random.binomial(seeds, chances) / seeds  # seeds that all agree are copies
     found = rate_intervals(means, 5, 0.95)
     assert np.mean((found.low <= rate) & (rate <= found.high)) >= 0.93

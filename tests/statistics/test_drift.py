@@ -1,4 +1,4 @@
-"""The exact test of success against time, against counting every order by hand."""
+"""The exact test of success against time equals an enumeration of all orders."""
 
 import itertools
 import math
@@ -11,7 +11,7 @@ from vsnbench.statistics.drift import trend
 
 
 def by_hand(strata: list[list[bool]]) -> float:
-    """Count every order of every stratum."""
+    """Enumerate all orders of all strata."""
 
     def later(outcomes: tuple[bool, ...]) -> int:
         return sum(b and not a for a, b in itertools.combinations(outcomes, 2))

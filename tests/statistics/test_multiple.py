@@ -1,4 +1,4 @@
-"""Corrections, letters and ranks against their definitions, by brute force."""
+"""Corrections, letters and ranks equal their definitions, by brute force."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from vsnbench.statistics.multiple import Ranks, holm, letters, ranks
 
 
 def by_definition(p_values: list[float]) -> list[float]:
-    """Holm's adjusted p-values from the closed test: each is the largest of Bonferroni's over all sets that hold it."""
+    """Return Holm's adjusted p-values by the closed test: the largest Bonferroni value of all sets with it."""
     everyone = range(len(p_values))
     sets = [s for size in range(1, len(p_values) + 1) for s in itertools.combinations(everyone, size)]
     return [max(min(1.0, len(s) * min(p_values[i] for i in s)) for s in sets if one in s) for one in everyone]
@@ -46,7 +46,7 @@ def test_two_models_share_a_letter_exactly_when_they_cannot_be_told_apart(models
 
 
 def test_letters_of_an_example() -> None:
-    # A differs from C only: A and B share one letter, B and C another.
+    # A differs only from C: A and B share a letter, B and C another.
     assert letters(3, lambda i, j: (i, j) == (0, 2)) == ("a", "ab", "b")
     assert letters(3, lambda _i, _j: False) == ("a", "a", "a")
 

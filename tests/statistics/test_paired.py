@@ -1,4 +1,4 @@
-"""The paired interval and test: what they reduce to, what copies and orders change, and their coverage."""
+"""The paired interval and test: special cases, effect of copies and order, and coverage."""
 
 import itertools
 import math
@@ -29,7 +29,7 @@ def mcnemar_exact(only_first: int, only_second: int) -> float:
 
 
 def method_10(both: int, only_first: int, only_second: int, neither: int) -> tuple[float, float]:
-    """Newcombe's method 10 as he prints it (1998, paired data), in counts."""
+    """Return Newcombe's method 10 as published (1998, paired data), from counts."""
     n, z = both + only_first + only_second + neither, 1.959963984540054
 
     def limits(successes: int) -> tuple[float, float]:
@@ -85,7 +85,7 @@ def test_uneven_cells_keep_the_difference_within_its_interval(cells: "list[tuple
 
 
 def exclusions(starts: int, rate: float) -> float:
-    """Return how often 0 lies outside of the interval of two independent, equal models, counted over all outcomes."""
+    """Return the probability that the interval of two independent, equal models excludes 0, over all outcomes."""
     share = 0.0
     for pairs in itertools.product(itertools.product((True, False), repeat=2), repeat=starts):
         interval = method_10(
@@ -96,7 +96,7 @@ def exclusions(starts: int, rate: float) -> float:
     return share
 
 
-def test_two_starting_positions_have_no_interval_because_it_would_leave_out_no_difference_too_often() -> None:
+def test_two_starting_positions_have_no_interval_as_it_would_exclude_0_too_often() -> None:
     assert exclusions(2, 0.5) == pytest.approx(0.125)
     assert paired_interval(singles([(True, False)] * 2)) == UNKNOWN
     assert all(exclusions(starts, 0.5) < 0.075 for starts in (3, 4, 5))
@@ -119,7 +119,7 @@ def test_the_interval_covers_as_often_as_promised(seeds: int, concentration: flo
             )
         )
         held += 0.25 in paired_interval(outcomes)
-    assert held / samples >= 0.925  # 93 %, less what 500 samples leave to chance
+    assert held / samples >= 0.925  # 93 %, minus the sampling error of 500 samples
 
 
 def test_nothing_shared_is_nothing_known() -> None:

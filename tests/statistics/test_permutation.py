@@ -1,4 +1,4 @@
-"""Permutation tests against counting every arrangement, against the tests they reduce to, and for their level."""
+"""Permutation tests: full enumeration, special cases, and level."""
 
 import itertools
 
@@ -53,7 +53,7 @@ def test_many_uneven_differences_are_drawn_and_agree_with_counting() -> None:
     random = np.random.default_rng(2)
     uneven = random.normal(0.12, 0.5, 40)
     drawn = sign_flip(uneven.tolist())
-    counted = sign_flip(np.round(uneven, 2).tolist())  # hundredths: counted out
+    counted = sign_flip(np.round(uneven, 2).tolist())  # hundredths: enumerated
     assert drawn == pytest.approx(counted, abs=0.02)
     assert drawn == sign_flip(uneven.tolist())
 
@@ -116,12 +116,12 @@ def test_equal_models_are_found_different_at_most_so_often_as_promised(concentra
 
 
 def test_the_permutation_test_worked_by_hand() -> None:
-    # One position, 2/2 against 0/2: of the 6 ways to deal two successes among four, 2 are as uneven.
+    # A position with 2/2 against 0/2: of the 6 assignments of two successes to four, 2 are as extreme.
     one = Stratum(Proportion(2, 2), Proportion(0, 2))
     assert stratified_permutation([one]) == pytest.approx(2 / 6)
-    # Two such positions: only the two dealings at the very ends are as uneven, 2 of 36.
+    # Two such positions: only the two extreme assignments are as extreme, 2 of 36.
     assert stratified_permutation([one, one]) == pytest.approx(2 / 36)
-    # They cancel: nothing is less uneven.
+    # They cancel: every assignment is at least as extreme.
     assert stratified_permutation([one, Stratum(one.second, one.first)]) == pytest.approx(1.0)
     assert stratified_permutation([]) == 1.0
 

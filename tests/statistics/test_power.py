@@ -1,4 +1,4 @@
-"""Power against statsmodels and against running the test by hand; needs that really give the power asked for."""
+"""Power equals statsmodels' and simulated power; required sample sizes reach the requested power."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ PLAIN = Design(starts=40, cells=1, trials=1, rate=0.4, resemblance=Resemblance(0
 
 
 def mcnemar_power(pairs: int, first: float, second: float) -> float:
-    """Power of McNemar's exact test on independent pairs of independent outcomes, by counting them all."""
+    """Return the power of McNemar's exact test on independent pairs, by enumeration."""
     only_first, only_second = first * (1 - second), (1 - first) * second
     discordant = only_first + only_second
     return sum(
@@ -70,7 +70,7 @@ def test_what_is_said_to_be_needed_gives_the_power_at_the_level_in_force() -> No
     needed = starts_needed(strict, 0.25)
     assert needed is not None
     assert needed > (starts_needed(PLAIN, 0.25) or 0)
-    for seed in (1, 2):  # other draws than those it was found with
+    for seed in (1, 2):  # other random draws than those of the search
         assert power(replace(strict, starts=needed), 0.25, seed) == pytest.approx(0.80, abs=0.06)
     shown = detectable(PLAIN)
     assert shown is not None
@@ -81,7 +81,7 @@ def test_the_resemblance_of_simulated_outcomes_is_found_again() -> None:
     random = np.random.default_rng(6)
     cells = []
     for start in range(400):
-        hard = random.beta(1, 1)  # what a position makes of both models: correlation of outcomes 1/3
+        hard = random.beta(1, 1)  # common effect of a position on both models: correlation of outcomes 1/3
         wins = random.binomial(2, hard, (3, 2))
         cells += [PairedCell(Cell(start, int(a), 2), Cell(start, int(b), 2)) for a, b in wins]
     found = resemblance(PairedOutcomes(tuple(cells)))

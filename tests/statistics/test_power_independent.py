@@ -1,4 +1,4 @@
-"""Power of two separate samples: Fisher's against every table counted, exchanged positions against the test itself."""
+"""Power of two samples: Fisher's by enumeration, exchanged positions by the test."""
 
 from dataclasses import replace
 
@@ -57,12 +57,12 @@ def test_independent_trials_needed_give_the_exact_power_asked_for() -> None:
     assert independent_power(75, 90, 0.25 + shown / 2, 0.25 - shown / 2) >= 0.8
 
 
-def test_the_power_of_exchanging_positions_is_how_often_the_test_finds_the_difference() -> None:
+def test_the_power_of_exchanging_positions_equals_the_tests_rejection_rate() -> None:
     random, found, samples = np.random.default_rng(3), 0, 250
     for _ in range(samples):
         sides = []
         for rate, starts in ((0.6, 8), (0.2, 10)):
-            chances = random.beta(4 * rate, 4 * (1 - rate), starts)  # resemblance of a position's episodes: 0.2
+            chances = random.beta(4 * rate, 4 * (1 - rate), starts)  # correlation of a position's episodes: 0.2
             wins = random.random((3, starts)) < chances
             sides.append(Outcomes(tuple(Cell(s, int(wins[g, s]), 1) for g in range(3) for s in range(starts))))
         found += exchange_clusters(sides[0], sides[1], draws=999) <= 0.05

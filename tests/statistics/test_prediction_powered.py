@@ -1,4 +1,4 @@
-"""Prediction-powered estimates against ppi-python, and their coverage, good or bad as the simulator is."""
+"""Prediction-powered estimates against ppi-python, and coverage with good and bad simulators."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_of_many_trials_the_interval_is_that_of_ppi_python() -> None:
 
 
 def experiment(random: np.random.Generator, rate: float, alike: float, trust: float) -> "Powered | None":
-    """75 cells, 25 of them driven for real; with chance `trust` the twin's outcome is the real one."""
+    """Return 75 cells, 25 of them real; with probability `trust` the twin has the real outcome."""
     chances = random.beta(alike * rate, alike * (1 - rate), 15)
     starts = np.repeat(np.arange(15), 5)
     real = random.random(75) < chances[starts]
@@ -63,7 +63,7 @@ def experiment(random: np.random.Generator, rate: float, alike: float, trust: fl
 def test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth(rate: float, trust: float) -> None:
     random = np.random.default_rng(7)
     found = [each for _ in range(400) if (each := experiment(random, rate, 10.0, trust))]
-    assert np.mean([rate in each.interval for each in found]) >= 0.92  # 93 %, less what 400 samples leave to chance
+    assert np.mean([rate in each.interval for each in found]) >= 0.92  # 93 %, minus the sampling error of 400 samples
     assert np.mean([each.rate for each in found]) == pytest.approx(rate, abs=0.02)
     saved = float(np.mean([each.saved for each in found]))
     assert saved < 1 if trust == 0 else saved > 4
@@ -71,7 +71,7 @@ def test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth(rate: fl
         float(np.mean([each.high - each.low for each in ends]))
         for ends in ([each.interval for each in found], [each.plain_interval for each in found])
     )
-    assert wide <= plain  # never wider for the simulator, on average; for a good one much shorter
+    assert wide <= plain  # on average never wider than without the simulator; with a good one much shorter
     assert trust < 0.9 or wide < 0.8 * plain
 
 

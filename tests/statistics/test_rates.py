@@ -1,4 +1,4 @@
-"""Intervals and tests of independent rates against scipy and statsmodels, and by counting every outcome."""
+"""Intervals and tests of independent rates against scipy, statsmodels and enumeration."""
 
 import itertools
 import math
@@ -64,7 +64,7 @@ def test_wilson_of_the_papers_totals() -> None:
 
 
 def coverage(trials: int, rate: float) -> float:
-    """Chance that the interval of a sample holds the true rate, by counting every sample."""
+    """Return the coverage of the interval, by enumeration of all samples."""
     return sum(
         float(binom.pmf(successes, trials, rate))
         for successes in range(trials + 1)
@@ -77,7 +77,7 @@ def test_wilson_covers_95_percent_of_samples_over_the_true_rates(trials: int) ->
     covered = np.array([coverage(trials, rate) for rate in RATES])
     assert 0.94 < covered.mean() < 0.96
     assert ((covered >= 0.93) & (covered <= 0.97)).mean() > 0.6
-    # It is known to dip at rates near 0 and 1, where few samples are possible.
+    # Its coverage is known to drop at rates near 0 and 1.
     assert covered.min() > 0.88
 
 

@@ -1,4 +1,4 @@
-"""Studies for tests: one that is small, and whatever differs from it."""
+"""Studies for tests: a small study and its variations."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from vsnbench.study.file import StudyFile, parse_study
 
 
 def study_text(**changes: Any) -> str:
-    """Return the text of a small study; None leaves a field away."""
+    """Return the text of a small study; None omits a field."""
     content: dict[str, Any] = {
         "title": "Which of two?",
         "question": "Which one succeeds more often?",

@@ -25,8 +25,8 @@ BAD = {
         {"stopping": "decided", "about": "these-cells", "order": "as-planned"},
         "requires order: blocks",
     ),
-    "decided of nobody knows what": ({"stopping": "decided"}, "requires about: these-cells"),
-    "a rate of nobody": ({"primary": {"kind": "rate", "arm": "three", "rate": 0.5}}, "unknown arm three"),
+    "decided without a subject": ({"stopping": "decided"}, "requires about: these-cells"),
+    "a rate of an unknown arm": ({"primary": {"kind": "rate", "arm": "three", "rate": 0.5}}, "unknown arm three"),
     "percent for a share": (
         {"power": 80},
         "power: must be below 1, got 80",

@@ -86,7 +86,7 @@ def test_simulated_arms_have_the_difference_that_was_asked_for() -> None:
     assert (arms[0] - arms[1]).mean() == pytest.approx(0.2, abs=0.02)
 
 
-def test_a_margin_that_must_be_beaten_costs_power_and_none_is_left_at_the_margin_itself() -> None:
+def test_a_margin_reduces_power_and_a_difference_at_the_margin_has_none() -> None:
     design = Design(20, 2, 1, 0.5, UNRELATED)
     without, beyond = (planned_power(small_study(margin=margin), design, (0.15, 0.6)) for margin in (0.0, 0.15))
     assert beyond[0].power <= 0.05
@@ -95,7 +95,7 @@ def test_a_margin_that_must_be_beaten_costs_power_and_none_is_left_at_the_margin
 
 
 def equal_on_average(random: np.random.Generator, studies: int, rate: float, repetitions: int) -> np.ndarray:
-    """Return two arms of equal rates: the first always succeeds or always fails at a position, the second is even."""
+    """Return two arms of equal rates: the first always succeeds or fails at a position, the second varies."""
     first = np.repeat((random.random((studies, 15, 1, 1)) < rate), 5, axis=2)
     shape = (studies, 15, 5, repetitions)
     return np.asarray([np.broadcast_to(first, shape), random.random(shape) < rate], np.float64)
@@ -117,4 +117,4 @@ def test_arms_that_differ_by_position_and_not_on_average_are_rarely_told_apart(r
     if repetitions == 5:
         each_block = unit_differences(arms, by_start=False)
         wealth = [capital(as_share(sign * each_block), 0.5, None)[:, -1] for sign in (1, -1)]
-        assert np.mean(np.maximum(*wealth) >= 40) > 0.2, "repetitions are no independent draws"
+        assert np.mean(np.maximum(*wealth) >= 40) > 0.2, "repetitions are not independent draws"

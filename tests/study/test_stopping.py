@@ -12,12 +12,12 @@ from vsnbench.study.units import Block
 
 
 def these(**changes: Any) -> StudyFile:
-    """Return a study about its own cells, unless it says otherwise."""
+    """Return a study, by default about its own cells."""
     return small_study(**({"about": "these-cells"} | changes))
 
 
 def placed(results: Sequence[dict[str, bool]], per_start: int = 1) -> list[Block]:
-    """Return blocks, so many in a row from each starting position."""
+    """Return blocks, with a number of consecutive ones from each starting position."""
     return [Block("bed", place // per_start + 1, known) for place, known in enumerate(results)]
 
 
@@ -162,7 +162,7 @@ def test_a_schedule_of_mixed_positions_counts_each_when_its_last_block_is_done()
 
 
 def nearer(count: int, planned: int, **values: float) -> list[Block]:
-    """Return blocks in which nobody succeeds and the arms make this progress."""
+    """Return blocks without successes, with the progress of each arm."""
     failed = {"one": False, "two": False}
     done = [Block("bed", start + 1, failed, values) for start in range(count)]
     return done + [Block("bed", start + 1, {}) for start in range(count, planned)]

@@ -1,4 +1,4 @@
-"""Text from outside: one printable line, whatever was in it."""
+"""External text becomes a single printable line."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What is written to stdout and stderr cannot control a terminal."""
+"""Output to stdout and stderr cannot control a terminal."""
 
 import io
 import subprocess

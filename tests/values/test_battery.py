@@ -1,4 +1,4 @@
-"""What a base says of its battery: only a measurement counts, and people read it as it was said."""
+"""Battery reports of a base: only measurements count, and they are printed unchanged."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The one back-projection: chosen pixels and whole images agree, at any resolution, and with the plain geometry."""
+"""Back-projection of pixels and images agrees at any resolution and with plain geometry."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A policy's answer is checked whole, and what comes out belongs to nobody else."""
+"""A policy's answer is validated completely, and the result is an independent copy."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Movements with parameters: JSON, decisions made of them, and their limits."""
+"""Movements with parameters: JSON, decisions with them, and limits."""
 
 import math
 

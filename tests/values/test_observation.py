@@ -1,4 +1,4 @@
-"""What of an observation a policy sees: the sensors on its card, in copies of its own."""
+"""A policy receives copies of an observation's sensors that are on its card."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""What a measured placement says: green only where all of its region lies within the tolerance, and how to mend it."""
+"""A measured placement: green only if its region is within tolerance, and corrections."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ def test_the_whole_region_must_be_within_the_tolerance() -> None:
     assert placed(0.03, -0.02, 1.0).within_tolerance
     assert not placed(0.12, 0.0, 0.0).within_tolerance
     assert not placed(0.0, 0.0, 3.2).within_tolerance
-    assert not placed(0.03, 0.0, 0.0, std_m=0.03).within_tolerance, "8 cm of region beside 3 cm of offset"
+    assert not placed(0.03, 0.0, 0.0, std_m=0.03).within_tolerance, "a region of 8 cm around an offset of 3 cm"
     assert not placed(0.0, 0.0, 0.0, std_deg=1.2).within_tolerance
 
 
@@ -90,8 +90,8 @@ def test_the_region_has_95_percent_coverage_at_any_correlation() -> None:
 
 
 def test_a_turn_is_advised_only_if_one_look_is_not_enough() -> None:
-    assert not placed(0.0, 0.0, 0.0).wants_turn, "it stands right"
-    assert not placed(0.3, 0.0, 0.0).wants_turn, "it is to be moved, whatever else"
+    assert not placed(0.0, 0.0, 0.0).wants_turn, "its position is correct"
+    assert not placed(0.3, 0.0, 0.0).wants_turn, "it must be moved in any case"
     unsure = replace(placed(0.02, 0.0, 0.0), covariance=PoseCovariance(0.05**2, 0, 0, 0.05**2, 0, 1e-4))
     assert unsure.wants_turn
     assert "turn on the spot" in unsure.advice

@@ -1,4 +1,4 @@
-"""A record that was made to harm is refused or harmless: nothing in it is imported, followed or executed."""
+"""A malicious record is refused or harmless: nothing in it is imported, followed or executed."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The record of the first schema: today's judge agrees with every verdict that it can compute again."""
+"""The current judge agrees with all recomputable verdicts of a record of the first schema."""
 
 import sqlite3
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""The page of a verification states what was checked, what was not, and what does not hold; texts are not markup."""
+"""The verification page states checks, omissions and failures; texts are not markup."""
 
 from collections import Counter
 from pathlib import Path

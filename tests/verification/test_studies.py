@@ -1,4 +1,4 @@
-"""Studies of a verified record: lock, schedule and log hold, and every trial was still needed when it began."""
+"""Studies of a verified record: lock, schedule, log, and no trial after the stopping rule."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A small made-up episode: every kind of entry, diagnostics included."""
+"""A small synthetic episode with all kinds of entries and diagnostics."""
 
 import math
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
         local = {Action.MOVE_FORWARD: Pose(0.25, 0), Action.TURN_LEFT: Pose(0, 0, math.radians(30))}
         after = pose if blocked else pose.compose(local.get(action, Pose(0, 0)))
         decision = Decision(action, diagnostics=_diagnostics(rng) if diagnostics else Diagnostics())
-        told = decision.diagnostics
+        recorded = decision.diagnostics
         step = StepRecord(
             number=index,
             action=action,
@@ -57,8 +57,8 @@ def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
             stamp_s=100 + 1.2 * index,
             world=Fix(after, PoseSource.SIMULATED),
             timings=StepTimings(infer_s=0.031),
-            probabilities=told.probabilities,
-            details=diagnostics_to_details(told),
+            probabilities=recorded.probabilities,
+            details=diagnostics_to_details(recorded),
         )
         yield StepEntry(step, decision, _picture(index), _depth())
         if blocked:
@@ -70,11 +70,11 @@ def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
 
 def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
     """Write the episode into a results directory as a run does, without its Rerun file; returns its number."""
-    told = header()
+    about = header()
     profile = load_profile("turtlebot2")
     model = ModelIdentity("vlv", weights_label="stand-in weights")
     plan = CampaignPlan(
-        told.site, RobotIdentity(profile, "simulated", True), model, told.parameters, 0, [PlannedTrial("chair", 1)]
+        about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [PlannedTrial("chair", 1)]
     )
     results.prepare()
     with Journal.open(results.database_url) as journal:
@@ -83,7 +83,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
         assert handle is not None
         with journal.engine.begin() as connection:
             connection.execute(update(Episode).values(uuid=UUID))
-        journal.place(handle.id, told.begin)
+        journal.place(handle.id, about.begin)
         journal.begin(handle.id, EpisodeBegin())
         directory = results.episode_directory(handle.images_directory)
         for entry in entries(count):

@@ -157,7 +157,7 @@ def test_a_thread_that_hangs_is_abandoned(tmp_path: Path, monkeypatch: pytest.Mo
         go_on.set()
     deadline = time.monotonic() + 30
     while any(thread.name == "rerun-17" for thread in threading.enumerate()):
-        assert time.monotonic() < deadline, "what was left behind ends as soon as it can"
+        assert time.monotonic() < deadline, "the abandoned thread ends as soon as possible"
 
 
 def test_consecutive_episodes_leave_no_threads_or_files_open(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_consecutive_episodes_leave_no_threads_or_files_open(tmp_path: Path) -> 
     for _ in range(6):
         assert write(tmp_path / "episode.rrd", count=3).error == ""
     deadline = time.monotonic() + 30
-    while (process.num_threads(), process.num_fds()) > (threads, files):  # one may be on its way out
+    while (process.num_threads(), process.num_fds()) > (threads, files):  # a thread may be ending
         assert time.monotonic() < deadline, (process.num_threads(), process.num_fds(), threads, files)
 
 

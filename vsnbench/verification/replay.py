@@ -188,7 +188,7 @@ class _Comparison:
     findings: list[Finding] = field(default_factory=list)
 
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
-        """Return None: nobody places the robot."""
+        """Return None, because a replay has no placement."""
 
     def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
         """Accept the begin."""

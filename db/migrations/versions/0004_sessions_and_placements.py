@@ -1,6 +1,6 @@
-"""Sessions, one operator with one robot, and where a robot stood as it was measured when a person said go.
+"""Adds sessions (an operator with a robot) and measured placements at the start of an episode.
 
-An episode of before names no session and has no measurement: nobody wrote either down.
+Earlier episodes have neither a session nor a measurement.
 
 Revision: 0004
 After: 0003

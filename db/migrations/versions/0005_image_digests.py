@@ -16,7 +16,7 @@ def upgrade() -> None:
     # Both databases rename a column as it stands here: the table, with millions of rows, need not be made anew.
     for image in ("rgb", "depth"):
         op.execute(f"ALTER TABLE step RENAME COLUMN {image}_sha256 TO {image}_digest")
-    # What is NULL stays so: nobody saw such an image.
+    # NULL stays NULL: the step has no such image.
     op.execute(
         "UPDATE step SET rgb_digest = 'sha256:' || rgb_digest, depth_digest = 'sha256:' || depth_digest "
         "WHERE rgb_digest IS NOT NULL OR depth_digest IS NOT NULL"

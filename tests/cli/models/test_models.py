@@ -1,4 +1,4 @@
-"""`vsnbench models` on the command line: what is printed, and one line and an exit code for what goes wrong."""
+"""`vsnbench models` on the command line: output, error lines and exit codes."""
 
 import functools
 import hashlib
@@ -29,7 +29,7 @@ class QuietHandler(SimpleHTTPRequestHandler):
 
 
 def vsnbench(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    """Run the command line here and return its exit code."""
+    """Run the command line in this process and return its exit code."""
     monkeypatch.setattr("sys.argv", ["vsnbench", *words])
     with pytest.raises(SystemExit) as left:
         main()

@@ -1,4 +1,4 @@
-"""`vsnbench models show` and `check` on kinds of goals and answers, and on the step sizes that a model assumes."""
+"""`vsnbench models show` and `check` for goal kinds, answer kinds and assumed step sizes."""
 
 import json
 from collections.abc import Callable

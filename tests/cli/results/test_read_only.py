@@ -1,4 +1,4 @@
-"""A results directory that cannot be written can be listed, reported and viewed, and stays as it is."""
+"""A read-only results directory can be listed, reported and viewed, and stays unchanged."""
 
 import ctypes
 import json
@@ -14,7 +14,7 @@ import pytest
 from tests.cli.console import vsnbench
 
 DROP_CAPABILITY = 24
-"""PR_CAPBSET_DROP; without its capabilities root obeys a file's mode, too."""
+"""PR_CAPBSET_DROP: without capabilities, file modes also apply to root."""
 READ_ALL = """
 import sys
 from vsnbench.cli.main import main

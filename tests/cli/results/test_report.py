@@ -113,7 +113,7 @@ def test_what_does_not_exist_is_said_in_a_line(lab: Lab, tmp_path: Path) -> None
     unknown = vsnbench("report", "--results", lab.directory, "--model", "pirlnav")
     assert isinstance(unknown.exception, UsageError)
     assert isinstance(vsnbench("report", "--format", "pdf").exception, UsageError)
-    assert isinstance(vsnbench("compare", "vlv", "nobody", "--results", lab.directory).exception, UsageError)
+    assert isinstance(vsnbench("compare", "vlv", "unknown", "--results", lab.directory).exception, UsageError)
     assert isinstance(vsnbench("export", "tum", tmp_path, 99, "--results", lab.directory).exception, UsageError)
 
 

@@ -1,4 +1,4 @@
-"""`vsnbench doctor` against a healthy robot, and against each way in which one can be broken."""
+"""`vsnbench doctor` on a healthy robot, and on robots with a fault."""
 
 import getpass
 import json
@@ -35,7 +35,7 @@ class Patient:
     results: Path
 
     def findings(self, *words: str, profile: Path = PROFILE) -> tuple[int, dict[str, tuple[str, str, str]]]:
-        """Return the doctor's exit code, and what he says about each thing: health, seen, advice."""
+        """Return the exit code of `doctor`, and health, finding and advice of each check."""
         where = ["--robot", str(profile), "--results", str(self.results), "--json"]
         done = doctor(*where, *words, environment=self.network.environment)
         lines = json.loads(done.stdout)["checks"]
@@ -74,7 +74,7 @@ def test_a_healthy_robot_is_ready_and_its_odometry_follows_its_wheels(patient) -
     assert found["clocks"][0] == "ok"
     assert found["/discrete_move"][0] == "ok"
     assert found["Left 30°"][0] == found["Right 30°"][0] == "ok"
-    # This camera has no camera_info: no reason to stay at home.
+    # A camera without camera_info is only a warning.
     assert found["/camera/color/camera_info"][0] == "warning"
 
 

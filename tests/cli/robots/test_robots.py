@@ -1,4 +1,4 @@
-"""`vsnbench robots`: what there is, how it is described, and what is wrong with a profile of one's own."""
+"""`vsnbench robots`: list, description, and errors in a user's profile."""
 
 import json
 from collections.abc import Callable

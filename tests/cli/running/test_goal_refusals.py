@@ -1,4 +1,4 @@
-"""Goals that cannot be run, as typed at the command line: one line, exit code 2, and nothing is written."""
+"""A goal that cannot be run gives an error line and exit code 2, and nothing is written."""
 
 from collections.abc import Callable
 from pathlib import Path

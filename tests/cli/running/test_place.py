@@ -1,4 +1,4 @@
-"""`vsnbench place`: how far off its mark a robot stands, in words, as JSON, and by the exit code."""
+"""`vsnbench place`: the offset from a mark, as text, as JSON and as exit code."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from tests.cli.console import vsnbench
 SMALL = ("place", "--robot", "simulated:turtlebot2@160x120")
 
 
-def test_where_one_look_is_not_enough_the_next_command_is_said_and_it_settles_the_place(
+def test_an_ambiguous_look_suggests_the_next_command_which_determines_the_pose(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)

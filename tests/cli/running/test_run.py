@@ -1,4 +1,4 @@
-"""`vsnbench run` as it is typed: real robot in the embedded apartment, real database, real files."""
+"""`vsnbench run` from the command line, in the embedded apartment with a real database."""
 
 import os
 import pty
@@ -42,7 +42,7 @@ def wait_for_steps(results: Path, count: int, process: "subprocess.Popen[str]") 
             try:
                 if rows(results, "SELECT COUNT(*) FROM step")[0] >= (count,):
                     return
-            except sqlite3.OperationalError:  # the tables are being made
+            except sqlite3.OperationalError:  # the tables do not exist yet
                 pass
         time.sleep(0.02)
     pytest.fail(f"no {count} steps within two minutes")
@@ -71,7 +71,7 @@ def test_the_oracle_reaches_its_goal_and_everything_is_recorded(run: Run, tmp_pa
         assert sorted(path.stem for path in (files / "rgb").iterdir()) == [f"{step:04d}" for (step,) in steps]
         assert sorted(path.stem for path in (files / "depth").iterdir()) == [f"{step:04d}" for (step,) in steps]
         assert (files / "trajectory.tum").read_text().count("\n") == len(steps) + 2
-        assert not (files / "episode.rrd").exists(), "nobody stands beside it: the copy is made when one looks"
+        assert not (files / "episode.rrd").exists(), "the copy for Rerun is created when an episode is viewed"
         assert float(str(path_length_m)) > 0.2
 
 
@@ -121,7 +121,7 @@ def test_the_live_viewer_stays_until_ctrl_c_where_a_person_sits_at_a_terminal(tm
 
 
 def read_until(terminal: int, words: str) -> str:
-    """Return what a terminal shows up to those words."""
+    """Return the terminal's output up to a text."""
     seen, deadline = "", time.monotonic() + 120
     while words not in seen:
         assert time.monotonic() < deadline, seen
@@ -297,4 +297,4 @@ def test_another_file_behind_the_same_name_is_another_model_and_says_so(
     assert "the only trial is done" in answer.err
     assert rows(tmp_path / "results", "SELECT count(*) FROM episode") == [(2,)]
     weights.write_bytes(b"first")
-    assert "nothing to do" in run(*again).err, "the first campaign is found again"
+    assert "nothing to do" in run(*again).err, "the first campaign is reused"

@@ -37,7 +37,7 @@ def test_what_is_kept_changes_nothing_that_happened(
         assert files == sorted([*images, *([".rrd"] if kept is KeepFiles.ALL else [])])
     assert len(stories[KeepFiles.ALL]) == 5
     assert stories[KeepFiles.ALL] == stories[KeepFiles.IMAGES]
-    # The oracle reads no colours, and nobody keeps them: they are not drawn, so that there is nothing to hash.
+    # The oracle reads no colour images and none are kept, so none are rendered or hashed.
     *same, rgb_digest, depth_digest = zip(*stories[KeepFiles.ALL], strict=True)
     assert [*same, (None,) * 5, depth_digest] == list(zip(*stories[KeepFiles.NONE], strict=True))
     assert None not in (*rgb_digest, *depth_digest)

@@ -1,4 +1,4 @@
-"""`vsnbench run --model pirlnav`: driven in the apartment, recorded with probabilities and the network's own words."""
+"""`vsnbench run --model pirlnav` in the apartment, recorded with probabilities and raw actions."""
 
 import contextlib
 import json
@@ -64,7 +64,7 @@ def test_steps_keep_probabilities_and_the_networks_own_action(run: Run, tmp_path
         assert list(json.loads(probabilities)) == NETWORK_ACTIONS
         assert sum(json.loads(probabilities).values()) == pytest.approx(1)
         assert len(json.loads(details)["logits"]) == 6
-    assert any(raw_action != action for raw_action, action, _, _ in steps), "the network looks up or down now and then"
+    assert any(raw_action != action for raw_action, action, _, _ in steps), "the network sometimes looks up or down"
 
     shown = run("episodes", "show", "1", "--results", str(results))
     assert shown.code == 0, shown.err
@@ -94,7 +94,7 @@ def test_what_it_cannot_do_is_said_before_anything_moves(
 
 
 class SimulatedAsReal(SimulatedRobot):
-    """Stands for a real robot: nothing else about it is needed here."""
+    """Minimal stand-in for a real robot."""
 
     def __init__(self, site: Site, parameters: ProtocolParameters) -> None:
         super().__init__(site, load_profile("turtlebot2"), parameters)

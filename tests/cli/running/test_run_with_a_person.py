@@ -1,4 +1,4 @@
-"""`vsnbench run` on a real terminal, with a robot that a person places: what the keys do, and what a hang-up leaves."""
+"""`vsnbench run` on a real terminal with a person who places the robot: keys and hang-ups."""
 
 import fcntl
 import os
@@ -21,7 +21,7 @@ RUN = ("run", "--robot", "tests.cli.by_hand:Slow", "--model", "tests.cli.by_hand
 
 
 class Seat:
-    """A terminal of 80 columns with a run on it."""
+    """A terminal of 80 columns that runs `vsnbench run`."""
 
     def __init__(self, results: Path, *words: str) -> None:
         self.results = results
@@ -41,7 +41,7 @@ class Seat:
         self.seen = ""
 
     def wait_for(self, words: str) -> None:
-        """Read until the screen has shown these words after those that were waited for before."""
+        """Read until a text appears after the texts that were awaited before."""
         deadline = time.monotonic() + 120
         while words not in self.seen:
             assert time.monotonic() < deadline, self.seen
@@ -99,7 +99,7 @@ def test_what_a_person_types_is_the_verdict_and_enter_is_none(seat: Seat) -> Non
     seat.wait_for("Enter when it is in place")
     seat.type("\x03")
     assert seat.process.wait(60) == 130, "the first Ctrl-C at a prompt acts"
-    assert seat.states == [("judged", "stop")], "what had not begun leaves no trace"
+    assert seat.states == [("judged", "stop")], "a trial that had not begun leaves no episode"
     session = "SELECT e.id, operator, s.ended_at IS NULL FROM session s JOIN episode e ON e.session_id = s.id"
     assert seat.rows(session) == [(1, "maria", 0)]
 
@@ -160,7 +160,7 @@ def test_a_second_sigterm_ends_a_model_that_never_comes_back_from_reset(tmp_path
             assert process.poll() is None, process.communicate()[1]
         for _ in range(2):
             process.send_signal(signal.SIGTERM)
-            time.sleep(1.0)  # SIGTERMs within half a second count as one: to a process, and to its group
+            time.sleep(1.0)  # SIGTERMs to a process and its group within half a second count once
         _, err = process.communicate(timeout=60)
     finally:
         process.kill()

@@ -1,4 +1,4 @@
-"""`vsnbench stress` as typed, with real trials in the apartment."""
+"""`vsnbench stress` from the command line, with trials in the apartment."""
 
 import json
 import sqlite3
@@ -15,7 +15,7 @@ STRESS = ("stress", *TRIALS, "--disturb", "odometry_drift,low_light", "--severit
 
 
 def outcomes(results: Path) -> list[tuple[Any, ...]]:
-    """Return what every episode's steps and images were, whichever process recorded them."""
+    """Return all steps and image digests, independent of the process that recorded them."""
     query = """
         SELECT c.conditions, t.goal, t.start, s.number, s.action, s.world_x_m, s.world_y_m, s.rgb_digest, s.depth_digest
         FROM step s JOIN episode e ON e.id = s.episode_id JOIN trial t ON t.id = e.trial_id

@@ -1,4 +1,4 @@
-"""`vsnbench study` as it is typed: real robot in the embedded apartment, real database, real files."""
+"""`vsnbench study` from the command line, in the embedded apartment with a real database."""
 
 import json
 import os
@@ -58,7 +58,7 @@ class Lab:
         monkeypatch.syspath_prepend(str(path))
 
     def __call__(self, *words: str) -> Answer:
-        # These studies are small: `lock` refuses a design that can show nothing unless it is forced.
+        # These studies are small: without --force, `lock` refuses a design without power.
         return self._call("study", *words, *(["--force"] if words == ("lock",) else []))
 
     def other(self, *words: str) -> Answer:
@@ -89,7 +89,7 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
     assert "arm" in seen[0].err
     assert "was left out" in seen[0].err
     seen += [lab("status"), lab("report"), lab("report", "--format", "json"), lab("report", "--format", "html")]
-    assert "<button" not in seen[-1].out, "nothing sorts where there is no script"
+    assert "<button" not in seen[-1].out, "tables cannot be sorted without scripts"
     seen += [lab("report", "--format", "markdown"), lab("report", "--format", "latex")]
     for words in (
         ("episodes", "list"),
@@ -116,7 +116,9 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
     assert told == []
     assert not [path for path in files if TELLING.search(str(path).encode())]
     arm, stranger = (lab.other("episodes", "list", "--model", name) for name in ("heron", "stranger"))
-    assert (arm.code, arm.err) == (2, stranger.err.replace("stranger", "heron")), "the answer tells no arm from a typo"
+    assert (arm.code, arm.err) == (2, stranger.err.replace("stranger", "heron")), (
+        "the error is the same for an arm and for a typo"
+    )
     merged = lab.other("db", "merge", "results", "--results", "merged")
     assert ", 1 new study" in merged.out
     elsewhere = [lab(verb, "--results", "merged") for verb in ("status", "report")]
@@ -130,10 +132,10 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
     assert "heron" in lab.other("episodes", "list").out
     report = lab("report").out
     assert "unblinded early" in report
-    assert "we want to see the page" in " ".join(report.split()), "however wide it is printed"
+    assert "we want to see the page" in " ".join(report.split()), "at every width"
 
 
-def test_a_study_that_is_killed_keeps_its_schedule_and_its_outcomes_are_those_of_plain_runs(
+def test_a_killed_study_keeps_its_schedule_and_has_the_outcomes_of_plain_runs(
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lab.new()
@@ -166,7 +168,7 @@ def test_a_study_that_is_killed_keeps_its_schedule_and_its_outcomes_are_those_of
     assert "ended abnormally" in lab("report").out
 
 
-def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_reported(lab: Lab) -> None:
+def test_a_changed_byte_and_an_amendment_are_reported_by_run_report_and_status(lab: Lab) -> None:
     lab.new()
     assert lab("lock").code == 0
     file = Path("study.yaml")
@@ -175,7 +177,7 @@ def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_re
     arm, stranger = (
         lab.other("run", "--model", f"aviary:{name}", "--goal", "bed", "--seed", "5") for name in ("Heron", "Wren")
     )
-    assert arm == stranger, "a refusal does not tell which models are arms"
+    assert arm == stranger, "a refusal does not reveal which models are arms"
     assert "seed 5 is that of the blinded study 'Which of 2 models finds its goal?'" in arm.err
     words = "study.yaml was changed after it was locked: line"
     refused = lab("run")
@@ -196,7 +198,7 @@ def test_a_changed_byte_is_named_by_run_report_and_status_and_an_amendment_is_re
     assert "seed: fields that determine the schedule cannot be amended" in lab("amend", "--reason", "x").err
 
 
-def test_a_robot_that_another_session_of_the_study_drives_is_refused_with_its_operator(
+def test_a_robot_in_another_session_of_the_study_is_refused_with_its_operator(
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lab.new()
@@ -206,7 +208,9 @@ def test_a_robot_that_another_session_of_the_study_drives_is_refused_with_its_op
         raise RobotError("/vsnbench is already running on this robot", advice="end it first")
 
     monkeypatch.setattr(StudyPlace, "robot", taken)
-    assert "already running on this robot" in lab("run").err, "nobody else runs the study: what the robot says stands"
+    assert "already running on this robot" in lab("run").err, (
+        "no other process runs the study, so the robot's error is shown"
+    )
     study = open_study(Path("study.yaml"), None, None)
     with Journal.open(study.results.database_url, gather_provenance("Ada")) as journal:
         journal.note_in_study(study.recorded.id, SESSION, "Ada")
@@ -291,7 +295,7 @@ def test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again(lab:
         Path("study.yaml").rename("first.yaml")
         lock_file.rename("first.yaml.lock")
         lab.new("--title", "Another", arms=("Magpie", "Wren"))
-        assert lab("lock", "--results", "results").code == 2, "the seed is taken"
+        assert lab("lock", "--results", "results").code == 2, "the seed is in use"
         Path("study.yaml").write_text(Path("study.yaml").read_text().replace("seed: 5", "seed: 6"))
         assert lab("lock").code == 0
         lock_file.write_bytes(Path("first.yaml.lock").read_bytes())

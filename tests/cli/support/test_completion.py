@@ -1,4 +1,4 @@
-"""What the shell is offered when a value is completed."""
+"""Shell completion of values."""
 
 import os
 import subprocess
@@ -22,7 +22,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def offered(results: Path, typed: str) -> list[str]:
-    """Ask as bash does when Tab is pressed at the end of what is typed."""
+    """Request completions as bash does when Tab is pressed at the end of the line."""
     done = subprocess.run(
         [sys.executable, "-m", "vsnbench"],
         env=os.environ

@@ -1,4 +1,4 @@
-"""Lists and tables on a terminal of 80 columns: no line is wider, and no number, date or word of ours is broken."""
+"""Lists and tables fit a terminal of 80 columns without broken numbers, dates or words."""
 
 import re
 from collections.abc import Callable
@@ -20,7 +20,7 @@ LONG_NAME = "examples.widest_opening:WidestOpening"
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three models, one with a name that no column holds; ends with long reasons; one episode that awaits a word."""
+    """Three models, of which one has a very long name; long end reasons; an episode that awaits a judgement."""
     directory = tmp_path_factory.mktemp("results")
     lab = Lab(directory)
     goals = ("chair", "sofa", "toilet")
@@ -35,7 +35,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def shown(record: Path, typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
-    """Types words at a terminal of 80 columns, above the results: their path is printed whole, however long it is."""
+    """Runs commands on a terminal of 80 columns, in the parent of the results, whose path is printed in full."""
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(record.parent)
     monkeypatch.setenv("VSNBENCH_RESULTS", record.name)
@@ -55,7 +55,7 @@ def test_an_episode_is_a_line(shown: Callable[..., Answer]) -> None:
     assert all(re.match(r" +\d+  \S+ +(chair|sofa|toilet) +\d+  ", line) for line in lines)
     assert sum("failure: step_limit  " in line for line in lines) == 5
     assert "void: motion_failed" in lines[-2]
-    assert re.search(r" examp\S*…\S*tOpening ", lines[-2]), "names differ at their ends"
+    assert re.search(r" examp\S*…\S*tOpening ", lines[-2]), "the ends of the names differ"
     answer = shown("episodes", "list", "--limit", "1")
     left_out = [name for name in ("began (UTC)", "to goal") if name not in heading]
     assert [name for name in left_out if name not in answer.err] == []
@@ -66,7 +66,7 @@ def test_dates_and_counts_of_campaigns_stay_whole(shown: Callable[..., Answer]) 
     today = f"{datetime.now(UTC):%Y-}"
     dated = [line for line in lines if re.search(rf"\d+ of \d+  {today}\d\d-\d\d$", line.rstrip())]
     assert len(dated) == 4
-    assert len(lines) == 5, "the name that no column holds, which tells campaigns apart, goes on below"
+    assert len(lines) == 5, "the long name that distinguishes campaigns continues below"
     assert not any("…" in line for line in lines)
 
 
@@ -130,7 +130,7 @@ def test_no_line_is_wider_than_its_terminal(
     width: int, length: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
-    words = "a door is ajar where nobody saw it, "
+    words = "a door is ajar outside of the view, "
     rows = [("7", "n" * length, "2026-03-02 09:00", (words * 9)[:length], words[:length]), ("12345", "é", "", "", "b")]
     print_list(COLUMNS, rows)
     answer = capsys.readouterr()

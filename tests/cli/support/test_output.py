@@ -1,4 +1,4 @@
-"""Every verb that prints a result prints it as JSON, and alone, where it is asked to; exit codes; completion."""
+"""Commands with results support --json and --quiet; exit codes; completion."""
 
 import json
 import os
@@ -21,7 +21,7 @@ PAGE = Path(__file__).resolve().parents[3] / "docs" / "command-line.md"
 
 
 def verbs() -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield every verb that can be typed, with its command: found by walking the parser, so that none is forgotten."""
+    """Yield every command line verb with its command, found by walking the parser."""
     for verb in VERBS:
         command: Any = get_command(build_app(verb)).commands[verb]  # type: ignore[attr-defined]
         if not hasattr(command, "commands"):

@@ -1,4 +1,4 @@
-"""Spellings of the previous version: the answer is the new spelling, and it exists."""
+"""Spellings of the previous version give an error with the new, existing spelling."""
 
 import shlex
 

@@ -1,4 +1,4 @@
-"""The files are read with pyarrow, PyAV and OpenCV, and checked for what the loader of lerobot 0.6.1 demands.
+"""Exported datasets, read with pyarrow, PyAV and OpenCV, meet the requirements of lerobot 0.6.1.
 
 Names in capitals are lerobot's. `scripts/check_lerobot.py` loads a dataset with lerobot itself.
 """

@@ -1,4 +1,4 @@
-"""What becomes of blocked actions, movements with parameters, and steps without odometry."""
+"""Frames of blocked actions, movements with parameters, and steps without odometry."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The statistics are numpy's, of all rows and of all pixels."""
+"""The statistics equal numpy's, over all rows and all pixels."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -9,7 +9,7 @@ from vsnbench.interop.lerobot.statistics import QUANTILES, image_statistics, pix
 NAMES = {"min", "max", "mean", "std", "count", *QUANTILES}
 
 
-@settings(deadline=None)  # counting the values of 16 bits takes longer on a busy machine
+@settings(deadline=None)  # counting 16-bit values takes longer on a busy machine
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 200, 256, 65536]), st.integers(1, 3), st.integers(1, 3))
 def test_images_have_the_statistics_of_their_pixels(seed: int, values: int, images: int, channels: int) -> None:
     dtype = np.uint8 if values <= 256 else np.uint16

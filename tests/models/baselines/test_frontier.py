@@ -1,4 +1,4 @@
-"""The built-in model `frontier`: what it needs, and that it drives to what it has not seen and to the goal."""
+"""The built-in model `frontier` drives to unseen areas and to the goal."""
 
 from pathlib import Path
 

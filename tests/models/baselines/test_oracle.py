@@ -1,4 +1,4 @@
-"""The oracle solves the apartment with a robot that moves perfectly, and copes with one that does not."""
+"""The oracle solves the apartment with exact motion, and tolerates refused moves."""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def apartment() -> Site:
 
 @dataclass(frozen=True)
 class Walk:
-    """Where an episode led."""
+    """Result of an episode."""
 
     actions: list[Action]
     end: Pose

@@ -1,4 +1,4 @@
-"""Weights arrive whole and with the right hash, or not at all; an interrupted download goes on where it stopped."""
+"""Downloads of weights are atomic and checked by hash; interrupted ones resume."""
 
 import hashlib
 import threading
@@ -18,11 +18,11 @@ SHA256 = hashlib.sha256(CONTENT).hexdigest()
 
 @dataclass
 class Server:
-    """A web server on this machine that can be told to misbehave."""
+    """A local web server with scripted faults."""
 
     url: str = ""
     stop_after: int | None = None
-    """Bytes after which the connection is cut, although more were announced."""
+    """Number of bytes after which the server cuts the connection, below the announced length."""
     ranges: bool = True
     status: int = 200
     asked: list[str | None] = field(default_factory=list)
@@ -89,10 +89,10 @@ def test_what_is_there_already_is_not_downloaded_again(tmp_path: Path, server: S
 
 def test_another_file_at_the_destination_is_left_alone(tmp_path: Path, server: Server) -> None:
     destination = tmp_path / "pirlnav.ckpt"
-    destination.write_bytes(b"somebody else's")
+    destination.write_bytes(b"another user's file")
     with pytest.raises(UsageError, match="another file"):
         fetch(server.url, destination, SHA256)
-    assert destination.read_bytes() == b"somebody else's"
+    assert destination.read_bytes() == b"another user's file"
 
 
 def test_a_cut_connection_is_noticed_and_the_next_call_goes_on(tmp_path: Path, server: Server) -> None:

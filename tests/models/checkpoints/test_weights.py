@@ -1,4 +1,4 @@
-"""Weights are found by name, in the directory of weights, or embedded; the nearest criteria wins."""
+"""Weights are found by path, in the directory of weights, or embedded, in this order."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Environments in which the server file must work: one for each major version of websockets."""
+"""Virtual environments for the server file, with each major version of websockets."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ _PIP_TIMEOUT_S = 240
 
 
 class NotOfferedError(Exception):
-    """The package index does not offer this version here, or cannot be reached."""
+    """The package index does not have this version, or is not reachable."""
 
 
 def environment(major: int, directory: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Model servers for the tests: the stub in a process of its own, and one that answers by a script."""
+"""Model servers for tests: the stub in a separate process, and a scripted server."""
 
 import os
 import socket
@@ -24,7 +24,7 @@ from vsnbench.values.pose import Pose
 ROOT = Path(__file__).resolve().parents[3]
 STUB = Path(vsnbench_policy.__file__)
 STUB_OF_VERSION_1 = ROOT / "tests" / "data" / "wire" / "vsnbench_policy_1.txt"
-"""The stub as it was before version 2 of the protocol."""
+"""The stub of protocol version 1."""
 PATIENCE_S = 120.0
 CARD = {"name": "scripted", "goals": None, "sensors": ["rgb"], "settings": {}, "deterministic": True}
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.5)
@@ -60,7 +60,7 @@ def stub_server(
     python: Path | None = None,
     stub: Path = STUB,
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """Serve the class `Model` of some source by the stub, alone in its directory; yields address and process."""
+    """Serve a class `Model` with the stub, in its own directory; yield address and process."""
     (directory / "served_model.py").write_text(source, encoding="utf-8")
     (directory / STUB.name).write_bytes(stub.read_bytes())
     number = port or free_port()
@@ -92,7 +92,7 @@ Answer = Callable[[ServerConnection, dict[str, Any]], None]
 
 @contextmanager
 def scripted_server(answer: Answer, greeting: dict[str, Any] | bytes | None = None) -> Iterator[str]:
-    """Serve what a function answers to each message after a card (or another greeting)."""
+    """Serve a card (or another greeting), and then the answers of a function to each message."""
     first = {"type": "card", "wire": 2, "card": CARD, "jpeg": False} if greeting is None else greeting
 
     def handle(connection: ServerConnection) -> None:
@@ -113,7 +113,7 @@ def scripted_server(answer: Answer, greeting: dict[str, Any] | bytes | None = No
 
 
 def look(width: int = 64, height: int = 48) -> Observation:
-    """Return an observation with a picture, depth with holes, and a pose."""
+    """Return an observation with an image, depth with holes, and a pose."""
     rng = np.random.default_rng(5)
     depth_m = rng.uniform(0.5, 5.0, (height, width)).astype(np.float32)
     depth_m[: height // 4] = np.nan

@@ -1,4 +1,4 @@
-"""`models check ws://…` passes a server that keeps the protocol and names what another does wrong."""
+"""`models check ws://…` passes a correct server and names the errors of others."""
 
 import json
 from pathlib import Path

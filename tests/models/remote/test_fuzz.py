@@ -1,4 +1,4 @@
-"""Whatever bytes arrive at either side of the wire, both live on, with bounded memory, and no code of theirs runs."""
+"""Client and server survive any received bytes, with bounded memory and without running them."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""What a Habitat agent is handed is what Habitat would hand it, and its answers become actions of the protocol."""
+"""A Habitat agent receives Habitat's inputs, and its answers become protocol actions."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ TURN = {"0": "STOP", "1": "MOVE_FORWARD", "2": "TURN_LEFT", "3": "TURN_RIGHT"}
 
 
 class Agent:
-    """Answers what the test says, and keeps what it is handed."""
+    """Returns scripted answers and keeps its inputs."""
 
     def __init__(self, answer: Any = 0) -> None:
         self.answer = answer

@@ -1,4 +1,4 @@
-"""A policy in another process is a policy like any other, and answers for nothing that its process does."""
+"""A policy in another process behaves like a local one, and survives faults of its server."""
 
 import http.server
 import os
@@ -152,7 +152,7 @@ def test_a_model_that_answers_too_late_is_lost_and_its_answer_is_never_taken(tmp
         with pytest.raises(ModelLostError, match=r"within 0\.5 s"):
             policy.act(look())
         assert time.monotonic() - began < 1.5
-        policy.reset("chair", 1)  # it is busy with the old question for a while: there is patience
+        policy.reset("chair", 1)  # the server is still busy with the old question, so the client waits
         assert policy.act(look()).action is Action.STOP
 
 
@@ -165,7 +165,7 @@ def test_a_server_that_dies_or_stops_in_mid_act_is_lost(number: signal.Signals, 
         began = time.monotonic()
         with pytest.raises(ModelLostError):
             policy.act(look(640, 480))
-        assert time.monotonic() - began < 4.5  # it would have answered after 5 s
+        assert time.monotonic() - began < 4.5  # the server would have answered after 5 s
 
 
 def test_a_stopped_server_that_reads_nothing_does_not_hold_the_sender(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_server_that_is_gone_is_said_to_be_lost_after_the_patience(tmp_path: P
     assert lost.value.code == "no-server"
 
 
-# What a server may answer: each is one question of an episode that has begun.
+# Answers of a server, each to a question in a running episode.
 
 
 def ready(connection: ServerConnection, message: dict[str, Any]) -> bool:
@@ -410,7 +410,7 @@ def test_a_port_where_something_else_listens_is_named_for_it() -> None:
 def test_a_server_that_goes_while_the_hand_is_held_out_is_lost(tmp_path: Path) -> None:
     path = tmp_path / "model.sock"
     before = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)  # the reading thread often sees the end before the first word is sent
+    sys.setswitchinterval(1e-6)  # the reading thread often detects the end before the first message is sent
     try:
         for _ in range(40):
             path.unlink(missing_ok=True)

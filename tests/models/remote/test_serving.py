@@ -1,4 +1,4 @@
-"""Our own models behind the wire answer to the bit what they answer in this process."""
+"""Served built-in models return bit-identical decisions to local ones."""
 
 import os
 import signal

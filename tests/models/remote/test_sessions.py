@@ -1,4 +1,4 @@
-"""One server and several clients: each connection is an episode of its own, and no client hurts another."""
+"""A server with several clients: each connection is a separate, independent episode."""
 
 import random
 import signal

@@ -1,4 +1,4 @@
-"""Version 2 of the wire sends the task; servers and clients of version 1 keep working within what they know."""
+"""Protocol version 2 sends the task; clients and servers of version 1 still work."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -122,7 +122,7 @@ def site_with_text() -> Any:
 
 @contextmanager
 def old_client(url: str, **hello: Any) -> Iterator[tuple[ClientConnection, dict[str, Any]]]:
-    """Connect as the client of version 1 does."""
+    """Connect like a client of version 1."""
     with connect(url, compression=None, proxy=None) as connection:
         connection.send(pack({"type": "hello", "wire": 1, "token": "", "client": "vsnbench 0.1.0", **hello}))
         yield connection, unpack(connection.recv())

@@ -96,7 +96,7 @@ def test_clients_that_say_nothing_take_a_bounded_number_of_threads(
         clients = [kept_open.enter_context(socket.create_connection(address, PATIENCE_S)) for _ in range(150)]
         give_up = time.monotonic() + PATIENCE_S
         while sum(map(closed_by_server, clients)) < len(clients) - SPARE_CONNECTIONS - 1:
-            assert time.monotonic() < give_up, "the server keeps more connections than it may"
+            assert time.monotonic() < give_up, "the server has too many connections"
             time.sleep(0.02)
         assert len(list(threads.iterdir())) - before <= 2 * (SPARE_CONNECTIONS + 1)
         kept_open.close()

@@ -1,4 +1,4 @@
-"""The bytes on the page of the wire are those of its messages, and a client accepts them."""
+"""The bytes shown in docs/wire.md encode its messages, and a client accepts them."""
 
 import json
 import re

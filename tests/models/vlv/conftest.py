@@ -58,6 +58,6 @@ def value_file(tmp_path_factory: pytest.TempPathFactory, value_tensors: dict[str
 
 @pytest.fixture(scope="session")
 def frames() -> npt.NDArray[np.uint8]:
-    """The images that the original network was asked about."""
+    """Input images of the original network."""
     made: npt.NDArray[np.uint8] = load_module(DATA / "pirlnav" / "images.py").frames(6, 224, 224, seed=31)
     return made

@@ -1,4 +1,4 @@
-"""Observations made by hand: a wall ahead, an object before it, and what the simulator would call it."""
+"""Synthetic observations: a wall ahead, an object before it, and its category label."""
 
 import numpy as np
 import numpy.typing as npt
@@ -24,13 +24,13 @@ def look(
     wall_m: float = 4.0,
     depth: bool = True,
 ) -> Observation:
-    """Return what is seen.
+    """Return an observation.
 
     Args:
         things: category, (top, bottom, left, right) in pixels, and distance in metres of each; NaN for no depth.
-        pose: where from; the start when not given.
+        pose: pose of the robot; default: the start.
         wall_m: distance of the wall.
-        depth: whether there is a depth image.
+        depth: whether the observation has a depth image.
     """
     depth_m = wall_and_floor(wall_m)
     ids = np.zeros((120, 160), np.int32)

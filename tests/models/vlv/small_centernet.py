@@ -92,7 +92,7 @@ class Network:
         return convert_centernet(read_graph(topology, weights))
 
     def outputs(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return peaks and edges (channels first) by PyTorch, with TensorFlow's padding."""
+        """Return peaks and edges (channels first), computed with PyTorch and TensorFlow's padding."""
         w = self.values
 
         def convolve(x: torch.Tensor, name: str, stride: int, *, depthwise: bool = False) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""The detectors: the simulator's labels made worse, an ONNX file, and which one is opened."""
+"""Detectors: degraded simulator labels, an ONNX file, and the choice between them."""
 
 import json
 from pathlib import Path
@@ -144,7 +144,7 @@ def test_a_reliability_that_cannot_be_read_is_refused(tmp_path: Path, text: str)
         ONNXDetector(save_onnx(tmp_path / "d.onnx", reliability=text), 0.5)
 
 
-def test_a_less_precise_class_needs_more_views_and_a_rarely_seen_one_forgives_more_misses() -> None:
+def test_less_precise_classes_need_more_views_and_rarely_seen_ones_allow_misses() -> None:
     assert [Reliability.measured(0.3, precision, 0.5).views_to_believe for precision in (0.95, 0.6, 0.4)] == [2, 4, 6]
     assert [Reliability.measured(0.3, 0.6, recall).miss_weight for recall in (0.8, 0.5, 0.2)] == [1.0, 0.5, 0.125]
 

@@ -7,7 +7,7 @@ from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.goal_memory import GoalMemory, Sighting
 
 WEAK = Reliability.measured(0.3, precision=0.6, recall=0.5)
-"""Four views to believe; a miss weighs half."""
+"""A place is accepted after four views; a miss has half the weight of a view."""
 
 
 def seen_at(x_m: float, y_m: float = 0.0) -> Sighting:
@@ -15,7 +15,7 @@ def seen_at(x_m: float, y_m: float = 0.0) -> Sighting:
 
 
 def after(reliability: Reliability, *views: tuple[float, ...]) -> GoalMemory:
-    """Return the memory after views, each with the distances of what was seen; the place at 3 m is always in view."""
+    """Return the memory after views, each with distances of detections; the place at 3 m is always in view."""
     memory = GoalMemory(reliability)
     for view in views:
         memory.update([seen_at(x_m) for x_m in view], lambda point: point[0] == pytest.approx(3.0, abs=0.5))

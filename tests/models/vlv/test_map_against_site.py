@@ -1,4 +1,4 @@
-"""The occupancy map after a walk through the apartment, laid over the site's own plan."""
+"""The occupancy map after a tour of the apartment agrees with the site's plan."""
 
 import math
 
@@ -20,9 +20,9 @@ from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 
 WALKS = ((10, "toilet"), (8, "bed"))
-"""From where to where: through every room."""
+"""Waypoints of a tour through every room."""
 LOOKS = 10
-"""Depth images to a median: the paper's default."""
+"""Number of depth images per median, the paper's default."""
 
 
 def depth_at(robot: Robot, observation: Observation, looks: int) -> npt.NDArray[np.float32]:
@@ -31,9 +31,9 @@ def depth_at(robot: Robot, observation: Observation, looks: int) -> npt.NDArray[
 
 
 def agreement(grid: OccupancyMap, start: Pose, site: Site, top_m: float) -> float:
-    """Return the share of the observed cells that say of a solid or free place what the site says.
+    """Return the share of observed cells that agree with the site about solid and free places.
 
-    A cell that an edge of the site runs through may say either.
+    A cell on an edge of the site may be either.
     """
     cells = grid.cells()
     rows, columns = np.nonzero(cells)

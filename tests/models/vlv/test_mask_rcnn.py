@@ -1,4 +1,4 @@
-"""Mask R-CNN on weights of the released layout, against torchvision's own answers to the same image.
+"""Mask R-CNN with stand-in weights gives torchvision's recorded results.
 
 `mask_rcnn.npz` holds what torchvision 0.29.2 (ResNet-50, feature pyramid, 91 classes, normalisation without epsilon)
 found with the stand-in weights below; its compiled operators were replaced by their definitions in plain PyTorch.

@@ -1,4 +1,4 @@
-"""The planner: ways, and the actions that follow them."""
+"""The planner: paths, and the actions along them."""
 
 import itertools
 import math
@@ -43,7 +43,7 @@ points = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
 
 @settings(deadline=None, max_examples=80)
 @given(obstacles, points, points)
-def test_a_path_never_crosses_an_obstacle_and_is_never_shorter_than_the_straight_line(
+def test_a_path_avoids_obstacles_and_is_never_shorter_than_the_straight_line(
     blocks: list[tuple[float, float]], start: tuple[float, float], end: tuple[float, float]
 ) -> None:
     pose = Pose(*start)
@@ -97,7 +97,7 @@ def test_the_field_is_that_of_an_independent_fast_marching() -> None:
 
 
 def drive(grid: OccupancyMap, pose: Pose, target: tuple[float, float], most: int = 60) -> list[Pose]:
-    """Carry out what the planner says, exactly, until it is there."""
+    """Execute the planner's actions exactly until the target is reached."""
     planner = Planner(SETTINGS)
     way = [pose]
     for _ in range(most):

@@ -1,4 +1,4 @@
-"""VLV as a policy: when it stops, how it looks around, what it refuses, and what it tells."""
+"""VLV as a policy: stopping, looking around, refusals and diagnostics."""
 
 import json
 import math
@@ -143,7 +143,7 @@ def test_the_same_seed_makes_the_same_decisions() -> None:
     assert run(5) != run(6)
 
 
-def test_the_card_says_that_the_detector_is_the_simulator_s_and_that_there_is_no_value_network() -> None:
+def test_the_card_states_the_simulated_detector_and_the_missing_value_network() -> None:
     card = VLV().card
     assert "simulated detector" in card.weights_label
     assert "no value network" in card.weights_label

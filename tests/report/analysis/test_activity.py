@@ -1,4 +1,4 @@
-"""What a record was kept busy with: sums that depend on no order, and time that several workers share."""
+"""Activity of a record: sums independent of order, and time shared by several workers."""
 
 from datetime import UTC, datetime, timedelta
 from itertools import permutations

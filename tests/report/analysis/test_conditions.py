@@ -1,4 +1,4 @@
-"""The names of conditions: as short as tell them apart, and never one that could mean two."""
+"""Names of conditions are short and unambiguous."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Measures of recorded courses: what they are of, and that nothing is guessed where the record lacks something."""
+"""Measures of recorded courses; missing data give unknown values."""
 
 import math
 from dataclasses import replace
@@ -30,7 +30,7 @@ def lab(tmp_path: Path) -> Lab:
 
 
 def at(number: int, place: Pose) -> StepRecord:
-    """A step that ends at this place of the site."""
+    """Return a step that ends at a position of the site."""
     result = MotionResult(completed=True, pose=Pose(0, 0))
     return replace(
         step(number, Action.MOVE_FORWARD), result=result, world=Fix(place, PoseSource.SIMULATED), observed=Pose(0, 0)
@@ -125,6 +125,6 @@ def test_progress_is_compared_by_whole_starting_positions(lab: Lab) -> None:
     assert effects["progress"].difference == pytest.approx(sum(s / 32 for s in STARTS) / 9)
     assert effects["progress"].interval.low > 0
     assert effects["heading change (°/m)"].first == 0
-    assert "thinking time (s)" not in effects, "the simulator's clock does not count it"
+    assert "thinking time (s)" not in effects, "the simulator's clock excludes it"
     (without,) = compare(record, summarise(record), ["ahead", "behind"])
     assert "minimum clearance (m)" not in {effect.measure for effect in without.effects}

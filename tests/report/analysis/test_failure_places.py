@@ -1,4 +1,4 @@
-"""Kinds of failure that have a place, and how failures become places."""
+"""Kinds of failure with a place, and clusters of failures."""
 
 import math
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ def test_who_comes_near_with_the_goal_in_view_and_leaves_has_passed_it_there(lab
     assert place == pytest.approx(near.position)
 
 
-def test_failures_of_one_kind_close_together_are_one_place_and_the_largest_comes_first() -> None:
+def test_close_failures_of_a_kind_are_one_place_and_the_largest_is_first() -> None:
     stuck, early = FailureKind.STUCK, FailureKind.STOPPED_EARLY
     failures = [
         Failure(4, early, (5.0, 5.0)),

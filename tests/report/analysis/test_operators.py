@@ -1,4 +1,4 @@
-"""Who stood beside the robot and judged, against records whose answers are known."""
+"""Operators and their judgements, in records with known results."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ from vsnbench.results.writing.entries import INTERVENTION
 
 
 def judged(lab: Lab, numbers: list[int], author: str, *, overruled: int = 0) -> None:
-    """Let a person confirm that episodes succeeded, and overrule so many of them."""
+    """Let a person confirm successful episodes, and overrule some of them."""
     with lab.journal() as journal:
         for place, number in enumerate(numbers):
             wrong = place < overruled
@@ -62,7 +62,7 @@ def test_two_sessions_are_told_of_unasked_and_time_is_tested_over_both(two_peopl
     names = list(tables)
     for name in ("operators", "sessions"):
         first = [column.heading for column in tables[name].columns[:4]]
-        assert "SR %" in first, "a phone shows the answer without being scrolled"
+        assert "SR %" in first, "a phone shows the answer without scrolling"
     assert names[-3:] == ["operators", "sessions", "drift"]
     report = report_of(two_people)
     said = json.loads(

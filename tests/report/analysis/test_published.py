@@ -1,4 +1,4 @@
-"""The paper's numbers: the counts as printed, and what follows from them."""
+"""The paper's printed counts, and numbers derived from them."""
 
 import pytest
 

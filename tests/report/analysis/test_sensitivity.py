@@ -1,4 +1,4 @@
-"""What a reviewer asks, against records whose answers are known."""
+"""Sensitivity analyses, in records with known results."""
 
 import math
 from dataclasses import replace
@@ -107,13 +107,13 @@ def test_a_session_that_wears_out_drifts_and_goals_in_turn_do_not(lab: Lab, tmp_
     assert worn.trend.p == pytest.approx(2 / math.comb(15, 7))
     assert worn.difference == -1
     assert worn.interval.high < 0
-    assert drift(*only(lab), whole=True) is None, "one session is all of it"
+    assert drift(*only(lab), whole=True) is None, "a single session has all episodes"
     (tmp_path / "turn").mkdir()
     turn = Lab(tmp_path / "turn")
     turn.write([Attempt(goal, s, success=goal == "bed") for goal in ("bed", "plant") for s in range(1, 9)])
     in_turn = drift(*only(turn))
     assert in_turn is not None
-    assert in_turn.trend.p == 1.0  # the plant is harder, and came later
+    assert in_turn.trend.p == 1.0  # the plant is harder, and its trials came later
 
 
 def test_the_grid_has_every_cell_that_was_tried(lab: Lab) -> None:
@@ -128,7 +128,7 @@ def test_the_grid_has_every_cell_that_was_tried(lab: Lab) -> None:
 
 
 def course(*places: Pose, blocked: bool = False) -> list:
-    """Steps that end at these places of the site."""
+    """Return steps that end at these positions of the site."""
     return [
         replace(
             step(number, Action.MOVE_FORWARD, blocked=blocked),
@@ -219,7 +219,7 @@ def test_the_whole_report_has_what_the_record_supports(lab: Lab) -> None:
     report = build(lab.url, Selection())
     names = [table.name for table in report.tables(long=True)]
     assert {"sensitivity", "distances", "seeds", "grid-1", "failures"} <= set(names)
-    assert "drift" not in names  # a simulator does not tire
+    assert "drift" not in names  # a simulator has no drift
     assert "judgements" not in names
     record, results = report.record, report.results
     assert all(table.rows for table in sensitivity_tables(record, results))

@@ -1,4 +1,4 @@
-"""What counts, what does not, and that the numbers of a summary are those of its episodes."""
+"""A summary counts the right episodes, and its numbers match them."""
 
 import math
 from pathlib import Path
@@ -68,7 +68,7 @@ def test_the_latest_verdict_stands_over_the_end_and_over_the_distance(lab: Lab) 
     assert [(end.end_reason, end.counted) for end in one.ends] == [("collision", 1)]
 
 
-def test_an_attempt_made_void_by_a_verdict_leaves_the_rate_and_the_next_attempt_counts(lab: Lab) -> None:
+def test_an_attempt_made_void_by_a_verdict_is_replaced_by_the_next_attempt(lab: Lab) -> None:
     (first,) = lab.write([Attempt(success=True)])
     with lab.journal() as journal:
         journal.judge(first, Verdict(EndReason.ABORTED, None, "a visitor stood in the way"), author="Ana")
@@ -80,7 +80,7 @@ def test_an_attempt_made_void_by_a_verdict_leaves_the_rate_and_the_next_attempt_
 def test_only_the_first_result_of_a_trial_counts(lab: Lab) -> None:
     (first,) = lab.write([void()])
     lab.write([Attempt(success=False)])
-    with lab.journal() as journal:  # the void one turns out to have been a result after all
+    with lab.journal() as journal:  # a verdict makes the void attempt a result
         journal.judge(first, Verdict(EndReason.STOP, True, "the log shows a success"), author="Ana")
     total = results_of(lab).conditions[0].total
     assert (total.successes, total.episodes, total.void) == (1, 1, 0)
@@ -137,7 +137,7 @@ def test_goals_are_shared_by_those_that_can_be_laid_beside_each_other(lab: Lab) 
     assert shared == {
         "a simulated": (("sofa", "bed"), True),
         "b": (("sofa", "bed"), True),
-        "a first try": (("sofa", "bed"), False),  # it has not all of them: a total would be of other goals
+        "a first try": (("sofa", "bed"), False),  # not all goals are present, so a total would cover other goals
         "oracle": (("sofa", "bed"), False),
         "a real": (("chair",), False),
     }

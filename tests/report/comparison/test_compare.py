@@ -1,4 +1,4 @@
-"""Comparisons: paired where the design allows it, in plain words, and without a winner while trials are missing."""
+"""Comparisons: paired if the design allows it, in plain words, no winner while trials are missing."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def lab(tmp_path: Path) -> Lab:
 
 
 def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: object) -> None:
-    """Write one attempt a cell; those of `successes` succeed."""
+    """Write an attempt for each cell; those in `successes` succeed."""
     cells = [(goal, start) for goal in GOALS for start in STARTS]
     lab.write([Attempt(g, s, success=(g, s) in successes) for g, s in cells], model=model, **options)  # type: ignore[arg-type]
 
@@ -53,7 +53,7 @@ def test_the_papers_models_on_all_goals_and_on_the_shared_ones() -> None:
     assert shared.goals[0] == ("chair", "sofa", "bed", "toilet")
     assert "no difference shown" in verdicts(comparison)[0]
     assert "The goals differ" in verdicts(comparison)[0]
-    # 461 trials a model are needed for 29.33 against 21.11 % with Fisher's test; 75 are there.
+    # Fisher's test needs 461 trials per model for 29.33 against 21.11 %; the record has 75.
     assert "about 386 more trials per model" in verdicts(comparison)[0]
     assert "this design shows a difference of 20 points with 80 % power" in verdicts(comparison)[0]
 
@@ -70,7 +70,7 @@ def test_trials_of_one_site_are_paired(lab: Lab) -> None:
 
 
 def one_seed_after_another(lab: Lab, model: str, outcomes: dict[int, set[int]], order: tuple[int, ...]) -> None:
-    """Write a campaign a seed, in this order, of one goal: the starts that succeed under each seed."""
+    """Write a campaign of one goal for each seed in order, with the starts that succeed under the seed."""
     for seed in order:
         attempts = [Attempt("chair", start, success=start in outcomes[seed]) for start in STARTS]
         lab.write(attempts, model=model, seed=seed)
@@ -131,7 +131,7 @@ def test_what_lies_in_cells_that_only_one_was_tried_in_is_said_to_be_left_out(la
 
 
 def test_the_interval_is_of_the_design_that_the_test_is_of(lab: Lab) -> None:
-    # Nearly the same cells: paired, the difference is sure; unpaired it would not be.
+    # Nearly the same cells succeed: the paired difference is significant, the unpaired one is not.
     succeed(lab, "a", {("chair", start) for start in range(1, 14)})
     succeed(lab, "b", {("chair", start) for start in range(1, 7)})
     (comparison,) = comparisons(lab, "a", "b")
@@ -142,7 +142,7 @@ def test_the_interval_is_of_the_design_that_the_test_is_of(lab: Lab) -> None:
 
 
 def test_no_winner_is_named_while_the_interval_holds_no_difference(lab: Lab) -> None:
-    # Positions are more alike than chance would have them: little varies, and exchanging them makes p small.
+    # Positions are more alike than by chance: the variance is small, and exchanging them gives a small p.
     missed = {("bed", start) for start in (7, 8, 11, 15)} | {("plant", start) for start in (1, 7, 8, 9, 10, 12, 14, 15)}
     for model, goals in (("a", ("chair", "sofa", "bed")), ("b", ("chair", "plant"))):
         lab.write([Attempt(g, s, success=(g, s) not in missed) for g in goals for s in STARTS], model=model)
@@ -212,7 +212,7 @@ def test_several_questions_are_corrected_together(lab: Lab) -> None:
     assert "after Holm's correction for 9 comparisons" in verdicts(found[0])[0]
 
 
-def test_of_several_models_one_test_is_over_all_and_letters_say_which_can_be_told_apart(lab: Lab) -> None:
+def test_several_models_have_a_global_test_and_letters_for_distinct_groups(lab: Lab) -> None:
     succeed(lab, "poor", {("chair", 1)})
     succeed(lab, "best", {(g, s) for g in GOALS for s in STARTS})
     succeed(lab, "fair", {("chair", s) for s in (2, 3)})
@@ -236,7 +236,7 @@ def test_effects_are_resampled_by_starting_position(lab: Lab) -> None:
     lab.write([Attempt(g, s, actions=20 + s + s % 2) for g in GOALS for s in STARTS], model="fast")
     (comparison,) = comparisons(lab, "slow", "fast")
     actions = comparison.effects[0]
-    # Every position is 19 or 20 actions slower: drawing positions for both together leaves no more to vary.
+    # Each position is 19 or 20 actions slower: resampling positions for both models together has little variance.
     assert 19 <= actions.interval.low < actions.difference < actions.interval.high <= 20
 
 

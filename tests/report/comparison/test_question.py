@@ -1,4 +1,4 @@
-"""The question of a report: asked of those who can be compared, answered as far as the trials go."""
+"""The question of a report, answered for comparable models as far as trials allow."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def lab(tmp_path: Path) -> Lab:
 
 
 def succeed(lab: Lab, model: str, successes: int, **facts: object) -> None:
-    """Write fifteen attempts, the first of which succeed."""
+    """Write fifteen attempts, of which the first ones succeed."""
     lab.write([Attempt(start=s, success=s <= successes) for s in STARTS], model=model, **facts)  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
-"""Real against simulated: on shared goals and cells alone, with what the twin is worth."""
+"""Real against simulated results on shared goals and cells, with the value of the twin."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real
 
 @pytest.fixture
 def lab(tmp_path: Path) -> Lab:
-    """A twin that was driven everywhere, and is right in nearly every cell; nine positions were driven for real."""
+    """A twin with all cells that is nearly always right, and real trials at nine positions."""
     lab = Lab(tmp_path)
     hard = {2, 3, 8, 11, 14}
     lab.write([Attempt(g, s, success=s not in hard) for g in ("chair", "bed") for s in range(1, 16)])

@@ -1,4 +1,4 @@
-"""Losses of a stress test, against numbers counted by hand."""
+"""Losses in a stress test, against hand-computed numbers."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The floor plan shows what the site holds, at scale."""
+"""The floor plan shows the site's elements to scale."""
 
 from pathlib import Path
 

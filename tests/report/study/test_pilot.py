@@ -1,4 +1,4 @@
-"""What progress saves, from the record's own episodes."""
+"""Trials saved by studying progress, from a record's episodes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from vsnbench.report.study.pilot import pilot_pairs, pilot_table
 
 @pytest.fixture
 def lab(tmp_path: Path) -> Lab:
-    """Two models that never succeed, of which one comes nearer everywhere."""
+    """Two models without success, of which one makes more progress everywhere."""
     lab = Lab(tmp_path)
     failed = Attempt("bed", success=False, end_reason=EndReason.STEP_LIMIT, distance_m=3.0, shortest_m=4.0)
     for model, remaining_m in (("near", 1.0), ("far", 3.5)):

@@ -23,7 +23,7 @@ Succeeds = Callable[[str, str, int], bool | None]
 
 
 def standing(study: StudyFile, starts: int, succeeds: Succeeds) -> list[StudyTrialProgress]:
-    """Return what became of a study's trials; None for one that is left."""
+    """Return the outcomes of a study's trials, None for a remaining one."""
     found = []
     for one in draw_schedule(study, tuple(range(1, starts + 1))).trials:
         success = succeeds(one.arm, one.goal, one.start)
@@ -113,7 +113,7 @@ def test_pairs_are_told_in_the_order_of_the_codes_and_not_of_the_file() -> None:
 
 
 def test_a_whole_plan_names_no_winner_while_its_interval_includes_0() -> None:
-    # One model has the same chance everywhere, the other fails at few positions only: the test alone rejects.
+    # A model has the same rate everywhere, the other fails at few positions: only the test rejects.
     study = small_study(starting_positions="1-15", repetitions=5)
     trials = standing(study, 15, lambda arm, _goal, _start: True)
     missed = [one for one in trials if one.arm == "one" and one.trial.repetition == 1 and one.trial.goal == "bed"]
@@ -138,7 +138,7 @@ def test_repetitions_of_a_cell_are_not_counted_as_cells(repetitions: int, said: 
 
 
 def test_few_starting_positions_decide_nothing_about_others_however_many_repetitions() -> None:
-    # One arm is ahead at 5 of 8 positions and behind at 3, with the same outcome every time.
+    # An arm is ahead at 5 of 8 positions and behind at 3, with the same outcome in each repetition.
     study = small_study(stopping="decided", about="cells-like-these", repetitions=20, starting_positions="1-8")
 
     def lead(arm: str, goal: str, start: int) -> bool:

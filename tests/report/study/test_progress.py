@@ -1,4 +1,4 @@
-"""Studies on progress: the analysis of a whole plan, a decided one, and what their sentences never claim."""
+"""Studies on progress: analysis of complete and decided plans, and claims they must not make."""
 
 import re
 
@@ -16,7 +16,7 @@ def study(**changes: object) -> StudyFile:
 
 
 def trials(plan: StudyFile, progress: dict[str, float | None], starts: int = 15) -> list:
-    """Return trials that all fail with the progress of their arm, and a little more at later positions."""
+    """Return failed trials with the progress of their arm, slightly larger at later positions."""
     from dataclasses import replace
 
     return [

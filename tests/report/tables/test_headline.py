@@ -1,4 +1,4 @@
-"""Rates next to each other are over the same goals, or each names its own."""
+"""Adjacent rates cover the same goals, or each names its goals."""
 
 import html
 from pathlib import Path
@@ -16,7 +16,7 @@ GOALS = ("bed", "chair", "sofa")
 
 
 def report(path: Path, *models: tuple[str, ...]) -> Report:
-    """Write a model for each tuple of goals; it finds every chair and nothing else."""
+    """Write a model for each tuple of goals; it succeeds only at chairs."""
     lab = Lab(path)
     for number, goals in enumerate(models):
         lab.write([Attempt(goal, start, success=goal == "chair") for goal in goals for start in range(1, 16)],

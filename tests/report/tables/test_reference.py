@@ -1,4 +1,4 @@
-"""Ours beside the paper's: only like goals are compared."""
+"""Comparison with the paper's results covers only the same goals."""
 
 from pathlib import Path
 

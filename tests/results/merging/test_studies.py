@@ -1,4 +1,4 @@
-"""Studies that were run in several records, made one: schedule once, every trial once, all that was done to it."""
+"""Merging a study from several records keeps one schedule, each trial once, and all log entries."""
 
 import shutil
 import sqlite3
@@ -29,7 +29,7 @@ def merged(into: Path, *others: Path, url: str | None = None) -> MergeResult:
 
 
 def found(url: str) -> tuple[RecordedStudy, tuple[StudyTrialProgress, ...]]:
-    """Return the one study of a record, with its trials."""
+    """Return the only study of a record, with its trials."""
     with open_record(url) as engine:
         (study,) = studies(engine)
         return study, trials_of(engine, study.id)
@@ -67,7 +67,7 @@ def test_a_study_that_two_places_shared_becomes_one_again(tmp_path: Path, url: s
     assert not merged(tmp_path / "all", tmp_path / "theirs", tmp_path / "ours", url=url).plan.changes
 
 
-def test_the_same_plan_locked_twice_is_one_study_and_the_lower_number_of_a_trial_run_twice_counts(
+def test_a_plan_locked_twice_merges_and_the_lower_number_of_a_trial_counts(
     tmp_path: Path,
 ) -> None:
     for name, ranks in (("ours", range(3)), ("theirs", range(2, 6))):

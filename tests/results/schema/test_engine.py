@@ -184,7 +184,7 @@ def test_a_writer_waits_for_another_one_as_long_as_it_takes_and_says_so(
             while "waiting for another process" not in caplog.text and time.monotonic() < deadline:
                 with pytest.raises(TimeoutError):
                     claim.result(0.05)
-            with pytest.raises(TimeoutError):  # many time-outs of SQLite later it still waits
+            with pytest.raises(TimeoutError):  # it still waits after many time-outs of SQLite
                 claim.result(0.5)
             other.execute("COMMIT")
         done = claim.result(20)
@@ -193,7 +193,7 @@ def test_a_writer_waits_for_another_one_as_long_as_it_takes_and_says_so(
     assert "has ended" in caplog.text
 
 
-def test_a_record_from_which_somebody_took_a_model_is_refused_and_not_reported_without_it(sqlite: str) -> None:
+def test_a_record_without_a_referenced_model_is_refused(sqlite: str) -> None:
     with Journal.open(sqlite) as journal:
         run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
     path = sqlite_path(sqlite)

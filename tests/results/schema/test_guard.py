@@ -1,4 +1,4 @@
-"""A database whose schema can run code is opened by no reader and no writer."""
+"""Readers and writers refuse a database whose schema can run code."""
 
 import sqlite3
 from collections.abc import Callable

@@ -42,7 +42,7 @@ INSERT INTO step (episode_id, number, raw_action, "action", blocked, completed, 
 INSERT INTO verdict (id, episode_id, created_at, success, end_reason, author, source, reason)
     VALUES (1, 1, '2026-01-01 00:01:00.000000', 1, 'stop', 'vsnbench', 'protocol', 'near');
 """
-"""What a record of the oldest schema holds."""
+"""Rows of a record with the oldest schema."""
 
 
 def oldest(url: str, rows: str = "") -> None:
@@ -317,11 +317,9 @@ def test_a_backup_never_overwrites_and_never_appears_half_written(sqlite: str, t
     assert not (tmp_path / "copy.db").exists()
 
 
-def test_a_record_that_was_made_in_memory_is_one_that_migrations_made_and_replaces_none(
-    sqlite: str, tmp_path: Path
-) -> None:
+def test_a_record_made_in_memory_equals_a_migrated_one_and_replaces_no_file(sqlite: str, tmp_path: Path) -> None:
     get_ready(sqlite)
-    assert not list(tmp_path.iterdir()), "what is about to be run may still be refused"
+    assert not list(tmp_path.iterdir()), "the next run may still be refused"
     create_record(sqlite)
     assert [path.name for path in tmp_path.iterdir()] == ["vsnbench.db"]
     assert migrate.schema_state(open_engine(sqlite)).up_to_date

@@ -1,4 +1,4 @@
-"""The log of a study: chained on every database, by several drivers at once, and across a merge."""
+"""The log of a study is chained on all databases, with concurrent drivers, and after a merge."""
 
 import shutil
 import threading

@@ -54,7 +54,7 @@ def test_an_episode_goes_with_its_rows_and_the_backup_has_them(results: Path) ->
     assert words.endswith("): a face")
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         again = journal.find_or_create_campaign(plan(seed=1))
-        assert run(journal, again.trials[0], stopped(success=True)).id == 5, "the trial is due again, its number is new"
+        assert run(journal, again.trials[0], stopped(success=True)).id == 5, "the trial runs again under a new number"
 
 
 def test_a_campaign_goes_with_everything_in_it(results: Path) -> None:

@@ -122,7 +122,7 @@ def test_a_trial_that_somebody_is_at_or_has_done_is_not_claimed_again(url: str) 
         assert elsewhere.campaign_progress(campaign).elsewhere == ()
 
 
-def test_a_void_attempt_leaves_its_trial_open_and_so_does_a_result_that_a_person_makes_void(url: str) -> None:
+def test_a_void_attempt_or_a_result_made_void_leaves_its_trial_open(url: str) -> None:
     with Journal.open(url) as journal:
         campaign = journal.find_or_create_campaign(plan(goals=("chair",)))
         trial = campaign.trials[0]
@@ -212,7 +212,7 @@ def test_an_episode_begins_only_where_its_robot_has_been_placed(url: str) -> Non
             journal.begin(claim.id, EpisodeBegin())
 
 
-def test_a_claim_that_never_began_is_released_without_a_trace_or_voided_with_its_reason(url: str) -> None:
+def test_a_claim_that_never_began_is_released_or_voided_with_its_reason(url: str) -> None:
     with Journal.open(url) as journal:
         campaign = journal.find_or_create_campaign(plan())
         claim = journal.claim_next(campaign.id, [campaign.trials[0].id])

@@ -1,4 +1,4 @@
-"""A campaign that is new because its model changed says what changed."""
+"""A campaign that is new because its model changed lists the changes."""
 
 from dataclasses import replace
 

@@ -18,7 +18,7 @@ from vsnbench.values.pose import Pose
 
 
 def killed_in_mid_episode(url: str, steps: int) -> int:
-    """Run an episode in another process, kill -9 it after some steps; return the last step it had reported."""
+    """Run an episode in another process, kill it after some steps, and return its last reported step."""
     with running_elsewhere(url) as process:
         assert process.stdout is not None
         reported = [int(process.stdout.readline()) for _ in range(steps)][-1]
@@ -26,7 +26,7 @@ def killed_in_mid_episode(url: str, steps: int) -> int:
         return max([reported, *map(int, process.stdout.read().split())])
 
 
-def test_an_episode_whose_process_was_killed_is_interrupted_keeps_its_steps_and_is_run_again(url: str) -> None:
+def test_an_episode_of_a_killed_process_keeps_its_steps_and_its_trial_runs_again(url: str) -> None:
     reported = killed_in_mid_episode(url, 25)
     with Journal.open(url) as journal:
         (recovered,) = journal.recovered
@@ -87,7 +87,7 @@ def test_a_file_written_under_another_kernel_was_written_by_the_dead(sqlite: str
         assert len(journal.recover()) == 1
 
 
-def test_what_a_dead_process_had_only_claimed_or_placed_is_left_to_others_without_a_trace(url: str) -> None:
+def test_claims_and_placements_of_a_dead_process_are_released(url: str) -> None:
     with Journal.open(url) as journal:
         campaign = journal.find_or_create_campaign(plan())
         claimed = journal.claim_next(campaign.id, [campaign.trials[0].id])
@@ -129,7 +129,7 @@ def test_a_claim_elsewhere_holds_while_it_is_renewed(postgresql: str) -> None:
         assert journal.recover() == ()
         with journal.engine.begin() as connection:
             connection.execute(text("UPDATE episode SET lease_until = :then"), long_ago)
-        journal.append_step(episode.id, forward(1))  # every step is a sign of life
+        journal.append_step(episode.id, forward(1))  # each step renews the lease
         assert journal.recover() == ()
         with journal.engine.begin() as connection:
             connection.execute(text("UPDATE episode SET lease_until = :then"), long_ago)
@@ -141,7 +141,7 @@ def test_leases_are_held_against_the_servers_clock_and_not_a_robots(
     postgresql: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Behind(datetime):
-        """The clock of a robot that is an hour slow."""
+        """Return the time of a robot whose clock is an hour slow."""
 
         @classmethod
         def now(cls, tz: tzinfo | None = None) -> "datetime":  # type: ignore[override]
@@ -197,7 +197,7 @@ def driver(url: str) -> "subprocess.Popen[str]":
 
 
 @pytest.mark.slow
-def test_three_drivers_that_start_on_an_empty_record_and_are_killed_run_every_trial_once(url: str) -> None:
+def test_three_killed_drivers_on_an_empty_record_run_every_trial_once(url: str) -> None:
     drivers = [driver(url) for _ in range(3)]
     for killed in drivers[:2]:
         assert killed.stdout is not None

@@ -1,4 +1,4 @@
-"""A backup that comes back: checked first, with the present database kept, never under a run."""
+"""Restoring a backup: checked first, keeps the current database, refused during a run."""
 
 import sqlite3
 from collections.abc import Callable

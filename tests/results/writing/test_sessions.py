@@ -1,4 +1,4 @@
-"""Sessions, and placements as they were measured: written, ended, carried into other records."""
+"""Sessions and measured placements: written, ended, merged into other records."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ MEASURED = MeasuredPlacement(
 
 
 def set_operator(journal: Journal, trial: Trial, *operators: str) -> Claim:
-    """An episode that has begun; each operator said go, and the last of them last."""
+    """Begin an episode that each operator has confirmed, in this order."""
     claim = journal.claim_next(trial.campaign_id, [trial.id])
     assert claim is not None
     for operator in operators:
@@ -43,7 +43,7 @@ def set_operator(journal: Journal, trial: Trial, *operators: str) -> Claim:
     return claim
 
 
-def test_an_episode_names_the_session_of_who_said_go_and_a_session_ends_when_another_takes_over(url: str) -> None:
+def test_an_episode_names_its_operators_session_which_ends_at_a_takeover(url: str) -> None:
     with Journal.open(url) as journal:
         first, second, third, _ = journal.find_or_create_campaign(plan()).trials
         for trial, operators in ((first, ["Anna"]), (second, ["Anna"]), (third, ["Anna", "Ben"])):
@@ -87,7 +87,7 @@ def test_a_session_whose_process_has_died_ends_with_the_last_sign_of_life_in_it(
     with Journal.open(url) as journal:
         claim = set_operator(journal, journal.find_or_create_campaign(plan()).trials[0], "Anna")
         journal.append_step(claim.id, forward(1))
-        with journal.engine.begin() as connection:  # as if this process had been killed, and its number given anew
+        with journal.engine.begin() as connection:  # as if this process had been killed, and its id reused
             connection.execute(update(Process).values(start_ticks=1))
     with Journal.open(url) as journal:
         details = episode_details(journal.engine, claim.id)

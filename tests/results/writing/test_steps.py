@@ -1,4 +1,4 @@
-"""A step's row: what it renews, and that nothing is written into an episode of somebody else."""
+"""Writing a step renews its lease, and is refused in an episode of another process."""
 
 from dataclasses import replace
 from datetime import timedelta
@@ -17,7 +17,7 @@ from vsnbench.values.movement import Pixel, Trajectory
 from vsnbench.values.pose import Pose
 
 
-def test_a_steps_row_renews_a_lease_of_which_a_part_has_passed_and_is_refused_elsewhere_all_the_same(
+def test_a_step_renews_a_partly_used_lease_and_is_refused_after_a_takeover(
     sqlite: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lease_until(engine: Engine) -> str:
@@ -29,7 +29,7 @@ def test_a_steps_row_renews_a_lease_of_which_a_part_has_passed_and_is_refused_el
         journal.append_step(episode.id, forward(1))
         renewed = lease_until(journal.engine)
         journal.append_step(episode.id, forward(2))
-        assert lease_until(journal.engine) == renewed, "hardly any of it has passed"
+        assert lease_until(journal.engine) == renewed, "the lease has only begun"
         monkeypatch.setattr(steps, "RENEWED_AFTER", timedelta(0))
         journal.append_step(episode.id, forward(3))
         assert lease_until(journal.engine) > renewed

@@ -1,4 +1,4 @@
-"""A colour and depth camera that shows a noisy wall, and misbehaves when it is told to on /camera/fault.
+"""A colour and depth camera in front of a noisy wall, with faults commanded on /camera/fault.
 
 `silent` sends nothing, `blind` no depth, `small` half the size, `yuv` another encoding, `past` stamps from yesterday,
 `holes` a depth image with a different tenth of its pixels invalid each time, `good` is back to normal.

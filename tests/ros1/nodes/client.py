@@ -24,7 +24,7 @@ class Client:
         self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=float(sys.argv[2]))
 
     def begin(self) -> dict:
-        """Begin as a run does, with an operator who is asked again after a NotPlacedError."""
+        """Begin an episode as a run does, and retry after a NotPlacedError."""
         problems = [""]
         while True:
             try:
@@ -54,7 +54,7 @@ class Client:
         return measured(self.robot.execute(Action(action)))
 
     def step(self, action: str) -> dict:
-        """Look, then act, as a step of a run."""
+        """Observe and act, as a step of a run does."""
         self.robot.observe()
         return self.execute(action)
 

@@ -1,4 +1,4 @@
-"""What a robot sees over ROS at a starting position, beside what the simulation in this process sees there."""
+"""Compares the images of a robot over ROS at a start with the simulation in this process."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""A plain rospy server of discrete_move that answers as its request asks: a stand-in for other people's servers.
+"""A plain rospy server of discrete_move with scripted answers, as a stand-in for third-party servers.
 
 Movement `Sleep` waits `angle` milliseconds, `Raise` fails in the handler, `No` answers False, anything else True.
 """

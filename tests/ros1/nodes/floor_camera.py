@@ -1,4 +1,4 @@
-"""A camera over a bare floor, askew and with a lens, on raw and compressed topics."""
+"""A tilted camera with lens distortion over a bare floor, on raw and compressed topics."""
 
 import numpy as np
 import rospy

@@ -1,4 +1,4 @@
-"""A base that follows its commands exactly, publishes odometry, and misbehaves when it is told to.
+"""A base that follows its commands exactly, publishes odometry, and has commanded faults.
 
 Parameters: ~rate_hz of odometry, ~lag_s from command to motion, ~heading_deg at start, ~command_timeout_s,
 ~noise_deg and ~noise_m of the odometry, at rest as well. The topic

@@ -1,4 +1,4 @@
-"""A node of `run_node` that takes its time to leave, as one that stops a base does, and says so last."""
+"""A node of `run_node` that ends slowly, as one that stops a base, and publishes a last message."""
 
 import time
 
@@ -10,7 +10,7 @@ from vsnbench.ros1.node import run_node
 
 class _Audience(rospy.SubscribeListener):
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
-        print("somebody listens", flush=True)
+        print("connected", flush=True)
 
 
 class LastWords:

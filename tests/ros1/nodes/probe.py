@@ -1,4 +1,4 @@
-"""The test's own eyes and hands on a ROS network: answers lines of JSON on stdin with lines of JSON on stdout."""
+"""Observes and commands a ROS network for a test, with lines of JSON on stdin and stdout."""
 
 import json
 import math
@@ -56,7 +56,7 @@ def last_truth() -> dict:
 
 
 def stopped_since(since: float, name: str = "speed") -> float | None:
-    """When the true or the commanded speed became zero and stayed so, for half a second until now."""
+    """Time at which the true or the commanded speed became zero, if it stayed zero for half a second."""
     with lock:
         later = [(at, speeds[name]) for at, *_, speeds in truth if at >= since]
     rest = None

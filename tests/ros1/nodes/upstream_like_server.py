@@ -1,4 +1,4 @@
-"""A discrete_move server that behaves as upstream's does, written from its description alone.
+"""A discrete_move server that behaves like upstream's, written from its description.
 
 It turns to an absolute target that assumes heading 0 at start-up, stops at 0.08 rad, drives until the way is covered,
 has no time-out, and answers True whatever happened. $FORWARD_M is how far it drives, right or wrong.

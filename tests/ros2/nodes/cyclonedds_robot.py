@@ -1,6 +1,6 @@
-"""A robot's side by another vendor's DDS and another hand's serializer, in a process that has no rclpy.
+"""A robot with another vendor's DDS and an independent serializer, without rclpy.
 
-It publishes odometry and images and nothing else, and drives by the velocities that it hears.
+It publishes only odometry and images, and drives with the velocities that it receives.
 """
 
 import math
@@ -131,7 +131,7 @@ last = odometry_due = camera_due = time.monotonic()
 while True:
     time.sleep(0.005)
     for heard in commands.take(50):
-        if isinstance(heard, twist_kind):  # the rest say that a writer has gone
+        if isinstance(heard, twist_kind):  # the others report that a writer has gone
             linear, angular = heard.message.linear.x, heard.message.angular.z
     now = time.monotonic()
     elapsed, last = now - last, now

@@ -1,6 +1,6 @@
 """A base that serves the action `undock`: `dock.py WHAT`, which is `leaves`, `stays`, `refuses` or `hangs`.
 
-One that hangs says `asked` when it was asked to leave, and `cancelled` when it is asked no longer.
+With `hangs` it prints `asked` when it receives the goal, and `cancelled` when the goal is cancelled.
 """
 
 import sys

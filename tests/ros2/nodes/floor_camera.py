@@ -1,4 +1,4 @@
-"""A camera over a bare floor, askew and with a lens, on raw and compressed topics over ROS 2."""
+"""A tilted camera with lens distortion over a bare floor, on raw and compressed ROS 2 topics."""
 
 import array
 import sys

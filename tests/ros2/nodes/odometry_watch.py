@@ -1,6 +1,6 @@
-"""Says on stdout when a robot's odometry moves and when it stands, `odometry_watch.py TOPIC`: `stands` with since when.
+"""Prints when a robot's odometry `moves` and since when it `stands`: `odometry_watch.py TOPIC`.
 
-It stands once its pose has been one and the same for SETTLED_S, on the monotonic clock of this machine.
+It is at rest once its pose has been constant for SETTLED_S, on the monotonic clock of this machine.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""Robots that no session may begin with, one in each namespace, all in this process: `refused_robots.py`.
+"""Robots that a session must refuse, one per namespace, all in this process: `refused_robots.py`.
 
-`deaf` listens to no velocities, `lasting` asks for velocities that last, `stamped` listens to TwistStamped, `docked`
-stands on its dock, and in `two` there are two. None ever moves: it would say so on stdout.
+`deaf` subscribes to no velocities, `lasting` needs latched velocities, `stamped` subscribes to TwistStamped, `docked`
+is on its dock, and `two` has two robots. None may ever move: it would print that.
 """
 
 import sys

@@ -1,6 +1,6 @@
-"""A base and a camera over ROS 2 that do what lines on stdin tell them to.
+"""A base and a camera over ROS 2, controlled by lines on stdin.
 
-It writes when it `moves` or `stands`, and when it is `commanded` to move or to zero (`zeroed`), with the time.
+It prints the times when it `moves` or `stands`, and when it is `commanded` to move or to zero (`zeroed`).
 
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`.
 Either: `good`; `where` says where the base truly is. Arguments: `--stamped` listens to TwistStamped, `--noise DEG M` is

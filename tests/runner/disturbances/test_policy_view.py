@@ -48,7 +48,7 @@ def sensed(observation: Observation, sensor: Sensor) -> bytes:
 
 
 def walk(robot: SimulatedRobot, chosen: PolicyView) -> tuple[list[Observation], list[Observation]]:
-    """Return what the robot and the policy see while the robot turns and drives."""
+    """Return the observations of the robot and the policy while the robot turns and drives."""
     robot.begin(SITE.start(3), 5)
     own, seen = [], []
     for action in (Action.TURN_LEFT, Action.TURN_LEFT, Action.MOVE_FORWARD, Action.TURN_RIGHT):

@@ -57,7 +57,7 @@ ONLY_WIRE: dict[str, dict[str, Any]] = {
 
 
 def run(policy: Policy, start: StartingPosition = NEAR_A_WALL) -> tuple[EpisodeOutcome, MemoryRecorder, Pose]:
-    """Run an episode; returns also where the robot is afterwards."""
+    """Run an episode; return also the robot's final pose."""
     recorder = MemoryRecorder()
     plan = replace(PLAN, start=start, parameters=ProtocolParameters(max_actions=6))
     with StopRequests() as stop, SimulatedRobot(plan.site, load_profile("turtlebot2")) as robot:

@@ -80,9 +80,9 @@ def test_a_few_noisy_pixels_are_not_an_obstacle() -> None:
 def test_an_object_next_to_the_swath_does_not_block() -> None:
     depth = wall_at(3.0)
     columns = np.arange(160)
-    beside = np.abs((columns - 79.5) / CAMERA.focal_px * 0.5) > BASE.radius_m + GUARD.margin_m
-    depth[:, beside] = 0.5
-    assert beside.any()
+    outside_path = np.abs((columns - 79.5) / CAMERA.focal_px * 0.5) > BASE.radius_m + GUARD.margin_m
+    depth[:, outside_path] = 0.5
+    assert outside_path.any()
     assert not look_ahead(seeing(depth), BASE, GUARD).blocked
 
 

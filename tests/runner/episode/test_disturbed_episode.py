@@ -31,7 +31,7 @@ WALK = [Action.MOVE_FORWARD, Action.TURN_LEFT, Action.MOVE_FORWARD, Action.STOP]
 
 @dataclass
 class Seeing(ScriptedPolicy):
-    """Keeps what it sees and its task."""
+    """Keeps its observations and its task."""
 
     seen: list[Observation] = field(default_factory=list)
     tasks: list[Task] = field(default_factory=list)
@@ -51,7 +51,7 @@ def run(
     recorder = MemoryRecorder()
     plan = replace(
         PLAN,
-        start=PLAN.site.start(15),  # 5.6 m of free way ahead
+        start=PLAN.site.start(15),  # 5.6 m of free path ahead
         parameters=parameters or ProtocolParameters(),
         disturbances=parse_disturbances(texts),
     )

@@ -1,4 +1,4 @@
-"""The episode loop: order of things, every way out, and a robot that is always halted.
+"""The episode loop: order of calls, all end reasons, and a robot that is always halted.
 
 The robot here is a stand-in whose faults are scripted; real episodes are driven in tests/cli/running/test_run.py.
 """
@@ -32,7 +32,7 @@ from vsnbench.values.robot_profile import Base
 
 @dataclass
 class MemoryRecorder:
-    """Keeps everything in lists."""
+    """Keeps all recorded data in lists."""
 
     steps: list[Step] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
@@ -102,9 +102,9 @@ def test_stop_ends_the_episode_and_is_counted_recorded_and_judged() -> None:
 
 def test_stop_near_the_goal_succeeds_and_away_from_it_fails() -> None:
     chair = APARTMENT.instances("chair")[0]
-    beside = replace(PLAN, start=StartingPosition(number=9, position=chair.position, heading_deg=0))
+    next_to_chair = replace(PLAN, start=StartingPosition(number=9, position=chair.position, heading_deg=0))
     away = replace(PLAN, start=StartingPosition(number=9, position=(100, 100), heading_deg=0))
-    assert run(StandInRobot(), [Action.STOP], MemoryRecorder(), beside).verdict.success is True
+    assert run(StandInRobot(), [Action.STOP], MemoryRecorder(), next_to_chair).verdict.success is True
     assert run(StandInRobot(), [Action.STOP], MemoryRecorder(), away).verdict.success is False
 
 
@@ -207,7 +207,7 @@ def test_a_signal_during_a_motion_halts_the_robot_and_is_recorded(number: signal
         run(robot, [Action.TURN_LEFT], recorder)
     assert recorder.outcome is not None
     assert recorder.outcome.verdict.end_reason is reason
-    assert recorder.interventions == [], "a simulated robot needs nobody"
+    assert recorder.interventions == [], "a simulated robot needs no operator"
     assert robot.halts
 
 

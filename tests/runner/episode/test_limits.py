@@ -1,4 +1,4 @@
-"""Limits of an episode, the budget in each observation, and what a policy is told at its begin."""
+"""Limits of an episode, the budget in each observation, and the task of a policy."""
 
 import time
 from collections.abc import Callable
@@ -41,7 +41,7 @@ class Told(ScriptedPolicy):
 
 
 class Mover(StandInRobot):
-    """Is 0.25 m further and 2 s older after every action."""
+    """Advances by 0.25 m and 2 s with each action."""
 
     def execute(self, action: Action) -> MotionResult:
         self.place = self.place.compose(Pose(0.25, 0.0))

@@ -56,7 +56,7 @@ def test_each_part_of_a_chunk_is_a_step_of_its_own() -> None:
     assert [step.part for step in recorder.steps] == [(1, 3), (2, 3), (3, 3), None]
     assert (outcome.actions, policy.asked) == (4, 2)
     stamps = [step.observation.stamp_s for step in recorder.steps]
-    assert stamps == sorted(set(stamps)), "each part has an observation of its own"
+    assert stamps == sorted(set(stamps)), "each part has its own observation"
 
 
 def test_a_chunk_ends_at_the_cap_of_actions() -> None:

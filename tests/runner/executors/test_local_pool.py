@@ -40,7 +40,7 @@ def rows(results: Path, query: str) -> list[tuple[object, ...]]:
 
 @contextmanager
 def running(results: Path, *words: str) -> Iterator["subprocess.Popen[str]"]:
-    """Start `vsnbench run` in a process of its own; it and its workers are ended with the block."""
+    """Start `vsnbench run` in a separate process; end it and its workers with the block."""
     command = [sys.executable, "-m", "vsnbench.cli.main", "run", *words, "--results", str(results)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "200"})
     try:
@@ -61,16 +61,19 @@ def run(results: Path, *words: str) -> str:
 
 
 def workers_at_a_trial(process: "subprocess.Popen[str]", results: Path, count: int = 1) -> Sequence[psutil.Process]:
-    """Wait until so many workers have begun an episode and return them."""
+    """Wait until a number of workers have begun an episode, and return them."""
     query = "SELECT p.pid FROM episode e JOIN process p ON p.id = e.process_id WHERE e.state = 'running'"
     deadline = time.monotonic() + DEADLINE_S
     while time.monotonic() < deadline:
         assert process.poll() is None, process.stderr.read() if process.stderr else ""
         try:
             found = [psutil.Process(int(str(pid))) for (pid,) in rows(results, query)]
-        except (sqlite3.OperationalError, psutil.NoSuchProcess):  # the tables are being made, or it has just died
+        except (
+            sqlite3.OperationalError,
+            psutil.NoSuchProcess,
+        ):  # the tables do not exist yet, or the process has just ended
             found = []
-        if len(found) >= count and not any(map(has_ended, found)):  # an earlier run's may wait to be buried
+        if len(found) >= count and not any(map(has_ended, found)):  # workers of an earlier run may not be reaped yet
             return found
         time.sleep(0.02)
     pytest.fail(f"no {count} workers at a trial within two minutes")
@@ -84,7 +87,7 @@ def workers_of_this_process() -> list[psutil.Process]:
     """Return the processes that a fork server of this one has forked."""
     found = []
     for child in psutil.Process().children():
-        with suppress(psutil.Error):  # another test's, which ends just now
+        with suppress(psutil.Error):  # a process of another test that is ending
             if PROGRAM in child.cmdline():
                 found += child.children()
     return found

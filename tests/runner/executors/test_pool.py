@@ -31,7 +31,7 @@ VOID = EpisodeOutcome(Verdict(EndReason.MODEL_ERROR, None, "void"), 0, None, 0.1
 
 
 class ScriptedPool(TrialPool):
-    """Two workers; what becomes of each trial is scripted, in the order in which they are begun."""
+    """Two workers with scripted results, in the order in which the trials begin."""
 
     summary = "2 workers: scripted"
 
@@ -68,7 +68,7 @@ class ScriptedPool(TrialPool):
 
 
 class Lines(Display):
-    """Collects what is shown."""
+    """Collects the displayed messages."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

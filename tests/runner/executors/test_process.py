@@ -32,7 +32,7 @@ def test_a_single_threaded_server_forks_workers_and_ends_them() -> None:
         seen = psutil.Process(server.pid)
         forked = {child.pid: child for child in seen.children()}
         assert set(forked) == {left.pid, right.pid, third.pid}
-        assert seen.num_threads() == 1, "a lock that another thread held would be held for ever in a worker"
+        assert seen.num_threads() == 1, "a lock held by another thread would stay held in a worker"
         connection = Connection(left.socket.detach())
         connection.send(STOP)
         wait_until(lambda: has_ended(forked[left.pid]), "a worker ends when it is told to")
@@ -77,7 +77,7 @@ def test_workers_of_an_ended_fork_server_are_reported_as_killed(
         assert capfd.readouterr().err == ""
     finally:
         server.end()
-    assert worker.end() == -signal.SIGKILL, "who is lost with another is buried when the server has been"
+    assert worker.end() == -signal.SIGKILL, "a worker that is lost with another is reaped after the server"
 
 
 def test_a_starting_fork_server_is_ended_without_waiting(

@@ -1,4 +1,4 @@
-"""A Ray cluster: its address, who answers there, and a campaign on two of its workers behind a token."""
+"""A Ray cluster: its address, wrong addresses, and a campaign on two workers with a token."""
 
 import os
 import re
@@ -130,15 +130,15 @@ def ray(*words: str, environment: dict[str, str]) -> None:
 
 @pytest.fixture(scope="module")
 def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[str, str]]]:
-    """A cluster of two cores on this machine that asks for a token: its address, and the environment that knows it."""
+    """A local cluster of two cores with a token: its address, and the environment with the token."""
     directory = tmp_path_factory.mktemp("r", numbered=True)
-    short = Path(f"/tmp/ray-{os.getpid()}")  # the path of a socket may have 107 letters
+    short = Path(f"/tmp/ray-{os.getpid()}")  # the path of a socket is limited to 107 characters
     port, client_port = free_port(), free_port()
     environment = os.environ | {
         "RAY_AUTH_MODE": "token",
         "RAY_AUTH_TOKEN": secrets.token_hex(16),
         "RAY_USAGE_STATS_ENABLED": "0",
-        "GRPC_ENABLE_FORK_SUPPORT": "0",  # as docs/scale.md says: the head forks its client servers
+        "GRPC_ENABLE_FORK_SUPPORT": "0",  # see docs/scale.md: the head forks its client servers
         "PYTHONPATH": os.pathsep.join([str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]),
         "HOME": str(directory),
     }
@@ -148,7 +148,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[s
         ray("start", *words, *sizes, f"--temp-dir={short}", environment=environment)
         yield f"ray://{_host_of(client_port)}:{client_port}", environment
     finally:
-        # `ray stop` would end every cluster of this user.
+        # `ray stop` would stop all clusters of this user.
         ours = [one for one in psutil.process_iter() if _knows(one, environment["RAY_AUTH_TOKEN"])]
         for process in ours:
             process.kill()
@@ -157,13 +157,13 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[s
 
 
 def _host_of(port: int) -> str:
-    """Return the address that the client server takes, as soon as it does: Ray prefers another than loopback."""
+    """Return the address of the client server once it listens; Ray may not use loopback."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         if host := _listener(port):
             return host
         time.sleep(0.1)
-    raise AssertionError(f"nobody listens on {port}")
+    raise AssertionError(f"no server listens on {port}")
 
 
 def _listener(port: int) -> str:
@@ -179,7 +179,7 @@ def _listener(port: int) -> str:
 
 
 def _knows(process: psutil.Process, token: str) -> bool:
-    """Whether a process was started with this token: every one of the cluster was."""
+    """Return whether a process belongs to the cluster: all of its processes have the token."""
     try:
         return process.environ().get("RAY_AUTH_TOKEN") == token
     except psutil.Error:

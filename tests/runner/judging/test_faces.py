@@ -1,4 +1,4 @@
-"""The same answer gives the same verdict and the same checks, wherever an operator gives it."""
+"""An operator's answer gives the same verdict and checks in every interface."""
 
 import io
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from vsnbench.runner.study.blinding import BlindOperator
 
 @dataclass(frozen=True)
 class Given:
-    """What an operator answers about an episode that stopped 0.40 m from the goal in a room of 4 m by 4 m."""
+    """An operator's answer about an episode that stopped 0.40 m from the goal in a room of 4 m by 4 m."""
 
     distance: str = ""
     touched: str = ""
@@ -33,7 +33,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an answer; no verdict where the answer was refused."""
+    """Result of an answer; no verdict if the answer was refused."""
 
     asked_back: bool
     success: bool | None = None
@@ -65,7 +65,7 @@ def recorded(session: PageSession, *, asked_back: bool) -> Outcome:
 
 
 class Person(Display):
-    """Types the answers that a terminal asks for."""
+    """Types the answers at a terminal."""
 
     def __init__(self, given: Given) -> None:
         self.console = Console(file=io.StringIO(), width=300)
@@ -81,7 +81,7 @@ class Person(Display):
         prompt = self.console.file.getvalue().splitlines()[-1]
         if "touch anything" in prompt:
             return self.given.touched or "no"
-        if "A collision with" in prompt:  # what was typed is repeated, which a button or an option does not need
+        if "A collision with" in prompt:  # the terminal repeats the typed answer, unlike buttons and options
             return "yes"
         if "Is that right" in prompt:
             self.asked_back = True
@@ -131,7 +131,7 @@ def at_the_page(session: PageSession, given: Given) -> Outcome:
 
 
 def in_the_pages_list(session: PageSession, given: Given) -> Outcome:
-    """Judge an episode that was left for later."""
+    """Judge an episode that awaits a judgement."""
     anna, said = session.browser("Anna"), {"distance": given.distance, "touched": given.touched or "no"}
     first = anna.post("/amend", episode=1, seen=1, **said)
     asked_back = first.json.get("needs_confirmation") is True

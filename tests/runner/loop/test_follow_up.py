@@ -1,4 +1,4 @@
-"""What follows an episode, by its end and the rules of its session."""
+"""Next step after an episode, by its end reason and the rules of its session."""
 
 import pytest
 

@@ -61,7 +61,7 @@ def campaign_of(journal: Journal, *, simulated: bool = False, starts: int = 1):
 
 
 class Person(AbsentOperator):
-    """Places the robot at once, and judges what it is asked about with the answers it was given."""
+    """Places the robot immediately, and judges episodes with scripted answers."""
 
     def __init__(self, *judgements: Judgement | Stopped | None) -> None:
         super().__init__()
@@ -84,7 +84,7 @@ class Person(AbsentOperator):
 
 @dataclass
 class ByHand(StandInRobot):
-    """A real robot that a person puts at its starts; where it cannot begin is scripted."""
+    """A real robot that a person places; failures to begin are scripted."""
 
     simulated: bool = False
     needs_operator: bool = True
@@ -226,7 +226,7 @@ def test_the_emergency_key_ends_the_episode_and_not_the_session(results: Results
     script: list[Action | Exception] = [Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP]
     result = drive(results, robot, Person(TAPED), script, starts=4, stop=stop)
     assert states(results) == [*[("void", "aborted")] * 3, ("judged", "stop")]
-    assert result.stopped_because == "", "a person who presses a key breaks nothing"
+    assert result.stopped_because == "", "a key press is not a fault"
     assert read(results, "SELECT text, author, step_number FROM event WHERE kind = 'intervention'") == [
         ("stopped with the emergency stop key", "maria", 1),
         ("stopped with the emergency stop key", "maria", None),
@@ -247,7 +247,7 @@ def test_ctrl_c_during_a_motion_is_one_intervention(results: ResultsDirectory) -
     with pytest.raises(Stopped):
         drive(results, robot, (person := Person()), [Action.TURN_LEFT], starts=2)
     assert states(results) == [("void", "aborted")]
-    assert [ended.outcome.error for ended in person.ended] == ["stopped with Ctrl-C"], "its end is shown, too"
+    assert [ended.outcome.error for ended in person.ended] == ["stopped with Ctrl-C"], "its end is shown as well"
     details = read(results, "SELECT text, author, step_number FROM event WHERE kind = 'intervention'")
     assert details == [("stopped with Ctrl-C", "maria", 1)]
     assert counted(results) == 1
@@ -309,7 +309,7 @@ def test_the_robot_waits_for_a_locked_database(results: ResultsDirectory) -> Non
         campaign = campaign_of(journal, simulated=True)
         result = run_campaign(journal, campaign, robot, AbsentOperator(), policy, target, stop)
     locker.close()
-    assert max(waited) <= 2, "one step was under way, and none is taken before the last one is kept"
+    assert max(waited) <= 2, "one step was running, and no step begins before the last one is stored"
     assert (result.episodes, result.left) == (1, 0)
     assert read(results, "SELECT count(*) FROM step") == [(3,)]
 
@@ -331,7 +331,7 @@ def test_an_abort_without_an_event_counts_for_a_real_robot(
 
 def test_trials_of_a_process_that_died_run_before_the_session_ends(results: ResultsDirectory) -> None:
     class Dying(Person):
-        """The other driver dies while this one is at its first trial."""
+        """The other driver dies while this driver runs its first trial."""
 
         def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
             super().place(start, problem, placing)

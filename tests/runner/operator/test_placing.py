@@ -48,7 +48,7 @@ def test_a_rehearsal_begins_at_the_measured_pose(robot: RehearsalRobot) -> None:
     while looks[-1].measured is None or not looks[-1].measured.within_tolerance:
         assert len(looks) < 6, [look.measured and look.measured.headline for look in looks]
         placing.moved()
-        assert placing.last is None, "what was measured before it was moved says nothing now"
+        assert placing.last is None, "a measurement before the move is no longer valid"
         looks.append(placing.look())
     first, last = looks[0].measured, looks[-1].measured
     assert first is not None
@@ -125,7 +125,7 @@ def test_the_verdict_of_a_rehearsal_awaits_judgement(robot: RehearsalRobot) -> N
     with StopRequests() as stop:
         outcome = run_episode(robot, StopAtOnce(), plan, MemoryRecorder(), AbsentOperator(), stop)
     assert outcome.proposed
-    assert robot.identity.simulated, "and it is recorded as what it is"
+    assert robot.identity.simulated, "and it is recorded as simulated"
     assert robot.conditions["pretends_to_be_real"] is True
     assert outcome.final is not None
     assert outcome.final.source is PoseSource.ESTIMATED

@@ -1,4 +1,4 @@
-"""The bar at the terminal shows what is left of the protocol's limits."""
+"""The progress bar at the terminal shows the remaining limits of the protocol."""
 
 from dataclasses import replace
 

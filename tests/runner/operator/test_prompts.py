@@ -104,7 +104,7 @@ def test_a_stop_ends_the_episode_only_while_driving() -> None:
     with prompts.ask(QuestionKind.PLACE) as question:
         prompts.reply(question.number, Choice.GO, "Anna", "the page")
     assert prompts.end_episode("Ben", "the page's STOP button")
-    assert done[1:] == ["stopped with the page's STOP button by Ben"], "whoever waits for the base does not wait here"
+    assert done[1:] == ["stopped with the page's STOP button by Ben"], "the prompt does not wait for the base"
 
 
 def test_the_operator_who_ended_the_session_is_shown() -> None:

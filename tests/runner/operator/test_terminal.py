@@ -31,7 +31,7 @@ PLAN_OF_31 = replace(PLAN, parameters=PARAMETERS)
 
 
 class Terminal(Display):
-    """A display that keeps what is written, and a person whose answers are known beforehand."""
+    """A display that keeps its output, and a person with scripted answers."""
 
     def __init__(self, *answers: str) -> None:
         self.console = Console(file=io.StringIO(), width=300)
@@ -59,7 +59,7 @@ def operator_at(terminal: Terminal, duties: OperatorDuties | None = None) -> Ter
 
 
 def placing_blind() -> Placing:
-    """The placing of a robot that has no depth camera to measure it with."""
+    """Placement of a robot without a depth camera."""
     return Placing(StandInRobot(sensors=frozenset({Sensor.RGB})), APARTMENT, START, 0, PARAMETERS, StopRequests())
 
 

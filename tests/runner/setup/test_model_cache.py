@@ -13,7 +13,7 @@ SIZES = {"wren": 30, "heron": 40, "magpie": 50}
 
 
 class Bird(Policy):
-    """Takes memory from when it hatches until it is closed."""
+    """Uses memory from its creation until it is closed."""
 
     def __init__(self, name: str, cage: "Cage") -> None:
         self.card = ModelCard(name)
@@ -31,7 +31,7 @@ class Bird(Policy):
 
 
 class Cage:
-    """What there is of memory, and who was ever loaded into it."""
+    """Available memory, and the models that were loaded."""
 
     def __init__(self) -> None:
         self.taken = 1000
@@ -53,7 +53,7 @@ class Cage:
 def cage() -> Iterator[Cage]:
     cage = Cage()
     yield cage
-    assert cage.taken == 1000, "everything that was loaded is closed in the end"
+    assert cage.taken == 1000, "all loaded models are closed at the end"
 
 
 def test_models_are_loaded_once_while_memory_allows(cage: Cage) -> None:

@@ -105,7 +105,7 @@ def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
     assert (cost.campaigns, cost.trials, cost.done) == (10, 150, 19)
 
 
-def test_the_standard_stress_test_is_undisturbed_once_and_eight_disturbances_three_times() -> None:
+def test_the_standard_stress_test_has_eight_disturbances_at_three_severities() -> None:
     conditions = conditions_of((), ())
     assert len(conditions) == len(set(conditions)) == 25
     assert not conditions[0]

@@ -24,14 +24,14 @@ def cooked(descriptor: int) -> bool:
 
 
 class Asked:
-    """Somebody who can be asked to stop."""
+    """Records requests to stop."""
 
     def __init__(self) -> None:
         self.requests: list[StopRequest] = []
         self.halted = threading.Event()
 
     def ask(self, request: StopRequest) -> None:
-        assert not self.halted.is_set(), "or the halted movement would be taken for the base's failure"
+        assert not self.halted.is_set(), "otherwise the halted movement would count as a fault of the base"
         self.requests.append(request)
 
     def stop_key(self, descriptor: int | None = None) -> EmergencyStop:

@@ -48,7 +48,7 @@ def test_a_signal_before_a_blocking_call_is_repeated(monkeypatch: pytest.MonkeyP
             wait_inside(stop, began)
         asking.join()
         assert lost
-        assert time.monotonic() - before_s < 25, "the wait of thirty seconds was not sat out"
+        assert time.monotonic() - before_s < 25, "the wait of thirty seconds was interrupted"
 
 
 def test_a_request_waits_for_a_safe_point() -> None:
@@ -144,7 +144,7 @@ def test_a_signal_to_process_and_group_counts_once() -> None:
             assert process.stdout.readline() == "ready\n"
             for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGHUP):
                 process.send_signal(number)
-                time.sleep(0.02)  # signals that come at once are one to the system
+                time.sleep(0.02)  # the system merges simultaneous signals
             out, _ = process.communicate("\n", timeout=30)
         finally:
             process.kill()

@@ -29,7 +29,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
 
 @pytest.fixture
 def study(journal: Journal) -> RecordedStudy:
-    """Return a study with 4 of 16 trials done, one judged again and one judgement taken back."""
+    """Return a study with 4 of 16 trials done, one judged again and one judgement retracted."""
     locked = lock_drawn(journal)
     run_ranks(journal, locked, range(4))
     journal.judge(2, Verdict(EndReason.STOP, True, "it was in reach"), author="Eva")
@@ -109,15 +109,15 @@ def test_the_lock_file_shows_a_removed_log(journal: Journal, study: RecordedStud
     assert checked.differences == ()
     assert [words.partition(":")[0] for words in checked.remarks] == ["locked by an older version"]
     run_ranks(journal, study, range(4, 6))
-    assert integrity(journal, study.uuid, older).differences == (), "a study of an older version goes on"
+    assert integrity(journal, study.uuid, older).differences == (), "a study of an older version continues"
     change(journal, "UPDATE verdict SET success = 1 - success WHERE episode_id = 5")
-    assert len(integrity(journal, study.uuid, older).differences) == 1, "what was run since is chained"
+    assert len(integrity(journal, study.uuid, older).differences) == 1, "later trials are chained"
 
 
 @pytest.mark.parametrize("text", [OF_THESE_CELLS, study_text()], ids=["these cells", "whole plan"])
 def test_an_order_that_was_not_drawn_is_found_despite_valid_hashes(journal: Journal, text: str) -> None:
     fair = drawn(text)
-    # What the planter wants first: every block with the same arm ahead.
+    # A planted order: the same arm first in every block.
     first = min(fair.codes)
     planted = sorted(fair.trials, key=lambda one: (one.block, one.arm != first))
     schedule = Schedule(tuple(replace(one, rank=rank) for rank, one in enumerate(planted)), fair.codes)

@@ -17,7 +17,7 @@ LOOK = Observation(np.zeros((48, 64, 3), np.uint8), None, Pose(0, 0), 0.0, PROFI
 
 
 class Chatterbox(Policy):
-    """Says who it is in every way it can."""
+    """Reveals its name in all its outputs."""
 
     card = ModelCard("chatterbox")
 

@@ -60,7 +60,7 @@ def test_a_fast_base_and_a_late_message_are_not_jumps() -> None:
     odometry.add(0, 0, 0, 0.0, 0.0)
     assert odometry.add(0.014, 0, 0, 0.02, 0.02) is None
     assert odometry.add(0.7, 0, 0, 1.0, 1.0) is None
-    assert odometry.add(0.9, 0, 0, 1.0, 1.3) is None  # the stamp stood still, our clock did not
+    assert odometry.add(0.9, 0, 0, 1.0, 1.3) is None  # the stamp is unchanged while the clock advances
 
 
 @pytest.mark.parametrize("broken", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])

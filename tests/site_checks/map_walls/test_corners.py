@@ -1,4 +1,4 @@
-"""Corners of proposed walls: straightened, and closed where nothing free is known to be between."""
+"""Corners of proposed walls are straightened, and closed unless free cells are between them."""
 
 import math
 
@@ -39,10 +39,10 @@ def test_a_wall_that_abuts_another_leaves_that_one_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("grid", "other"),
     [
-        (OPEN, WallLine((2.0, 0.5), (2.0, 3.0), 0.1)),  # a way through
+        (OPEN, WallLine((2.0, 0.5), (2.0, 3.0), 0.1)),  # a passage
         (UNSEEN, WallLine((2.0, 0.9), (2.0, 3.0), 0.1)),  # wider than a door
         (UNSEEN, WallLine((5.0, 0.4), (5.0, 3.0), 0.1)),  # far beyond the end of the other
-        (UNSEEN, WallLine((4.3, 0.1), (6.0, 0.4), 0.1)),  # nearly in one line
+        (UNSEEN, WallLine((4.3, 0.1), (6.0, 0.4), 0.1)),  # nearly collinear
     ],
 )
 def test_what_does_not_nearly_meet_stays_apart(grid: PlanGrid, other: WallLine) -> None:

@@ -23,7 +23,7 @@ def wall(x0: float, y0: float, x1: float, y1: float, thick: float = 0.15) -> sha
 
 
 WALLS = [(1, 1, 7, 1), (7, 1, 7, 5), (1, 1, 1, 5), (1, 5, 5, 5), (5, 5, 7, 3)]
-"""The last is a diagonal one."""
+"""The last wall is diagonal."""
 
 
 def covered(grid: PlanGrid, walls: list[tuple[float, ...]]) -> float:
@@ -52,7 +52,7 @@ def test_a_wall_with_a_shelf_against_it_is_proposed_and_the_doorway_beside_it() 
 
 
 def test_cupboards_along_a_wall_take_nothing_from_it() -> None:
-    """In a SLAM map a wall is a cell thick, and the sides of what stands before it run across it."""
+    """In a SLAM map a wall is one cell thick, and sides of objects in front of it cross it."""
     cupboards = [shapely.box(x, 4.25, x + 0.35, 5.0) for x in (1.6, 2.2, 2.8, 3.4, 4.0, 4.6, 5.2, 5.8)]
     uprights = [wall(x, 0.5, x, 5.0) for x in (1.0, 7.0)]
     grid = drawn(wall(1, 5.025, 7, 5.025, 0.05), *uprights, *cupboards)
@@ -90,7 +90,7 @@ def test_a_doorway_that_noise_narrowed_by_a_cell_on_both_sides_is_one() -> None:
     assert len(line.doorways) == 1
 
 
-def test_a_wall_that_is_drawn_a_little_slanted_is_in_one_line_with_the_rest_when_it_is_straight() -> None:
+def test_a_slightly_slanted_wall_is_straightened_to_be_collinear_with_the_rest() -> None:
     rest = [wall(1.98, 3.7, 1.98, 4.3, 0.1), wall(2, 1, 7, 1), wall(2, 4.3, 7, 4.3)]
     lines = propose_walls(drawn(wall(1.98, 1, 2.06, 3.0, 0.1), *rest))
     assert [len(line.doorways) for line in lines] == [0, 0, 1]

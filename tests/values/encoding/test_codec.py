@@ -1,4 +1,4 @@
-"""Observation, decision and diagnostics survive the way to a file or a peer; what a stranger sends is refused."""
+"""Observations, decisions and diagnostics survive encoding; invalid received data are refused."""
 
 import base64
 import json

@@ -7,7 +7,7 @@ COUNTED = (np.arange(6144) % 251).astype(np.uint8)
 """The input of BLAKE3's published test vectors: 0, 1, ..., 250, 0, 1, ..."""
 OF_6144_BYTES = "blake3:3e2e5b74e048f3add6d21faab3f83aa44d3b2278afb83b80b3c35164ebeca205"
 OF_4096_BYTES = "blake3:015094013f57a5277b59d8475c0501042c0b642e531b0a1c8f58d2163229e969"
-"""What the published vectors say of that many bytes."""
+"""Published digests by number of bytes."""
 
 
 def test_the_digest_of_a_colour_image_is_of_its_bytes_row_by_row_red_first() -> None:

@@ -149,7 +149,7 @@ def _draw_shares(axes: "Axes", site: Site, condition_summary: ConditionSummary, 
     rates = {start.start: start.summary for start in condition_summary.starts}
     places = _places(site, condition_summary)
     label = {number: f"{rates[number].successes}/{rates[number].episodes}" for number in places}
-    beside = _label_positions(site, places, label, width_in)
+    label_xy = _label_positions(site, places, label, width_in)
     for number, (x, y) in places.items():
         summary = rates[number]
         axes.add_artist(Circle((x, y), _DISK_M, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=12))
@@ -158,7 +158,7 @@ def _draw_shares(axes: "Axes", site: Site, condition_summary: ConditionSummary, 
             axes.add_artist(Wedge((x, y), _DISK_M, 90 - share, 90, facecolor=SUCCESS, alpha=0.55, zorder=12.1))
         axes.text(x, y, str(number), ha="center", va="center_baseline", fontsize=6, weight="bold", zorder=13)
         axes.text(
-            *(*beside[number], label[number]),
+            *(*label_xy[number], label[number]),
             ha="center",
             va="center",
             fontsize=_SHARE_PT,

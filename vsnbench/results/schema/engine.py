@@ -110,7 +110,7 @@ def sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
         if (above := same_file_above(path)) is not None:
             advice = f"{above.parent} contains one: use --results {shlex.quote(str(above.parent))}"
         raise RecordError(f"no record at {path.absolute()}", advice=advice)
-    # On a read-only disk SQLite cannot create the files that share a WAL, and nobody can write. Elsewhere a writable
+    # On a read-only disk SQLite cannot create the files that share a WAL, and no process writes. Elsewhere a writable
     # reader would checkpoint the WAL of a killed process when it closes.
     wal = path.with_name(path.name + "-wal")
     if wal.exists() and not path.with_name(path.name + "-shm").exists() and not os.access(path.parent, os.W_OK):

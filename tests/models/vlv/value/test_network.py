@@ -1,4 +1,4 @@
-"""The value network against the original's recorded answers, and files that are not its weights."""
+"""The value network gives the original's recorded values, and refuses other files."""
 
 from pathlib import Path
 

@@ -1,12 +1,13 @@
-"""A policy that asks two and lets neither differ: PIRLNav in this process and PIRLNav behind a WebSocket.
+"""Compares the decisions of PIRLNav in process and over a WebSocket, bit by bit.
 
-Over ROS no two runs see the same pixels, so a run over the wire cannot be compared with one without it. This policy is
-both at once: every observation goes to both, and the first decision that is not the same to the last bit ends the run.
+Two runs over ROS never receive the same images, so a run with a remote model cannot be compared with a run without one.
+This policy contains both models: it sends every observation to both, and the first difference between their decisions
+ends the run.
 
     cd benchmarks
     export OMP_NUM_THREADS=1                                  # the last bits depend on the number of threads
     vsnbench models serve pirlnav --weights embedded --port 8799 &
-    vsnbench run --model wire_beside:Beside --goal chair [--robot turtlebot2]
+    vsnbench run --model wire_equality:LocalAndRemote --goal chair [--robot turtlebot2]
 """
 
 import logging
@@ -19,12 +20,12 @@ from vsnbench.models.registry import create_policy
 from vsnbench.values.decision import Decision
 from vsnbench.values.observation import Observation
 
-ADDRESS = os.environ.get("VSNBENCH_BESIDE", "ws://127.0.0.1:8799")
-logger = logging.getLogger("vsnbench.beside")
+ADDRESS = os.environ.get("VSNBENCH_SERVED_PIRLNAV", "ws://127.0.0.1:8799")
+logger = logging.getLogger("vsnbench.wire_equality")
 
 
-class Beside(Policy):
-    """PIRLNav twice."""
+class LocalAndRemote(Policy):
+    """PIRLNav in this process and PIRLNav behind a server."""
 
     def __init__(self) -> None:
         self._here = create_policy("pirlnav", weights="embedded")
@@ -33,16 +34,16 @@ class Beside(Policy):
         self._same = 0
 
     def reset(self, goal: str, seed: int) -> None:
-        """Start an episode on both."""
+        """Start an episode with both models."""
         self._here.reset(goal, seed)
         self._there.reset(goal, seed)
-        logger.warning("%d decisions the same so far", self._same)
+        logger.warning("%d identical decisions so far", self._same)
 
     def act(self, observation: Observation) -> Decision:
-        """Return what both answer.
+        """Return the decision of both models.
 
         Raises:
-            ModelError: their actions or their probabilities differ.
+            ModelError: their actions or probabilities differ.
         """
         here, there = self._here.act(observation), self._there.act(observation)
         ours, theirs = dict(here.diagnostics.probabilities), dict(there.diagnostics.probabilities)
@@ -52,7 +53,7 @@ class Beside(Policy):
         return there
 
     def close(self) -> None:
-        """Let both go."""
-        logger.warning("%d decisions, all the same", self._same)
+        """Close both models."""
+        logger.warning("%d decisions, all identical", self._same)
         for policy in (self._here, self._there):
             policy.close()
