@@ -7,6 +7,11 @@ DEMO_RESULTS ?= demo-results
 # Tests with real processes, browsers and clocks can fail on a busy machine: two reruns, which the summary lists.
 RERUN ?= --reruns 2 -r R
 
+# Each of the many processes that tests start would compile all modules again.
+export PYTHONDONTWRITEBYTECODE :=
+# A file stays in one process. tests/conftest.py puts the longest files first, which xdist keeps with the second option.
+SPREAD := --dist loadfile --no-loadscope-reorder
+
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
@@ -29,15 +34,15 @@ demo: setup ## Set up, run trials in the embedded apartment, print the report.
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
 
 test: setup-test check ## Set up, run all checks and tests.
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(RERUN) -m "not ros and not ros2"
+	$(BIN)/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "not ros and not ros2"
 	@echo "ROS 1 and ROS 2 tests run in parallel; each prints its results at its end"
 	$(MAKE) --no-print-directory --jobs 2 --output-sync=target --keep-going test-ros1 test-ros2
 
 test-ros1: setup-test ## Run the tests that need ROS 1.
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(RERUN) -m ros
+	$(BIN)/python -m pytest -n 3 $(SPREAD) $(RERUN) -m ros
 
 test-ros2: setup-test ## Run the tests that need ROS 2.
-	.venv-ros2/bin/python -m pytest $(RERUN) -m ros2 tests/ros2
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m ros2 tests/ros2
 
 check: setup-test ## Run linter, format check, type check and import contracts.
 	$(BIN)/ruff check .
@@ -49,7 +54,7 @@ check-fast: setup-test ## Run checks and quick tests (no ROS, browser or Postgre
 	@$(MAKE) --no-print-directory --jobs 2 --keep-going check test-quick
 
 test-quick: setup-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not ros and not ros2 and not browser and not postgresql"
+	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "not slow and not ros and not ros2 and not browser and not postgresql"
 
 fuzz: setup-test ## Feed FUZZ_COUNT invalid inputs, drawn from FUZZ_SEED, to every loader.
 	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)

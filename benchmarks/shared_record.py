@@ -24,6 +24,7 @@ from sqlalchemy import Engine, text
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.support.record_checks import print_faults, print_totals  # noqa: E402
 from tests.results.postgresql_server import new_database, running_server  # noqa: E402 - found from any directory now
 from vsnbench.results.schema.engine import open_engine  # noqa: E402
 from vsnbench.results.writing.lifecycle import LEASE  # noqa: E402
@@ -149,31 +150,9 @@ def running_in(engine: Engine, name: str, folder: Path) -> bool:
 
 def check_record(engine: Engine, kills: int, folder: Path) -> bool:
     """Print the counts; return whether every trial has one result and no episode is inconsistent."""
-    checks = {
-        "trials": "SELECT count(*) FROM trial",
-        "trials without a result": (
-            "SELECT count(*) FROM trial WHERE NOT EXISTS (SELECT 1 FROM episode WHERE trial_id = trial.id AND state = "
-            "'judged')"
-        ),
-        "trials with two results": (
-            "SELECT count(*) FROM (SELECT trial_id FROM episode WHERE state = 'judged' GROUP BY trial_id HAVING "
-            "count(*) > 1) AS twice"
-        ),
-        "episodes still claimed or running": (
-            "SELECT count(*) FROM episode WHERE state IN ('claimed', 'placed', 'running')"
-        ),
-        "episodes whose steps do not match their actions": (
-            "SELECT count(*) FROM episode WHERE actions <> (SELECT count(*) FROM step WHERE episode_id = episode.id)"
-        ),
-        "steps written after their episode was closed elsewhere": (
-            "SELECT count(*) FROM step JOIN event ON event.episode_id = step.episode_id WHERE kind = 'recovered' AND "
-            "recorded_at > created_at"
-        ),
-        "episodes that ended interrupted": "SELECT count(*) FROM episode WHERE end_reason = 'interrupted'",
-        "campaigns": "SELECT count(*) FROM campaign",
-    }
+    found = print_totals(engine)
+    wrong = print_faults(engine)
     with engine.connect() as connection:
-        found = {name: int(connection.execute(text(query)).scalar_one()) for name, query in checks.items()}
         waited = connection.execute(
             text(
                 "SELECT max(extract(epoch FROM event.created_at - (SELECT max(recorded_at) FROM step WHERE episode_id "
@@ -182,12 +161,9 @@ def check_record(engine: Engine, kills: int, folder: Path) -> bool:
             ),
             {"where": f"%{folder / 'c'}"},
         ).scalar()
-    for name, count in found.items():
-        print(f"{count:6d} {name}")
-    print(f"{kills:6d} drivers killed with SIGKILL")
+    print(f"{kills:7d} drivers killed with SIGKILL")
     free_after = "never" if waited is None else f"{float(waited):.0f} s after its last step"
     print(f"       the trial of c was taken over {free_after} (lease {LEASE.total_seconds():.0f} s)")
-    wrong = [name for name in list(found)[1:6] if found[name]]
     good = not wrong and found["trials"] >= 200 and found["campaigns"] == 1 and waited is not None
     print("every trial once" if good else f"WRONG: {', '.join(wrong) or 'too few trials, or no lease expired'}")
     return good

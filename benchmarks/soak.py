@@ -1,106 +1,206 @@
-"""Three hundred episodes in one process: do threads, file handles and memory stay what they were?
+"""Two hours of continuous trials: does what the processes hold stay flat, and is each trial run once, and once only?
 
-Short episodes of `random` in the apartment with a small camera, recorded in full: images, database, Rerun copy. What
-an episode leaves behind would show here, whatever its length.
+    python benchmarks/soak.py --hours 2 --folder /tmp/soak      # PostgreSQL's programs are needed
+    python benchmarks/soak.py --table /tmp/soak                 # the table of the samples until now
+
+Four commands share one PostgreSQL record and one results directory, at nice 10: a sweep over seeds with two workers; a
+rehearsal with `--console`, whose operator is an HTTP and web socket client that does what the page does; a run with
+`--live` and an isolated model, whose Rerun stream a second viewer follows; and `browse`, whose list a client keeps up
+to date. Every 30 s, resident memory, threads, file descriptors and database connections of each process and its
+children go to `samples.csv`. At the end Ctrl-C ends the commands, the sweep's unfinished campaigns are resumed, and the
+record is checked. Exits with 1 if a trial is lost or has two results, or a process is left.
 """
 
 import argparse
-import tempfile
-from functools import partial
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
+from sqlalchemy import text
 
-from vsnbench.models.baselines.random_walk import RandomWalk
-from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity
-from vsnbench.results.writing.journal import Journal
-from vsnbench.robots.profiles import load_profile
-from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.loop.campaign import CampaignSource
-from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
-from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
-from vsnbench.runner.setup.selection import plan_trials
-from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.sites.site import load_site
-from vsnbench.viewer.live import RerunEpisodes
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
 
-SETTLED = 20
-"""Episodes after which caches are full and everything has been imported."""
-PARAMETERS = ProtocolParameters(max_actions=5)
+from benchmarks.support.process_samples import HALF_HOUR_S, SampleFile, bytes_below, read_samples, samples_of, table  # noqa: E402
+from benchmarks.support.record_checks import print_faults, print_totals  # noqa: E402
+from benchmarks.support.soak_clients import Client, ConsoleOperator, ResultsReader  # noqa: E402
+from benchmarks.support.soak_world import Command, World  # noqa: E402
+from tests.results.postgresql_server import new_database, running_server  # noqa: E402
+from tests.web.browser import Browser  # noqa: E402
+from vsnbench.viewer.viewers import _program, free_port  # noqa: E402
 
-
-class Watching(AbsentOperator):
-    """Notes what the process holds after each episode."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._process = psutil.Process()
-        self.threads: list[int] = []
-        self.files: list[int] = []
-        self.memory_mib: list[float] = []
-
-    def trial_begins(self, upcoming: Upcoming) -> None:
-        """Say nothing."""
-
-    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        """Say nothing."""
-
-    def episode_ended(self, ended: EndedEpisode) -> None:
-        """Measure."""
-        self.threads.append(self._process.num_threads())
-        self.files.append(self._process.num_fds())
-        self.memory_mib.append(self._process.memory_info().rss / 2**20)
-        if ended.number % SETTLED == 0:
-            print(
-                f"{ended.number:5d} episodes: {self.threads[-1]:3d} threads, {self.files[-1]:3d} files, "
-                f"{self.memory_mib[-1]:6.1f} MiB",
-                flush=True,
-            )
+SAMPLE_S = 30.0
+WARM_UP_S = 1200.0
+SWEEP = ("--model", "random,forward", "--goal", "all", "--max-steps", "40", "--keep", "images", "--workers", "2")
+ALONE = ("--goal", "chair", "--max-steps", "20", "--repetitions", "1000")
+LOST = (
+    "SELECT count(*) FROM trial JOIN campaign ON campaign.id = campaign_id JOIN model ON model.id = model_id WHERE "
+    "model.name IN ('random', 'forward') AND EXISTS (SELECT 1 FROM episode JOIN trial AS of_same ON of_same.id = "
+    "trial_id WHERE of_same.campaign_id = trial.campaign_id) AND NOT EXISTS (SELECT 1 FROM episode WHERE trial_id = "
+    "trial.id AND state = 'judged')"
+)
+"""Number of trials of the sweep, in campaigns that were begun, without a result."""
 
 
-def drive(episodes: int, directory: Path) -> Watching:
-    """Run the episodes as `vsnbench run` does."""
-    results, site, watching = ResultsDirectory.locate(directory), load_site("apartment"), Watching()
-    results.prepare()
-    profile = load_profile("turtlebot2")
-    small = profile.camera.model_copy(update={"width": 64, "height": 48})
-    robot = SimulatedRobot(site, profile.model_copy(update={"camera": small}), PARAMETERS)
-    plan = CampaignPlan(
-        site, robot.identity, ModelIdentity("random"), PARAMETERS, 0, plan_trials(["chair"], [1], episodes)
+def commands_of(world: World) -> Iterator[Command]:
+    """Start the four commands."""
+    yield world.run("sweep", *SWEEP, "--seed", "0-999")
+    yield world.run("console", "--model", "oracle", *ALONE, "--rehearse", f"--console=:{free_port()}")
+    live = world.run("live", "--model", "paced_walk:PacedWalk", *ALONE, "--isolate", "--live")
+    yield live
+    live.address()  # `browse` needs a record
+    yield world.start("browse", "browse", "--port", "0")
+
+
+class SecondViewer:
+    """A viewer of the live stream that keeps what it is sent, in memory too: it is opened anew every half hour."""
+
+    def __init__(self, world: World, command: Command) -> None:
+        self._world, self._command = world, command
+        self._popen: subprocess.Popen[bytes] | None = None
+        self._since_s = 0.0
+        self.refresh()
+
+    @property
+    def pid(self) -> int:
+        """Process ID now."""
+        assert self._popen is not None
+        return self._popen.pid
+
+    def refresh(self) -> None:
+        """Open it, or open it anew after half an hour."""
+        if self._popen is None or time.monotonic() - self._since_s > HALF_HOUR_S:
+            self.close()
+            self._popen, self._since_s = follow_live(self._world, self._command), time.monotonic()
+
+    def close(self) -> None:
+        """End it."""
+        if self._popen is not None:
+            self._popen.kill()
+            self._popen.wait(30)
+
+
+def follow_live(world: World, command: Command) -> "subprocess.Popen[bytes]":
+    """Start a viewer of the live stream."""
+    location = Browser(command.address()).enter().ask("GET", "/").headers["location"]
+    (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(location).query)["url"]
+    return subprocess.Popen(
+        [str(_program()), "--save", str(world.folder / "live.rrd"), url],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=world.environment,
     )
-    with Journal.open(results.database_url) as journal, StopRequests() as stop:
-        target = RecordingTarget(journal, results, "random", robot.profile, RerunEpisodes(live=False))
-        context = SessionContext(journal, watching, stop, site, PARAMETERS, RecordingOptions(results))
-        model = SingleModel(DrivingModel(RandomWalk(), partial(EpisodeRecorderFanOut, target)))
-        source = CampaignSource(journal, journal.find_or_create_campaign(plan))
-        run(source, InProcessExecutor(context, robot, model), watching)
-    return watching
 
 
-def main() -> None:
-    """Measure, print, and fail where something grows."""
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--episodes", type=int, default=300)
-    episodes = arguments.parse_args().episodes
-    if episodes < SETTLED + 20:
-        arguments.error(f"--episodes {episodes}: memory has settled after {SETTLED}, so {SETTLED + 20} at least")
-    with tempfile.TemporaryDirectory() as directory:
-        seen = drive(episodes, Path(directory))
-    settled, late = slice(SETTLED - 1, SETTLED + 20), slice(-20, None)
-    growth = max(seen.memory_mib[late]) / max(seen.memory_mib[settled])
-    print(f"after {SETTLED} and after {episodes} episodes:")
-    print(f"  threads {max(seen.threads[settled])} and {max(seen.threads[late])}")
-    print(f"  files   {max(seen.files[settled])} and {max(seen.files[late])}")
-    print(f"  memory  x {growth:.3f}")
-    kept = max(seen.threads[late]) <= max(seen.threads[settled]) and max(seen.files[late]) <= max(seen.files[settled])
-    raise SystemExit(0 if kept and growth < 1.1 else 1)
+def soak(world: World, hours: float, stack: ExitStack) -> list[str]:
+    """Run the commands, sample them, end them. Returns what is wrong."""
+    began, wrong = time.monotonic(), []
+    commands = []
+    for command in commands_of(world):
+        stack.callback(command.end)
+        commands.append(command)
+    by_name = {command.name: command for command in commands}
+    viewer = SecondViewer(world, by_name["live"])
+    stack.callback(viewer.close)
+    clients: dict[str, Client] = {
+        "console": ConsoleOperator(by_name["console"].address()),
+        "browse": ResultsReader(by_name["browse"].address()),
+    }
+    roots = {command.name: command.popen.pid for command in commands}
+    everything = {*psutil.Process().children(recursive=True)}
+    samples, disk = SampleFile(world.folder / "samples.csv"), world.folder / "disk.txt"
+    port = int(world.url.rpartition(":")[2].partition("/")[0])
+    numbers = 0
+    while (passed_s := time.monotonic() - began) < hours * 3600:
+        samples.add(samples_of(roots | {"second viewer": viewer.pid}, port, passed_s))
+        everything |= {*psutil.Process().children(recursive=True)}
+        if numbers % 20 == 0:
+            with disk.open("a") as file:
+                file.write(f"{passed_s:7.0f} s  {disk_line(world)}\n")
+        numbers += 1
+        viewer.refresh()
+        if ended := [command.name for command in commands if command.popen.poll() is not None]:
+            wrong.append(f"ended before its time: {', '.join(ended)}")
+            break
+        time.sleep(max(0.0, began + numbers * SAMPLE_S - time.monotonic()))
+    for name, client in clients.items():
+        client.close()
+        print(f"{name} client: {dict(client.counts)}; refused {dict(client.refused)}; ", end="")
+        print(f"longest wait {client.longest_wait_s:.1f} s")
+    for command in commands:
+        code = command.interrupt()
+        print(f"{command.name} ends with {code}")
+        if code is None:
+            wrong.append(f"{command.name} goes on after Ctrl-C")
+            command.end()
+        if "Traceback" in command.output:
+            wrong.append(f"traceback in {command.log}")
+    viewer.close()
+    print(f"{time.monotonic() - began:.0f} s; {disk_line(world)}")
+    left = [process for process in everything if process.is_running() and "postgres" not in process.name()]
+    return wrong + [f"left running: {left}"] * bool(left)
+
+
+def disk_line(world: World) -> str:
+    """Return what the record and the folders hold."""
+    folders = {name: bytes_below(world.folder / name) / 2**20 for name in ("results", "tmp", "cache")}
+    database = world.count("SELECT pg_database_size(current_database())") / 2**20
+    judged = world.count("SELECT count(*) FROM episode WHERE state = 'judged'")
+    open_connections = world.count("SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()")
+    sizes = ", ".join(f"{name} {size:.1f} MiB" for name, size in folders.items())
+    return f"{judged} judged, {sizes}, database {database:.1f} MiB, {open_connections} connections"
+
+
+def finish_sweep(world: World) -> None:
+    """Resume the campaigns of the sweep that were started, so that each is complete."""
+    query = (
+        "SELECT DISTINCT seed FROM campaign JOIN trial ON campaign_id = campaign.id JOIN model ON model.id = model_id "
+        "WHERE model.name IN ('random', 'forward') AND EXISTS (SELECT 1 FROM episode WHERE trial_id = trial.id)"
+    )
+    with world.engine.connect() as connection:
+        seeds = sorted(int(row[0]) for row in connection.execute(text(query)))
+    command = world.run("resumed", *SWEEP, "--seed", ",".join(map(str, seeds)))
+    print(f"resumed over {len(seeds)} seeds: ends with {command.popen.wait(1200)}")
+
+
+def record_faults(world: World) -> list[str]:
+    """Print what became of the trials; return what is wrong."""
+    print_totals(world.engine)
+    wrong = print_faults(world.engine, left_out=("trials without a result",))
+    lost = world.count(LOST)
+    print(f"{lost:7d} trials of the sweep without a result")
+    return wrong + [f"{lost} trials lost"] * bool(lost)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hours", type=float, default=2.0)
+    parser.add_argument("--folder", type=Path, help="a new folder, which is kept", default=Path("soak"))
+    parser.add_argument("--table", type=Path, metavar="FOLDER", help="print the table of a soak's samples")
+    asked = parser.parse_args()
+    if asked.table is not None:
+        print("\n".join(table(read_samples(asked.table / "samples.csv"), WARM_UP_S)))
+        return 0
+    asked.folder.mkdir(parents=True)
+    os.nice(10)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started this with SIGINT ignored
+    with ExitStack() as stack:
+        world = World(asked.folder.resolve(), new_database(stack.enter_context(running_server())))
+        stack.callback(world.engine.dispose)
+        wrong = soak(world, asked.hours, stack)
+        finish_sweep(world)
+        wrong += record_faults(world)
+    print("\n".join(table(read_samples(asked.folder / "samples.csv"), WARM_UP_S)))
+    print("\n".join(wrong) or "every trial once, nothing left")
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -143,6 +143,7 @@ class Attack:
             line.sendall(sent)
             if ending == "whole":
                 line.shutdown(socket.SHUT_WR)
+            if ending != "cut":
                 while len(received) < 200_000 and (part := line.recv(65536)):
                     received += part
         status = received[9:12].decode("latin-1") if received.startswith(b"HTTP/") else "closed"

@@ -1,23 +1,25 @@
-"""Random invalid requests for the operator's page."""
+"""Random invalid requests for the pages of vsnbench."""
 
 import json
 import random
 import threading
+from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
 from tests.web.browser import Browser
 
-PATHS = (
-    *("/", "/state", "/plan.svg", "/picture", "/sign-in", "/answer", "/judge", "/stop", "/pause", "/placing", "/live"),
+_ANY_PAGE = (
     *(
-        "/placing/camera",
-        "/placing/../..",
-        "/episodes",
-        "/episodes/1/frames/1",
-        "/episodes/-1/frames/99999999999999999999",
+        "/",
+        "/state",
+        "/live",
+        "//",
+        "*",
+        "/assets/../page.py",
+        "/assets/%2e%2e/page.py",
+        "/shared/..%2f..%2fetc/passwd",
     ),
-    *("/summary", "/amend", "/undo", "/assets/operator.js", "/assets/../page.py", "/assets/%2e%2e/page.py", "//", "*"),
     *("/?token=", "/?token=%ff%fe", "/x\x00y", "/" + "a" * 9000, "http://evil.example/state", "/../../etc/passwd"),
 )
 METHODS = ("GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "TRACE", "CONNECT", "PATCH", "get", "G\x00T", "X" * 300)
@@ -25,32 +27,64 @@ VALUES: tuple[Any, ...] = (
     *(None, -1, 1, 2**40, 1.5, 1e308, "go", "skip", "end", "x" * 600, [], {}, True, "\u202e\ud7ff", "0.5", {"a": [1]}),
     *("' OR 1=1 --", "<script>", "\x00", "84", "no", "look", "turn"),
 )
-NAMES = (
-    *("question", "answer", "episode", "seen", "touched", "distance", "void", "confirmed", "name", "action", "note"),
-    "felt",
+
+
+_SHARE_WELL_FORMED = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What the requests for a page are made of."""
+
+    paths: tuple[str, ...]
+    names: tuple[str, ...] = ()
+    """Fields of its JSON requests."""
+    values: tuple[Any, ...] = VALUES
+    changes: tuple[str, ...] = ()
+    """Requests that are always allowed, so they are sent without a valid CSRF token or cookie only."""
+
+    @property
+    def all_paths(self) -> tuple[str, ...]:
+        """Its own paths, and some that no page has."""
+        return (*self.paths, *_ANY_PAGE)
+
+
+CONSOLE = Page(
+    paths=(
+        *("/plan.svg", "/picture", "/sign-in", "/answer", "/judge", "/stop", "/pause", "/placing", "/live"),
+        *("/placing/camera", "/placing/../..", "/episodes", "/episodes/1/frames/1", "/summary", "/amend", "/undo"),
+        *("/episodes/-1/frames/99999999999999999999", "/assets/operator.js"),
+    ),
+    names=(
+        *("question", "answer", "episode", "seen", "touched", "distance", "void", "confirmed", "name", "action"),
+        *("note", "felt"),
+    ),
+    changes=("/stop", "/pause", "/live"),
 )
-CHANGES = ("/stop", "/pause", "/live")
-"""Requests that are always allowed, so they are sent without a valid CSRF token or cookie only."""
 
 
 class Requests:
     """Generates requests. Thread-safe."""
 
-    def __init__(self, browser: Browser, chance: random.Random) -> None:
+    def __init__(self, browser: Browser, chance: random.Random, page: Page = CONSOLE) -> None:
         self._browser = browser
+        self._page = page
         self._chance = chance
         self._lock = threading.Lock()
         self._host = urlsplit(browser.address).netloc
 
     def next(self) -> tuple[bytes, str]:
-        """Return the bytes of a request, and whether it is sent `whole` or `cut` off."""
+        """Return the bytes of a request, and how the client ends it: `whole`, `cut` off, or `open` until the answer."""
         with self._lock:
             return self._next()
 
     def _next(self) -> tuple[bytes, str]:
         chance = self._chance
-        path, method = chance.choice(PATHS), chance.choices(METHODS, [8, 14, *[1] * (len(METHODS) - 2)])[0]
-        is_change = path in CHANGES
+        path = chance.choice(self._page.all_paths)
+        if chance.random() < _SHARE_WELL_FORMED:
+            return self._well_formed(path), "open"
+        method = chance.choices(METHODS, [8, 14, *[1] * (len(METHODS) - 2)])[0]
+        is_change = path in self._page.changes
         if path == "/live" and chance.random() < 0.7:
             return self._socket(), chance.choice(["whole", "cut"])
         body = self._body()
@@ -78,6 +112,27 @@ class Requests:
         if chance.random() < 0.03:
             return chance.randbytes(chance.randrange(1, 3000)), "whole"
         return sent, "whole"
+
+    def _well_formed(self, path: str) -> bytes:
+        """Return a request as the page's own script sends it, with invalid content, or with a forged token."""
+        is_change = path in self._page.changes
+        method = self._chance.choice(["GET", "POST"])
+        body = self._body() if method == "POST" else b""
+        token = "0" * 64 if is_change else self._browser.csrf_token
+        lines = [f"{method} {path} HTTP/1.1", f"Host: {self._host}", f"Cookie: {self._browser.cookie}"]
+        lines += [f"Origin: http://{self._host}", f"X-CSRF-Token: {token}", "Content-Type: application/json"]
+        lines += [f"Content-Length: {len(body)}", "Connection: close"]
+        return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
+
+    def _well_formed(self, path: str) -> bytes:
+        """Return a request as the page's own script sends it, with invalid content, or with a forged token."""
+        method = self._chance.choice(["GET", "POST"])
+        body = self._body() if method == "POST" else b""
+        token = "0" * 64 if path in self._page.changes else self._browser.csrf_token
+        lines = [f"{method} {path} HTTP/1.1", f"Host: {self._host}", f"Cookie: {self._browser.cookie}"]
+        lines += [f"Origin: http://{self._host}", f"X-CSRF-Token: {token}", "Content-Type: application/json"]
+        lines += [f"Content-Length: {len(body)}", "Connection: close"]
+        return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
 
     def _host_lines(self) -> list[str]:
         port = self._host.rpartition(":")[2]
@@ -121,9 +176,11 @@ class Requests:
         chance = self._chance
         draw = chance.random()
         if draw < 0.6:
-            content = {chance.choice(NAMES): chance.choice(VALUES) for _ in range(chance.randrange(5))}
-            content["question"] = chance.choice([*VALUES, chance.randrange(2**31)])
-            if "episode" in content or chance.random() < 0.5:
+            names, values = self._page.names or ("x",), self._page.values
+            content = {chance.choice(names): chance.choice(values) for _ in range(chance.randrange(5))}
+            if "question" in names:
+                content["question"] = chance.choice([*values, chance.randrange(2**31)])
+            if "episode" in names and ("episode" in content or chance.random() < 0.5):
                 content["episode"] = chance.choice([999, -1, "1", None, 2**31, 2**63])
             return json.dumps(content).encode()
         if draw < 0.7:

@@ -1,19 +1,13 @@
 """Markers for slow tests, and fixtures that all tests share."""
 
 import gc
-import itertools
 import os
-from collections.abc import Generator, Iterator
+import re
+from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
-
-if TYPE_CHECKING:
-    from sqlalchemy import Engine
-
-    from vsnbench.results.schema.migrate import SchemaState
 
 HERE = Path(__file__).parent
 
@@ -97,6 +91,7 @@ SLOW = frozenset(
         "site_checks/test_check.py",
         "site_checks/test_mistakes.py",
         "statistics/test_power_independent.py",
+        "test_releases.py",
         "verification/test_hostile_records.py",
         "verification/test_older_records.py",
         "verification/test_verify.py",
@@ -113,6 +108,34 @@ SLOW = frozenset(
 
 SLOW_FOLDERS = frozenset({"fuzz", "training"})
 
+LONGEST = (
+    "docs/test_commands.py",
+    "training/test_run.py",
+    "fuzz/test_fuzz.py",
+    "cli/study/test_verbs.py",
+    "runner/executors/test_local_pool.py",
+    "cli/running/test_run_with_a_person.py",
+    "cli/running/test_run.py",
+    "cli/test_hostile_archive.py",
+    "report/test_figure_layout.py",
+    "report/test_page.py",
+    "localization/test_matching.py",
+    "cli/results/test_view.py",
+    "examples/test_adapters.py",
+    "robots/test_ros1.py",
+    "robots/test_ros1_run.py",
+    "robots/test_ros1_drive.py",
+    "ros1/test_discrete_move.py",
+    "cli/robots/test_doctor.py",
+    "robots/test_ros1_network.py",
+    "robots/test_calibration.py",
+    "ros2/test_drive.py",
+    "ros2/test_faults.py",
+    "ros2/test_doctor.py",
+    "ros2/test_run.py",
+)
+"""Files that start first, in this order: a long file that starts last leaves the other workers idle."""
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
@@ -126,9 +149,17 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Skip files without a ROS test if only those are wanted: importing all files takes 10 s per worker."""
+    wanted = {"ros": r"mark\.ros\b", "ros2": r"mark\.ros2\b"}.get(config.getoption("markexpr"))
+    if wanted is None or collection_path.suffix != ".py":
+        return None
+    return not re.search(wanted, collection_path.read_text(encoding="utf-8")) or None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow tests and tests that start a PostgreSQL server."""
-    if gone := sorted(name for name in SLOW if not (HERE / name).is_file()):
+    """Mark slow tests and tests that start a PostgreSQL server, and put the longest files first."""
+    if gone := sorted(name for name in {*SLOW, *LONGEST} if not (HERE / name).is_file()):
         raise pytest.UsageError(f"tests/conftest.py lists files that do not exist: {', '.join(gone)}")
     for item in items:
         place = item.path.relative_to(HERE)
@@ -137,43 +168,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         chosen = str(getattr(getattr(item, "callspec", None), "params", {}))
         if "postgresql" in getattr(item, "fixturenames", ()) or "postgresql" in chosen:
             item.add_marker(pytest.mark.postgresql)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def migrations_run_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Copy a migrated database for every new SQLite record of this process.
-
-    Running the migrations takes 0.3 s per record; `results/schema/test_migrate.py` tests them.
-    """
-    from vsnbench.results.database_url import sqlite_path, sqlite_url
-    from vsnbench.results.schema.engine import open_engine
-    from vsnbench.results.schema.migrate import backup, upgrade
-    from vsnbench.results.writing import journal
-
-    directory = tmp_path_factory.mktemp("migrated")
-    made, number = directory / "made.db", itertools.count()
-
-    def upgrade_by_copy(engine: "Engine") -> "SchemaState":
-        path = sqlite_path(engine.url.render_as_string(hide_password=False))
-        if path is not None and not path.exists() and path.parent.is_dir():
-            if not made.exists():
-                make(made)
-            copy = directory / f"{next(number)}.db"
-            copy.write_bytes(made.read_bytes())
-            try:
-                os.link(copy, path)  # atomic: a concurrent creator finds the complete file
-            except OSError:
-                pass  # it exists already, or `upgrade` reports that it cannot be written
-            finally:
-                copy.unlink()
-        return upgrade(engine)
-
-    def make(record: Path) -> None:
-        engine = open_engine(sqlite_url(directory / "first.db"))
-        upgrade(engine)
-        engine.dispose()
-        backup(sqlite_url(directory / "first.db"), record)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(journal, "upgrade", upgrade_by_copy)
-        yield
+    order = {HERE / name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path, len(order)))

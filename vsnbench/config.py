@@ -25,8 +25,6 @@ BUILT_IN_SITE = "apartment"
 BUILT_IN_ROBOT = "simulated"
 BUILT_IN_PROTOCOL = "ros4vsn"
 BUILT_IN_RESULTS = "results"
-CHECKED_ROBOT = "turtlebot2"
-"""Robot that `vsnbench doctor` checks by default."""
 _PATHS = {"site", "protocol", "results", "weights", "console.certificate", "console.key", "isolation.python"}
 _NUMBERS: Mapping[str, tuple[type, float, float]] = {
     "console.port": (int, 0, 65535),

@@ -2,10 +2,11 @@
 
 import hashlib
 import importlib
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
-from importlib.metadata import entry_points
+from importlib.metadata import distributions, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -88,12 +89,24 @@ def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
     for other, module in list(sys.modules.items()):
         if other == "__main__":
             continue
-        file = file_of_module(module)
-        if file is None:
-            continue
-        neighbour = single and not installed and file.parent == own.parent
-        if other == name or other.partition(".")[0] == top or neighbour:
+        of_package = other == name or other.partition(".")[0] == top
+        neighbour = single and not installed and str(getattr(module, "__file__", None)).startswith(f"{own.parent}/")
+        file = file_of_module(module) if of_package or neighbour else None
+        if file is not None and (of_package or file.parent == own.parent):
             yield other, file
+
+
+def package_version(package: str) -> str:
+    """Return the version of the installed distribution that has this top-level package, or an empty string.
+
+    `importlib.metadata.packages_distributions` splits every path of every distribution, which takes 0.2 s.
+    """
+    listed = re.compile(rf"^{re.escape(package)}(/[^,\n]*)?\.py,", re.MULTILINE)
+    for distribution in distributions():
+        declared = distribution.read_text("top_level.txt")
+        if package in declared.split() if declared else listed.search(distribution.read_text("RECORD") or ""):
+            return distribution.version
+    return ""
 
 
 def file_of_module(module: object) -> Path | None:

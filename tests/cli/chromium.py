@@ -1,7 +1,7 @@
 """The distribution's Chromium with a single page, driven by Playwright."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -26,8 +26,31 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
+_keeper: list[ExitStack] = []
+_kept: list[Browser] = []
+
+
+@contextmanager
+def one_chromium() -> Iterator[None]:
+    """Open the pages of this block in a single browser, which starts with the first: a start takes a second."""
+    with ExitStack() as stack:
+        _keeper.append(stack)
+        try:
+            yield
+        finally:
+            _keeper.clear()
+            _kept.clear()
+
+
 @contextmanager
 def chromium_page(width: int, height: int, **options: Any) -> Iterator[Page]:
     """Open a headless browser on an empty page of a size in pixels; `options` are Playwright's for a new page."""
-    with chromium() as browser:
-        yield browser.new_page(viewport={"width": width, "height": height}, **options)
+    with ExitStack() as stack:
+        if _keeper and not _kept:
+            _kept.append(_keeper[0].enter_context(chromium()))
+        browser = _kept[0] if _kept else stack.enter_context(chromium())
+        page = browser.new_page(viewport={"width": width, "height": height}, **options)
+        try:
+            yield page
+        finally:
+            page.close()

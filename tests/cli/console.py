@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import pytest
 
 from vsnbench.cli.main import main
+from vsnbench.runner.executors import capacity, process
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,13 @@ class Answer:
 
 
 def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
-    """Run a command in this process, and restore the environment, which a configuration file changes."""
+    """Run a command in this process, and restore the environment, which a configuration file changes.
+
+    The automatic number of workers is 1, because each worker and each fork server imports for a second.
+    """
     monkeypatch.setattr(sys, "argv", ["vsnbench", *words])
+    for module in (capacity, process):
+        monkeypatch.setattr(module, "granted_cores", lambda: 1)
     capsys.readouterr()
     environment, code = dict(os.environ), 0
     try:

@@ -4,11 +4,13 @@ import os
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from tests.cli.console import Answer
 from tests.cli.console import vsnbench as type_in
 from tests.viewer.synthetic_episode import record
 from vsnbench.results.files.directory import ResultsDirectory
@@ -21,6 +23,16 @@ def vsnbench(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", program, *words], cwd=cwd, env=inherited, capture_output=True, text=True, timeout=120
     )
+
+
+Typed = Callable[..., Answer]
+
+
+@pytest.fixture
+def typed(archive: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Typed:
+    """Types words after `vsnbench` in the directory of the archive, in this process."""
+    monkeypatch.chdir(archive.parent)
+    return lambda *words: type_in(monkeypatch, capsys, *words)
 
 
 @pytest.fixture
@@ -57,7 +69,7 @@ def test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written(
 @pytest.mark.parametrize(
     "words", [["view", "1", "--path"], ["episodes", "show", "1"], ["episodes", "list"], ["report"], ["judge", "1"]]
 )
-def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[str]) -> None:
+def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[str], typed: Typed) -> None:
     escapes = "\x1b]0;owned\x07\x9b2J"
     with closing(sqlite3.connect(archive / "vsnbench.db")) as database, database:
         database.execute("UPDATE episode SET images_directory = ?, error = ?", [f"../{escapes}\nforged", escapes])
@@ -65,11 +77,11 @@ def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[
         database.execute("UPDATE verdict SET reason = ?, author = ?", [escapes, escapes])
         database.execute("UPDATE process SET host = ?, command = ?", [escapes, escapes])
         database.execute("UPDATE event SET text = ?, kind = ?", [escapes, escapes])
-    done = vsnbench(*words, "--results", str(archive), cwd=archive.parent)
-    assert not set("\x1b\x07\x9b") & set(done.stdout + done.stderr)
-    assert "Traceback" not in done.stderr
+    done = typed(*words, "--results", str(archive))
+    assert not set("\x1b\x07\x9b") & set(done.out + done.err)
+    assert "Traceback" not in done.err
     if words[0] == "view":
-        assert done.stderr.count("\n") == 1
+        assert done.err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -86,38 +98,39 @@ def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[
         ["db", "status"],
     ],
 )
-def test_a_record_with_an_endless_view_ends_every_command_in_a_line(archive: Path, words: list[str]) -> None:
+def test_a_record_with_an_endless_view_ends_every_command_in_a_line(
+    archive: Path, words: list[str], typed: Typed
+) -> None:
     endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id FROM n"
     with closing(sqlite3.connect(archive / "vsnbench.db")) as database:
         database.executescript(f"DROP TABLE event; CREATE VIEW event AS {endless}")
-    place = [] if "merge" in words else ["--results", str(archive)]
-    done = vsnbench(*words, *place, cwd=archive.parent)
-    assert done.returncode in (1, 2)
-    assert "has a view 'event'" in done.stderr
-    assert done.stderr.count("\n") == 1
+    done = typed(*words, "--results", str(archive))
+    assert done.code in (1, 2)
+    assert "has a view 'event'" in done.err
+    assert done.err.count("\n") == 1
 
 
-def test_a_link_that_waits_where_a_recording_is_written_is_not_followed(archive: Path) -> None:
+def test_a_link_that_waits_where_a_recording_is_written_is_not_followed(archive: Path, typed: Typed) -> None:
     precious = archive.parent / "precious"
     precious.write_text("kept")
     folder = archive / "episodes" / "000001"
     for name in ("episode.rrd", "episode.rrd.part", ".episode.rrd.part"):
         (folder / name).symlink_to(precious)
-    done = vsnbench("view", "1", "--path", "--results", str(archive), cwd=archive.parent)
-    assert done.returncode == 0, done.stderr
+    done = typed("view", "1", "--path", "--results", str(archive))
+    assert done.code == 0, done.err
     assert precious.read_text() == "kept"
     assert not (folder / "episode.rrd").is_symlink()
 
 
-def test_a_picture_that_is_a_link_is_not_shown(archive: Path) -> None:
+def test_a_picture_that_is_a_link_is_not_shown(archive: Path, typed: Typed) -> None:
     secret = archive.parent / "secret"
     secret.write_bytes(b"the key")
     picture = archive / "episodes" / "000001" / "rgb" / "0001.jpg"
     picture.unlink()
     picture.symlink_to(secret)
-    done = vsnbench("view", "1", "--path", "--results", str(archive), cwd=archive.parent)
-    assert done.returncode == 1
-    assert "leads out of it" in done.stderr
+    done = typed("view", "1", "--path", "--results", str(archive))
+    assert done.code == 1
+    assert "leads out of it" in done.err
 
 
 @pytest.mark.parametrize(

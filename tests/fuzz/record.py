@@ -55,7 +55,7 @@ def flip_bits_of_text(rng: random.Random, file: Path) -> None:
 class RecordTarget:
     """The SQLite database and the files next to it."""
 
-    in_suite: ClassVar[int] = 80
+    in_suite: ClassVar[int] = 40
 
     def __init__(self, home: Path) -> None:
         from tests.viewer.synthetic_episode import record

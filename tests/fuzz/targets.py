@@ -37,7 +37,7 @@ class Target(Protocol):
 class _SettingsFile(ABC):
     """A YAML file and the function that reads it."""
 
-    in_suite: ClassVar[int] = 200
+    in_suite: ClassVar[int] = 100
     files: ClassVar[tuple[Path | str, ...]]
 
     def __init__(self, home: Path) -> None:
@@ -120,7 +120,7 @@ class ModelSettingsTarget(_SettingsFile):
 class PictureTarget:
     """Images of a record, as a report, a bag and an import decode them."""
 
-    in_suite: ClassVar[int] = 400
+    in_suite: ClassVar[int] = 200
 
     def __init__(self, home: Path) -> None:
         self.folder = home / "episodes" / "000001" / "rgb"
@@ -155,7 +155,7 @@ class PictureTarget:
 class ImageMessageTarget:
     """Images from a camera driver."""
 
-    in_suite: ClassVar[int] = 500
+    in_suite: ClassVar[int] = 250
 
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
@@ -187,7 +187,7 @@ class ImageMessageTarget:
 class DatabaseURLTarget:
     """Values of --db."""
 
-    in_suite: ClassVar[int] = 500
+    in_suite: ClassVar[int] = 250
 
     def __init__(self, home: Path) -> None:
         self.good = [
@@ -212,7 +212,7 @@ class DatabaseURLTarget:
 class HabitatTarget:
     """`import habitat`."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -240,7 +240,7 @@ class HabitatTarget:
 class UpstreamLogTarget:
     """`import ros4vsn`: the log and its images."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home

@@ -21,7 +21,7 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 class _Checkpoint(ABC):
     """A PyTorch file whose tensors are damaged before it is written, or its bytes afterwards."""
 
-    in_suite: ClassVar[int] = 150
+    in_suite: ClassVar[int] = 80
 
     def __init__(self, home: Path) -> None:
         self.path = home / "weights.pt"
@@ -139,7 +139,7 @@ class PIRLNavTarget(_Checkpoint):
 class ValueTarget(_Checkpoint):
     """VLV's value network."""
 
-    in_suite: ClassVar[int] = 50
+    in_suite: ClassVar[int] = 25
 
     def make(self) -> dict[str, Any]:
         import torch
@@ -159,7 +159,7 @@ class ValueTarget(_Checkpoint):
 class DetectorTarget(_Checkpoint):
     """Mask R-CNN's weights."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 60
 
     def make(self) -> dict[str, Any]:
         import torch
@@ -194,7 +194,7 @@ class DetectorTarget(_Checkpoint):
 class ONNXTarget:
     """Detectors as ONNX files: opened, and asked about one image."""
 
-    in_suite: ClassVar[int] = 150
+    in_suite: ClassVar[int] = 80
 
     def __init__(self, home: Path) -> None:
         from tests.models.vlv.looks import look

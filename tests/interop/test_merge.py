@@ -3,6 +3,7 @@ import json
 import random
 import shutil
 import sqlite3
+import zipfile
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -449,3 +450,11 @@ def test_pictures_of_a_server_come_from_the_directories_of_its_robots(tmp_path: 
             assert (whole.path / one.images_directory / "trajectory.tum").read_text() == one.uuid
     with pytest.raises(RecordError, match="does not exist"):
         merge_source(postgresql, [tmp_path / "nowhere"])
+
+
+def test_an_archive_is_refused_by_what_it_is(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "bundle.zip", "w") as bundle:
+        bundle.writestr("vsnbench-bundle.txt", "")
+    with pytest.raises(RecordError) as refused:
+        merge_source(str(tmp_path / "bundle.zip"))
+    assert refused.value.code == "archive-given"

@@ -1,5 +1,6 @@
 """The report page in a browser: no network, no console errors, sortable, readable on a phone."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.accessibility import accessibility_findings
-from tests.cli.chromium import chromium_page
+from tests.cli.chromium import chromium_page, one_chromium
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
 from tests.ros1.network import wait_until
@@ -50,6 +51,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     files = write_report(report, list(drawings(report, lab.url)), lab.directory / "report")
     assert {"report.html", "report.json", "tables.tex", "actions.svg"} <= {path.name for path in files}
     return lab.directory / "report" / "report.html"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def browser_of_the_module() -> Iterator[None]:
+    with one_chromium():
+        yield
 
 
 def ask(browser: Page, expression: str) -> object:

@@ -11,37 +11,80 @@ from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
 
+import psutil
 from sqlalchemy import create_engine, text
+
+
+class PostgresqlServer:
+    """A server that can be killed and started again with the same data."""
+
+    def __init__(self, folder: Path) -> None:
+        """Create the data and start the server."""
+        self._binaries = _binaries()
+        self._user = _server_user()
+        if self._user:
+            os.chown(folder, self._user.pw_uid, self._user.pw_gid)
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self._port = probe.getsockname()[1]
+        self._folder = folder
+        self._data = folder / "data"
+        self._call("initdb", "-D", self._data, "-U", "lab", "--auth=trust", "--encoding=UTF8", "--no-sync")
+        self.start()
+
+    @property
+    def url(self) -> str:
+        """URL without the name of a database."""
+        return f"postgresql+psycopg://lab@127.0.0.1:{self._port}"
+
+    @property
+    def postmaster(self) -> psutil.Process:
+        """The server's first process; its children serve the connections."""
+        return psutil.Process(int((self._data / "postmaster.pid").read_text().split()[0]))
+
+    def start(self) -> None:
+        """Start it, and return when it accepts connections."""
+        options = (
+            f"-p {self._port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self._folder} -c fsync=off"
+        )
+        self._call("pg_ctl", "-D", self._data, "-l", self._folder / "log", "-o", options, "-w", "start")
+
+    def kill(self) -> None:
+        """Kill its first process with SIGKILL, and wait for the end of the others."""
+        postmaster = self.postmaster
+        processes = [postmaster, *postmaster.children(recursive=True)]
+        postmaster.kill()
+        psutil.wait_procs(processes, 30)
+
+    def stop(self) -> None:
+        """Stop it at once."""
+        self._call("pg_ctl", "-D", self._data, "-m", "immediate", "-w", "stop")
+
+    def _call(self, program: str, *words: str | Path) -> None:
+        user = self._user
+        identity = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []} if user else {}
+        command = [self._binaries / program, *words]
+        done = subprocess.run(command, cwd=self._folder, capture_output=True, text=True, timeout=60, **identity)
+        assert done.returncode == 0, f"{program}: {done.stdout}{done.stderr}"
+
+
+@contextmanager
+def killable_server() -> Iterator[PostgresqlServer]:
+    """Give a server; stopped and removed at the end."""
+    folder = Path(tempfile.mkdtemp(prefix="vsnbench-pg-", dir="/tmp"))
+    server = PostgresqlServer(folder)
+    try:
+        yield server
+    finally:
+        server.stop()
+        shutil.rmtree(folder)
 
 
 @contextmanager
 def running_server() -> Iterator[str]:
-    """Yield the URL of a server without the name of a database."""
-    binaries = _binaries()
-    folder = Path(tempfile.mkdtemp(prefix="vsnbench-pg-", dir="/tmp"))
-    user = _server_user()
-    if user:
-        os.chown(folder, user.pw_uid, user.pw_gid)
-
-    def call(program: str, *words: str) -> None:
-        identity = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []} if user else {}
-        done = subprocess.run(
-            [binaries / program, *words], cwd=folder, capture_output=True, text=True, timeout=60, **identity
-        )
-        assert done.returncode == 0, f"{program}: {done.stdout}{done.stderr}"
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    data, log = str(folder / "data"), str(folder / "log")
-    call("initdb", "-D", data, "-U", "lab", "--auth=trust", "--encoding=UTF8", "--no-sync")
-    options = f"-p {port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={folder} -c fsync=off"
-    try:
-        call("pg_ctl", "-D", data, "-l", log, "-o", options, "-w", "start")
-        yield f"postgresql+psycopg://lab@127.0.0.1:{port}"
-    finally:
-        call("pg_ctl", "-D", data, "-m", "immediate", "-w", "stop")
-        shutil.rmtree(folder)
+    """Give the URL of a server without the name of a database."""
+    with killable_server() as server:
+        yield server.url
 
 
 def new_database(server: str) -> str:

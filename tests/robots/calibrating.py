@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.json_outputs import faults
 from tests.robots.floor_images import FOV_DEG, HEIGHT_M, ROLL_DEG, TILT_DEG, write_profile
 from vsnbench.robots.profiles import load_profile
 
@@ -32,6 +33,7 @@ def corrects_the_profile(environment: Mapping[str, str], path: Path, kind: str, 
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert printed["written"]
+    assert faults("robots-calibrate", printed) == []
     camera = load_profile(profile).camera
     assert camera.mount_height_m == pytest.approx(HEIGHT_M, abs=0.01)
     assert camera.tilt_deg == pytest.approx(TILT_DEG, abs=0.3)
@@ -57,7 +59,8 @@ def doctor(environment: Mapping[str, str], path: Path, kind: str, **fields: obje
     profile = write_profile(path / "robot.yaml", kind, **fields)
     done = typed(environment, "doctor", "--robot", str(profile), "--results", str(path / "results"), "--json")
     assert "Traceback" not in done.stderr
-    return {line["what"]: (line["health"], line["seen"]) for line in json.loads(done.stdout)}
+    assert faults("doctor", json.loads(done.stdout)) == []
+    return {line["what"]: (line["health"], line["seen"]) for line in json.loads(done.stdout)["checks"]}
 
 
 def finds_the_camera_askew(environment: Mapping[str, str], path: Path, kind: str) -> None:

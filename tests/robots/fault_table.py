@@ -65,8 +65,8 @@ def held(second: Attempt) -> str:
 def complaints(doctor: Process, healthy: frozenset[str] = frozenset()) -> dict[str, str]:
     """Wait for `doctor --json`; return the failed checks, without those of the healthy robot."""
     doctor.wait(120)
-    start = doctor.output.index("[\n")
-    checks = json.JSONDecoder().raw_decode(doctor.output[start:])[0]
+    start = doctor.output.index("{\n")
+    checks = json.JSONDecoder().raw_decode(doctor.output[start:])[0]["checks"]
     return {c["what"]: c["seen"] for c in checks if c["health"] != "ok" and c["what"] not in healthy}
 
 

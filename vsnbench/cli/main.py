@@ -3,10 +3,14 @@
 import atexit
 import gc
 import importlib
+import logging
 import os
+import platform
+import shlex
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -15,13 +19,13 @@ from typer.main import get_command
 from vsnbench import __version__
 from vsnbench.cli.support.completion import add_completion
 from vsnbench.cli.support.help_text import HELP_OPTIONS, hide_flag_types
-from vsnbench.cli.support.log_level import set_up_logging
-from vsnbench.cli.support.output import WITHOUT_RESULT, join_long_lines, with_output_options
+from vsnbench.cli.support.output import WITHOUT_RESULT, LogFile, Verbose, join_long_lines, with_output_options
 from vsnbench.cli.support.parser_errors import RootGroup
 from vsnbench.cli.support.renamed import refuse_renamed
 from vsnbench.cli.support.words import mark_missing_values, refuse_repeated
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
+from vsnbench.text.log_output import LogOutput, log_more, opened_log
 from vsnbench.text.sanitize import sanitize
 from vsnbench.text.streams import sanitized_output
 
@@ -40,7 +44,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "protocol": ("vsnbench.cli.protocol", "List, show and check protocols: the rules of the trials."),
     "robots": ("vsnbench.cli.robots.robots", "List and check robot profiles; run the ROS nodes of a robot."),
     "models": ("vsnbench.cli.models.models", "Create, list, check, serve and fetch models."),
-    "doctor": ("vsnbench.cli.robots.doctor", "Check a robot and this machine before a session."),
+    "doctor": ("vsnbench.cli.robots.doctor", "Check this machine, and a robot, before a session."),
     "place": ("vsnbench.cli.running.place", "Measure how far a robot is from its starting position."),
     "export": ("vsnbench.cli.results.export", "Write episodes in the formats of other tools."),
     "bundle": ("vsnbench.cli.evidence.bundle", "Pack results into one file that another person can check."),
@@ -85,7 +89,8 @@ EXIT_CODES = """
 2 usage error. Ended by a signal: 129 closed terminal, 130 Ctrl-C or
 emergency stop, 143 SIGTERM.
 
-Commands that print a result have --json, --quiet and --verbose.
+Commands that print a result have --json and --quiet. --verbose and --log-file
+work with every command.
 """
 
 
@@ -113,8 +118,11 @@ def build_app(name: str | None) -> typer.Typer:
         version: Annotated[
             bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
         ] = False,
+        verbosity: Verbose = 0,
+        log_file: LogFile = None,
     ) -> None:
         del version
+        log_more(verbosity, log_file)
 
     for other, (module_name, summary) in VERBS.items():
         if other != name:
@@ -149,21 +157,9 @@ def main(loaded: Callable[[], object] = lambda: None) -> None:
 
 
 def _run(loaded: Callable[[], object]) -> None:
-    completing = _COMPLETING in os.environ
-    name = next((word for word in _words() if word in VERBS), None)
     try:
-        set_up_logging()
-        warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
-        if not completing:
-            refuse_renamed(sys.argv[1:])
-        applied = [] if name == "config" or completing else apply_config_defaults()
-        command = get_command(build_app(name))
-        hide_flag_types(command)
-        words = mark_missing_values(sys.argv[1:])
-        refuse_repeated(command, words)
-        _print_defaults(name, applied)
-        loaded()
-        command(words, prog_name="vsnbench")
+        with opened_log(_describe_command) as log, _logged_end(log):
+            _run_command(loaded)
     except VsnbenchError as error:
         sys.stderr.write(f"vsnbench: error: {sanitize(str(error))}\n")
         sys.exit(error.exit_code)
@@ -177,11 +173,57 @@ def _run(loaded: Callable[[], object]) -> None:
         sys.exit(VsnbenchError.exit_code)
 
 
+def _run_command(loaded: Callable[[], object]) -> None:
+    completing = _COMPLETING in os.environ
+    name = _verb()
+    warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
+    if not completing:
+        refuse_renamed(sys.argv[1:])
+    applied = [] if name == "config" or completing else apply_config_defaults()
+    command = get_command(build_app(name))
+    hide_flag_types(command)
+    words = mark_missing_values(sys.argv[1:])
+    refuse_repeated(command, words)
+    _print_defaults(name, applied)
+    loaded()
+    command(words, prog_name="vsnbench")
+
+
+def _describe_command() -> str:
+    """Return the first message of a log file."""
+    from vsnbench.results.database_url import without_passwords
+
+    return f"vsnbench {__version__}, Python {platform.python_version()}: {without_passwords(shlex.join(sys.argv[1:]))}"
+
+
+@contextmanager
+def _logged_end(log: LogOutput) -> Iterator[None]:
+    """Write to the log file how the command ends; errors pass."""
+    try:
+        yield
+    except SystemExit as end:
+        log.write_to_file(logging.INFO, f"exit code {end.code or 0}")
+        raise
+    except VsnbenchError as error:
+        log.write_to_file(logging.ERROR, f"{error} (code {error.code}, exit code {error.exit_code})")
+        raise
+    except BaseException:
+        log.write_to_file(logging.ERROR, "the command ends with an exception", trace=True)
+        raise
+
+
 def _words() -> Sequence[str]:
     """Return the words of the command line; those typed so far if a shell requests completions."""
     if _COMPLETING not in os.environ:
         return sys.argv[1:]
     return (os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "").split()[1:]
+
+
+def _verb() -> str | None:
+    """Return the command that is called; None without a known command."""
+    words = _words()
+    values = {place + 1 for place, word in enumerate(words) if word == "--log-file"}
+    return next((word for place, word in enumerate(words) if word in VERBS and place not in values), None)
 
 
 def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:

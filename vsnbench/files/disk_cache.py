@@ -99,7 +99,7 @@ def cached_array(
     if found is not None:
         return found
     path = cache_directory() / kind / f"{key}.npy"
-    with _one_at_a_time(path.parent):
+    with _one_at_a_time(path):
         found = found_array(kind, key, dtype, shape)
         if found is None:
             found = make()
@@ -114,12 +114,15 @@ def found_array(kind: str, key: str, dtype: npt.DTypeLike, shape: tuple[int, ...
 
 
 @contextmanager
-def _one_at_a_time(directory: Path) -> Iterator[None]:
-    """Lock a directory of the cache, with a limited wait; without a writable directory there is no lock."""
+def _one_at_a_time(path: Path) -> Iterator[None]:
+    """Lock a result of the cache, with a limited wait; without a writable directory there is no lock.
+
+    Results whose keys begin alike share a lock, so that there are 16 lock files per kind.
+    """
     with ExitStack() as stack:
         try:
-            directory.mkdir(parents=True, exist_ok=True)
-            lock = stack.enter_context(directory.with_name(f".{directory.name}.lock").open("a"))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(path.parent.with_name(f".{path.parent.name}-{path.name[0]}.lock").open("a"))
         except OSError as error:
             logger.debug("no cache: %s", error)
         else:

@@ -9,8 +9,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from zipfile import is_zipfile
 
-from sqlalchemy import Connection, Engine
+from sqlalchemy import Connection
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.temporary import ScratchDirectory
@@ -22,7 +23,7 @@ from vsnbench.results.merging.plan import MergePlan, NewEpisode, OtherRecord, pl
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.queries import images_directories
 from vsnbench.results.schema.engine import open_engine, reading, record_errors
-from vsnbench.results.schema.migrate import open_record, upgrade
+from vsnbench.results.schema.migrate import create_record, open_record, record_in_memory, upgrade
 from vsnbench.results.writing.journal import Journal
 
 
@@ -94,6 +95,10 @@ def merge_source(given: str, images: Sequence[Path] = ()) -> MergeSource:
     file = path / DATABASE_NAME if path.is_dir() else path
     if not file.is_file():
         raise RecordError(f"no record at {file}", advice="name a results directory with its database and episodes")
+    if is_zipfile(file):
+        raise RecordError(
+            f"{file} is an archive", advice="unzip it and name the results directory in it", code="archive-given"
+        )
     return MergeSource(given, sqlite_url(file), file.parent)
 
 
@@ -164,6 +169,7 @@ def _exists(target: ResultsDirectory) -> bool:
 
 
 def _upgrade(target: ResultsDirectory) -> None:
+    create_record(target.database_url)
     engine = open_engine(target.database_url)
     try:
         upgrade(engine)
@@ -174,19 +180,9 @@ def _upgrade(target: ResultsDirectory) -> None:
 @contextmanager
 def _reading(target: ResultsDirectory) -> Iterator[Connection]:
     """Yield a snapshot of the record, or of an empty one if it does not exist."""
-    opened = open_record(target.database_url) if _exists(target) else _empty_record()
+    opened = open_record(target.database_url) if _exists(target) else record_in_memory()
     with opened as engine, record_errors(engine), reading(engine).begin() as connection:
         yield connection
-
-
-@contextmanager
-def _empty_record() -> Iterator[Engine]:
-    engine = open_engine("sqlite://")
-    try:
-        upgrade(engine)
-        yield engine
-    finally:
-        engine.dispose()
 
 
 def _write(target: ResultsDirectory, records: Sequence[OtherRecord], merged: MergeResult, progress: Progress) -> None:

@@ -7,7 +7,6 @@ module hashes the files among their options, and every module of their package t
 import hashlib
 import sys
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.contract import Policy
 from vsnbench.models.duck_typed import DuckTypedPolicy
 from vsnbench.models.names import is_third_party
-from vsnbench.plugins import file_of_module, source_sha256
+from vsnbench.plugins import file_of_module, package_version, source_sha256
 from vsnbench.runtime.git import checkout_of
 
 _MAX_FILES = 10_000
@@ -57,19 +56,13 @@ def code_of(policy: Policy) -> dict[str, str]:
     if kind.__module__.partition(".")[0] == "vsnbench":
         return dict(policy.card.code)
     found = {"class": f"{kind.__module__}:{kind.__qualname__}", "sha256": source_sha256(kind)}
-    if version := _package_version(kind.__module__.partition(".")[0]):
+    if version := package_version(kind.__module__.partition(".")[0]):
         found["version"] = version
     if file := file_of_module(sys.modules.get(kind.__module__)):
         checkout = checkout_of(file)
         if checkout.commit:
             found["commit"] = checkout.commit + ("+changes" if checkout.dirty else "")
     return found
-
-
-def _package_version(top: str) -> str:
-    for distribution in metadata.packages_distributions().get(top, ()):
-        return metadata.version(distribution)
-    return ""
 
 
 def _directory_sha256(directory: Path) -> str:

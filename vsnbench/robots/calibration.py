@@ -2,8 +2,10 @@
 
 import io
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_differences
 from vsnbench.robots.ros.link import connect
 from vsnbench.ros_common.robot_link import RobotLink
-from vsnbench.sensing.images.camera_images import decode_depth, median_depth_m
+from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
 from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
 from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, rectifier_of
 from vsnbench.values.camera import Camera
@@ -82,12 +84,8 @@ def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
     Raises:
         RobotError: no depth images arrive, or they do not fit the profile.
     """
-    topic, count = link.names.depth, link.names.depth_frames
-    frames = link.wait_for(lambda now: now.depths[-count:] if len(now.depths) >= count else (), _PATIENCE_S)
-    if not frames:
-        raise RobotError(
-            f"no depth images on {topic} for {_PATIENCE_S:.0f} s", advice="check the camera driver", code="no-image"
-        )
+    topic = link.names.depth
+    frames = _last_depths(link, link.names.depth_frames)
     decoded = [decode_depth(link.image(frame.payload)) for frame in frames]
     height, width = decoded[-1].shape[:: -1 if link.image_turns % 2 else 1]
     if (width, height) != (camera.width, camera.height):
@@ -100,10 +98,26 @@ def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
     return rectifier.depth(median_depth_m(decoded, camera.depth_min_m, camera.depth_max_m))
 
 
+def _last_depths(link: RobotLink, count: int) -> Sequence[Stamped[Any]]:
+    """Return the last depth images, once there are as many.
+
+    Raises:
+        RobotError: they do not arrive.
+    """
+    frames = link.wait_for(lambda now: now.depths[-count:] if len(now.depths) >= count else (), _PATIENCE_S)
+    if not frames:
+        raise RobotError(
+            f"no depth images on {link.names.depth} for {_PATIENCE_S:.0f} s",
+            advice="check the camera driver",
+            code="no-image",
+        )
+    return frames
+
+
 def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
     """Return the field of view in camera_info, or None."""
     topic = link.names.depth
-    link.wait_for(lambda now: now.depths, _PATIENCE_S)  # the camera has to be discovered first
+    _last_depths(link, 1)  # the camera has to be discovered first
     calibration = link.wait_for(lambda now: now.calibrations.get(topic), _CALIBRATION_S)
     if not isinstance(calibration, Intrinsics):
         if link.names.depth_info and calibration is None:

@@ -16,8 +16,9 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.results.goals import with_goals
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine, record_errors
-from vsnbench.results.schema.migrate import backup, schema_state, upgrade
+from vsnbench.results.schema.migrate import schema_state, upgrade
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.results.writing.judging import RETRACTED
 from vsnbench.results.writing.steps import step_of_row

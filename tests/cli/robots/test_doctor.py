@@ -1,7 +1,11 @@
 """`vsnbench doctor` on a healthy robot, and on robots with a fault."""
 
+import getpass
 import json
+import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from vsnbench import __version__
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 
@@ -33,7 +38,7 @@ class Patient:
         """Return the exit code of `doctor`, and health, finding and advice of each check."""
         where = ["--robot", str(profile), "--results", str(self.results), "--json"]
         done = doctor(*where, *words, environment=self.network.environment)
-        lines = json.loads(done.stdout)
+        lines = json.loads(done.stdout)["checks"]
         return done.returncode, {line["what"]: (line["health"], line["seen"], line["advice"]) for line in lines}
 
 
@@ -145,17 +150,35 @@ def test_a_server_that_steers_another_topic_is_not_ready(tmp_path) -> None:
 
 @pytest.mark.ros
 def test_without_a_master_the_rest_is_not_looked_at(patient) -> None:
-    done = doctor("--results", str(patient.results), environment=patient.network.environment | {"ROS_MASTER_URI": ""})
+    environment = patient.network.environment | {"ROS_MASTER_URI": ""}
+    done = doctor("--robot", str(PROFILE), "--results", str(patient.results), environment=environment)
     assert done.returncode == 1
     assert "ROS_MASTER_URI is not set" in done.stdout
     assert "/odom" not in done.stdout
 
 
-def test_a_simulated_robot_needs_only_this_machine(tmp_path) -> None:
-    done = doctor("--robot", "simulated", "--results", str(tmp_path / "results"))
-    assert done.returncode == 0
+@pytest.mark.parametrize("words", [(), ("--robot", "simulated")])
+def test_without_a_real_robot_this_machine_alone_is_checked(words: tuple[str, ...], tmp_path) -> None:
+    done = doctor(*words, "--results", str(tmp_path / "results"))
+    assert done.returncode == 0, done.stderr
     assert "can be written" in done.stdout
-    assert "ready" in done.stdout
+    assert "ready: this machine" in done.stdout
+
+
+def test_the_json_for_a_bug_report_has_versions_and_nothing_private(tmp_path) -> None:
+    private = {"HOME": str(tmp_path), "OPENAI_API_KEY": "sk-secret", "VSNBENCH_OPERATOR": "Ada"}
+    done = doctor("--json", "--results", str(tmp_path / "results"), environment=os.environ | private)
+    report = json.loads(done.stdout)
+    assert (report["ready"], report["robot"]) == (True, None)
+    assert report["machine"]["vsnbench"] == __version__
+    found = {check["what"]: check for check in report["checks"]}
+    assert found["disk"]["seen"].startswith("~/results: ")
+    for secret in (str(tmp_path), "sk-secret", "Ada", socket.gethostname(), getpass.getuser()):
+        assert not re.search(rf"\b{re.escape(secret)}\b", done.stdout)
+
+
+def test_move_without_a_robot_is_a_usage_error(tmp_path) -> None:
+    assert doctor("--move", "--results", str(tmp_path)).returncode == 2
 
 
 def test_a_results_directory_that_cannot_be_written_is_named(tmp_path) -> None:

@@ -114,7 +114,7 @@ def test_an_impossible_crop_is_one_line_and_writes_nothing(
 
 def test_doctor_and_check_compare_the_cameras(tmp_path: Path) -> None:
     done = vsnbench(tmp_path, "doctor", "--robot", "simulated", "--model", "pirlnav,forward", "--json")
-    found = {line["what"]: line for line in json.loads(done.stdout)}
+    found = {line["what"]: line for line in json.loads(done.stdout)["checks"]}
     assert (done.returncode, found["camera for pirlnav"]["health"]) == (0, "warning")
     assert "0.28 m lower, 19° narrower" in found["camera for pirlnav"]["seen"]
     assert found["camera for forward"]["health"] == "ok"

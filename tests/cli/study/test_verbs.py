@@ -53,6 +53,7 @@ class Lab:
         self.path = path
         self._call = lambda *words: vsnbench(monkeypatch, capsys, *words)
         (path / "aviary.py").write_text(QUICK)
+        monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
         monkeypatch.chdir(path)
         monkeypatch.syspath_prepend(str(path))
 

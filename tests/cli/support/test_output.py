@@ -49,7 +49,7 @@ def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]
     assert {"--json", "--quiet"} <= options
 
 
-COMMON = {"--json", "--quiet", "--verbose", "--help"}
+COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--help"}
 MAX_OPTIONS = 24
 
 

@@ -29,7 +29,7 @@ RUN = ("run", "--model", "oracle", "--goal", "chair")
         (("sites", "chek"), ("'chek'", "'check'", "`vsnbench sites -h`")),
         (("db", "frobnicate"), ("'frobnicate'", "`vsnbench db -h`")),
         (("reprot",), ("'reprot'", "'report'", "`vsnbench -h`")),
-        (("-v",), ("-v", "`vsnbench -h`")),
+        (("-x",), ("-x", "`vsnbench -h`")),
         (("judge", "1", "--void", "--quiet"), ("--void", "'--quiet'")),
         (("--\x1b[2Jx",), (r"--\x1b[2Jx",)),
         (("\x1b[2J",), (r"\x1b[2J",)),

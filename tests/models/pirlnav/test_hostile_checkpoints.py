@@ -117,6 +117,15 @@ def test_a_truncated_file_is_refused(tmp_path: Path, small_checkpoint: Path, kep
     assert "download it again" in refusal(path)
 
 
+def test_an_archive_on_two_disks_is_refused(tmp_path: Path, small_checkpoint: Path) -> None:
+    whole = bytearray(small_checkpoint.read_bytes())
+    disks = whole.rindex(b"PK\x06\x07") + 16  # in the locator of the zip64 directory
+    whole[disks : disks + 4] = (2).to_bytes(4, "little")
+    path = tmp_path / "two-disks.ckpt"
+    path.write_bytes(whole)
+    assert "download it again" in refusal(path)
+
+
 @pytest.mark.parametrize(
     ("content", "what"),
     [

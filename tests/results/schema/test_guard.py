@@ -12,8 +12,9 @@ from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.integrity import record_fault
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine
-from vsnbench.results.schema.migrate import backup, open_record, schema_state, upgrade
+from vsnbench.results.schema.migrate import open_record, schema_state, upgrade
 from vsnbench.results.writing.journal import Journal
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id FROM n"

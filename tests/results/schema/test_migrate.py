@@ -19,6 +19,7 @@ from vsnbench.results.database_url import sqlite_path, sqlite_url
 from vsnbench.results.reading.queries import episode_steps, list_episodes
 from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema import migrate
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import create_record, get_ready
 from vsnbench.results.schema.tables import Base
@@ -269,7 +270,7 @@ def test_a_backup_taken_while_steps_are_written_is_whole(sqlite: str, tmp_path: 
 
         writer = threading.Thread(target=write)
         writer.start()
-        migrate.backup(sqlite, tmp_path / "copy.db")
+        backup(sqlite, tmp_path / "copy.db")
         stop.set()
         writer.join()
     copy = open_engine(sqlite_url(tmp_path / "copy.db"))
@@ -282,7 +283,7 @@ def test_a_backup_taken_while_steps_are_written_is_whole(sqlite: str, tmp_path: 
 
 def test_a_backup_of_postgresql_is_an_archive(postgresql: str, tmp_path: Path) -> None:
     migrate.upgrade(open_engine(postgresql))
-    migrate.backup(postgresql, tmp_path / "copy.dump")
+    backup(postgresql, tmp_path / "copy.dump")
     assert (tmp_path / "copy.dump").read_bytes().startswith(b"PGDMP")
 
 
@@ -297,7 +298,7 @@ def test_a_backup_shows_the_password_to_nobody(
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
     with_password = postgresql.replace("postgresql+psycopg://lab@", "postgresql+psycopg2://lab:s3cret%40@")
-    migrate.backup(with_password, tmp_path / "copy.dump")
+    backup(with_password, tmp_path / "copy.dump")
     assert (tmp_path / "copy.dump").read_bytes()[:5] == b"PGDMP"
     assert "--dbname" in words.read_text()
     assert "s3cret" not in words.read_text()
@@ -307,19 +308,16 @@ def test_a_backup_never_overwrites_and_never_appears_half_written(sqlite: str, t
     migrate.upgrade(open_engine(sqlite))
     (tmp_path / "there.db").write_text("precious")
     with pytest.raises(RecordError, match="already exists"):
-        migrate.backup(sqlite, tmp_path / "there.db")
+        backup(sqlite, tmp_path / "there.db")
     assert (tmp_path / "there.db").read_text() == "precious"
     with pytest.raises(RecordError, match="does not exist"):
-        migrate.backup(sqlite, tmp_path / "nowhere" / "copy.db")
+        backup(sqlite, tmp_path / "nowhere" / "copy.db")
     with pytest.raises(RecordError, match="nothing to back up"):
-        migrate.backup(sqlite_url(tmp_path / "absent.db"), tmp_path / "copy.db")
+        backup(sqlite_url(tmp_path / "absent.db"), tmp_path / "copy.db")
     assert not (tmp_path / "copy.db").exists()
 
 
-def test_a_record_made_in_memory_equals_a_migrated_one_and_replaces_no_file(
-    sqlite: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(migrate, "_empty_records", [])
+def test_a_record_made_in_memory_equals_a_migrated_one_and_replaces_no_file(sqlite: str, tmp_path: Path) -> None:
     get_ready(sqlite)
     assert not list(tmp_path.iterdir()), "the next run may still be refused"
     create_record(sqlite)

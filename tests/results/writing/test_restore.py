@@ -12,7 +12,7 @@ from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path, sqlite_url
 from vsnbench.results.reading.queries import list_episodes
 from vsnbench.results.reading.rows import EpisodeFilter
-from vsnbench.results.schema.migrate import backup
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.restore import restore
 

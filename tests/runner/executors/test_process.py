@@ -15,11 +15,11 @@ from vsnbench.runner.executors.process import (
     ForkServer,
     early_fork_server,
     fork_server,
-    granted_cores,
     wants_workers,
 )
 from vsnbench.runner.stopping.requests import StopAuthor, StopRequest
 from vsnbench.runtime.child_process import adopt_orphans
+from vsnbench.runtime.resources import granted_cores
 
 STOP = Stop(StopRequest(StopAuthor.SYSTEM, "a test"))
 

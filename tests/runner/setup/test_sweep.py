@@ -1,6 +1,9 @@
 import logging
 import math
-from collections.abc import Sequence
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +14,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput
 from vsnbench.runner.executors.capacity import WorkerOptions
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.contract import AbsentOperator, Operator
+from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession, TerminalOperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import named_site
 from vsnbench.runner.setup.stress import conditions_of
@@ -25,6 +29,8 @@ from vsnbench.runner.setup.sweep import (
     undone,
     with_disturbances,
 )
+from vsnbench.runner.stopping.requests import Stopped
+from vsnbench.values.robot_profile import RobotProfile
 
 REQUEST = RunRequest(
     "forward", ("chair",), ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2)
@@ -153,3 +159,25 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
     assert [each.is_skipped for each in swept] == [True, False]
     assert undone(swept) == (0, 0)
     assert sum("bathtub" in record.getMessage() for record in caplog.records) == 2, "one line for each campaign"
+
+
+def test_ctrl_c_after_the_last_trial_of_a_campaign_ends_the_sweep(tmp_path: Path) -> None:
+    class InterruptedOperators(OperatorProvider):
+        sessions = 0
+
+        def require(self, profile: RobotProfile) -> None:
+            del profile
+
+        @contextmanager
+        def attend(self, session: OperatorSession) -> Iterator[Operator]:
+            self.sessions += 1
+            yield AbsentOperator()
+            os.kill(os.getpid(), signal.SIGINT)
+
+    results = ResultsDirectory.locate(tmp_path / "results")
+    one_trial = replace(REQUEST, results=results, starts="1", parameters=ProtocolParameters(max_actions=1))
+    sweep = plan_sweep(replace(one_trial, workers=WorkerOptions(1)), ("forward",), (0, 1, 2), ("apartment",))
+    operators = InterruptedOperators()
+    with pytest.raises(Stopped):
+        list(run_sweep(sweep, operators))
+    assert operators.sessions == 1

@@ -141,7 +141,7 @@ def backup(
     Example: [bold]vsnbench db backup "results-$(date +%F).db"[/bold]
     """
     from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.results.schema.migrate import backup as copy
+    from vsnbench.results.schema.backup import backup as copy
 
     place = ResultsDirectory.locate(results, db)
     copy(place.database_url, target)

@@ -1,27 +1,34 @@
-"""`vsnbench doctor`: check a robot and this machine before a session."""
+"""`vsnbench doctor`: check this machine, and a robot, before a session."""
 
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results, RobotOrProfile
+from vsnbench.cli.support.options import Database, Results
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.config import CHECKED_ROBOT
+from vsnbench.config import BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
 
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.robots.checkup.result import CheckResult
 
-_EPISODE_BYTES = 40 * 2**20
-_FULL_CAMPAIGN = 90
-_STYLE = {"ok": "green", "warning": "yellow", "failed": "red"}
+_STYLE = {"ok": "green", "warning": "yellow", "absent": "dim", "failed": "red"}
 
 
 def command(
-    robot: RobotOrProfile = CHECKED_ROBOT,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            "-r",
+            envvar=VARIABLE_OF["robot"],
+            show_envvar=False,
+            help="Robot: turtlebot2, lola2, turtlebot4 or the path of a profile. Without it: this machine alone.",
+        ),
+    ] = None,
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -39,11 +46,16 @@ def command(
     db: Database = None,
     as_json: Json = False,
 ) -> None:
-    """Check every part that a session needs. Each line is ok, a warning or failed, with advice.
+    """Check this machine, or every part of a robot that a session needs.
 
-    The exit code is 0 if no check failed, else 1.
+    Each line is ok, warning, absent (an optional part is not installed) or failed, with advice. The exit code is 0 if
+    no check failed, else 1. --json has the versions for a bug report: no names, no environment.
 
     [bold]Examples[/bold]
+
+        vsnbench doctor
+
+        vsnbench doctor --json
 
         vsnbench doctor --robot turtlebot2
 
@@ -51,38 +63,59 @@ def command(
 
         vsnbench doctor --robot turtlebot4@robot1
 
-        vsnbench doctor --robot simulated
-
         vsnbench doctor --robot turtlebot2 --model pirlnav
     """
     from dataclasses import asdict
 
-    from rich.markup import escape
-    from rich.table import Table
-
     from vsnbench.models.description import describe_model
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.robots.checkup.check_up import check_up
-    from vsnbench.robots.checkup.result import CheckResult, Health
+    from vsnbench.robots.checkup.machine import check_installation, check_results
+    from vsnbench.robots.checkup.result import Health
     from vsnbench.robots.checkup.trained_camera import trained_camera_result
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.registry import profile_of
-    from vsnbench.text.terminal import Console
+    from vsnbench.runtime.machine import gather_machine_facts
 
-    simulated = robot.partition(":")[0] == "simulated"
-    profile = None if simulated else load_profile(robot)
-    checks: list[CheckResult] = list(_check_machine(ResultsDirectory.locate(results, db)))
+    simulated = robot is None or robot.partition(":")[0] == BUILT_IN_ROBOT
+    if simulated and move:
+        raise UsageError("--move needs a robot", advice="name it with --robot")
+    profile = None if robot is None or simulated else load_profile(robot)
+    facts = gather_machine_facts()
+    checks = [
+        *(check_installation(facts) if profile is None else ()),
+        *check_results(ResultsDirectory.locate(results, db)),
+    ]
     if profile is not None:
         checks += check_up(profile, move=move)
     checks += [
         trained_camera_result(name, describe_model(name).card, seen.camera)
         for name in split_list(model)
-        if (seen := profile or profile_of(robot)) is not None
+        if (seen := profile or profile_of(robot or BUILT_IN_ROBOT)) is not None
     ]
-    failed = sum(check.health is Health.FAILED for check in checks)
+    failed = any(check.health is Health.FAILED for check in checks)
     if as_json:
-        print_json([asdict(check) for check in checks])
-        raise typer.Exit(1 if failed else 0)
+        name = profile.name if profile is not None else None
+        print_json(
+            {
+                "ready": not failed,
+                "robot": name,
+                "checks": [asdict(check) for check in checks],
+                "machine": asdict(facts),
+            }
+        )
+    else:
+        _print(checks, "this machine" if profile is None else f"{profile.title} and this machine")
+    raise typer.Exit(1 if failed else 0)
+
+
+def _print(checks: "Sequence[CheckResult]", subject: str) -> None:
+    """Print a line per check, and the conclusion."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from vsnbench.text.terminal import Console
+
     console = Console(highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
@@ -93,41 +126,9 @@ def command(
         style = _STYLE[check.health]
         table.add_row(f"[{style}]{check.health}[/]", check.what, escape(check.seen) + advice)
     console.print(table)
-    warnings = sum(check.health is Health.WARNING for check in checks)
-    subject = "this machine" if profile is None else f"{profile.title} and this machine"
-    if failed:
+    if failed := sum(check.health == "failed" for check in checks):
         console.print(f"[red]{failed} failed[/red]: {subject} cannot run a session yet")
-    else:
-        console.print(
-            f"[green]ready[/green]: {subject}"
-            + (f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else "")
-        )
-    raise typer.Exit(1 if failed else 0)
-
-
-def _check_machine(results: "ResultsDirectory") -> "Iterator[CheckResult]":
-    """Check free disk space, and that the record can be written."""
-    from vsnbench.errors import VsnbenchError
-    from vsnbench.results.writing.journal import Journal
-    from vsnbench.robots.checkup.result import CheckResult, Health
-
-    try:
-        results.prepare()
-    except VsnbenchError as error:
-        yield CheckResult(
-            "results", Health.FAILED, error.statement, error.advice or "choose another directory with --results"
-        )
         return
-    episodes = results.free_bytes() // _EPISODE_BYTES
-    seen = f"{results.path}: {results.free_bytes() / 2**30:.1f} GiB free, room for about {episodes} episodes"
-    if episodes < _FULL_CAMPAIGN:
-        yield CheckResult("disk", Health.WARNING, seen, f"a campaign of {_FULL_CAMPAIGN} episodes may not fit")
-    else:
-        yield CheckResult("disk", Health.OK, seen)
-    try:
-        with Journal.open(results.database_url):
-            pass
-    except VsnbenchError as error:
-        yield CheckResult("database", Health.FAILED, error.statement, error.advice or "see docs/results.md")
-    else:
-        yield CheckResult("database", Health.OK, f"{results.database_label} can be written")
+    warnings = sum(check.health == "warning" for check in checks)
+    ending = f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else ""
+    console.print(f"[green]ready[/green]: {subject}{ending}")

@@ -1,20 +1,19 @@
-"""Output of commands: results on stdout, as text or JSON, and the options --quiet and --verbose."""
+"""Output of commands: results on stdout, as text or JSON, and the options --quiet, --verbose and --log-file."""
 
 import functools
 import inspect
 import json
-import logging
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from vsnbench.cli.support.log_level import verbose
 from vsnbench.errors import UsageError
+from vsnbench.text.log_output import log_more, without_log_on_stderr
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result. Errors still go to stderr.")]
@@ -22,6 +21,14 @@ Verbose = Annotated[
     int,
     typer.Option(
         "--verbose", "-v", count=True, show_default=False, help="Log more to stderr; -vv for debugging.", metavar=""
+    ),
+]
+LogFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--log-file",
+        metavar="FILE",
+        help="Append log messages with times and levels to a file, of workers on this machine too.",
     ),
 ]
 
@@ -42,21 +49,23 @@ _quiet_depth = 0
 
 
 def with_output_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options --quiet and --verbose."""
+    """Return a command with the options --quiet, --verbose and --log-file."""
     if hasattr(function, "has_output_options"):
         return function
     signature = inspect.signature(function, eval_str=True)
 
     @functools.wraps(function)
-    def command(*arguments: Any, quiet: bool, verbosity: int, **options: Any) -> Any:
+    def command(*arguments: Any, quiet: bool, verbosity: int, log_file: Path | None, **options: Any) -> Any:
         if quiet and verbosity:
             raise UsageError("--quiet and --verbose contradict each other", advice="give one of them")
-        with silence() if quiet else verbose(verbosity):
+        log_more(verbosity, log_file)
+        with silence() if quiet else nullcontext():
             return function(*arguments, **options)
 
     added = [
         inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),
         inspect.Parameter("verbosity", inspect.Parameter.KEYWORD_ONLY, default=0, annotation=Verbose),
+        inspect.Parameter("log_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=LogFile),
     ]
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *added])  # type: ignore[attr-defined]
     command.__annotations__ = {
@@ -102,17 +111,15 @@ def is_quiet() -> bool:
 def silence() -> Iterator[None]:
     """Print nothing to stderr while this is entered; exceptions pass."""
     global _quiet_depth
-    stderr, level = sys.stderr, logging.getLogger().level
-    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+    stderr = sys.stderr
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere, without_log_on_stderr():
         sys.stderr = nowhere
-        logging.getLogger().setLevel(logging.CRITICAL)
         _quiet_depth += 1
         try:
             yield
         finally:
             _quiet_depth -= 1
             sys.stderr = stderr
-            logging.getLogger().setLevel(level)
 
 
 def print_json(value: object) -> None:

@@ -37,12 +37,20 @@ def load_checkpoint(path: Path, allowed_classes: frozenset[str] = frozenset()) -
     try:
         with path.open("rb") as file:
             head = file.read(512)
-        if not zipfile.is_zipfile(path) or not head.startswith(b"PK"):
+        if not head.startswith(b"PK") or not _is_archive(path):
             raise ModelError(f"{origin}: {_describe_file(path, head)}")
         _check_archive(path, allowed_classes)
     except OSError as error:
         raise ModelError(f"cannot read weights {origin}: {error.strerror or error}") from error
     return _load(path, allowed_classes)
+
+
+def _is_archive(path: Path) -> bool:
+    """Whether a file ends as a zip archive; `_check_archive` reports an end that is damaged."""
+    try:
+        return zipfile.is_zipfile(path)
+    except zipfile.BadZipFile:
+        return True
 
 
 def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:

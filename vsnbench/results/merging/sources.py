@@ -14,8 +14,9 @@ from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path, sqlite_url
 from vsnbench.results.merging.plan import OtherRecord
 from vsnbench.results.reading.integrity import record_fault
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine, record_errors
-from vsnbench.results.schema.migrate import backup, schema_state, upgrade
+from vsnbench.results.schema.migrate import schema_state, upgrade
 
 
 @contextmanager

@@ -1,23 +1,21 @@
-"""Migrates databases to the current schema with Alembic, rejects newer schemas, and makes backups."""
+"""Migrates databases to the current schema with Alembic, and rejects newer schemas."""
 
 import contextlib
 import os
 import sqlite3
-import subprocess
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, Engine, inspect, or_, select, text
 
 from vsnbench.errors import RecordError
-from vsnbench.files.atomic import atomic_file, part_path
+from vsnbench.files.atomic import part_path
 from vsnbench.files.package_data import resource_directory
-from vsnbench.results.database_url import libpq_connection, sqlite_path
-from vsnbench.results.schema.engine import database_label, open_engine, record_errors, sqlite_reader
-from vsnbench.results.schema.guard import refuse_foreign_schema
+from vsnbench.results.database_url import sqlite_path
+from vsnbench.results.schema.engine import database_label, open_engine, record_errors
 from vsnbench.results.schema.tables import Campaign, Model, Robot, Site
 
 if TYPE_CHECKING:
@@ -25,10 +23,6 @@ if TYPE_CHECKING:
 
 HEAD: Final = "0009"
 """Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
-
-
-_empty_records: list[bytes] = []
-"""Empty database created in memory, as the content of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,36 +83,54 @@ def _check_readable(engine: Engine) -> None:
     )
 
 
+@cache
+def _empty_record() -> bytes:
+    """Return an empty record as the content of a file; the migrations run once per process."""
+    engine = open_engine("sqlite://")
+    with engine.connect() as connection:  # an in-memory database exists as long as its connection
+        upgrade(engine)
+        content = _raw(connection).serialize()
+    engine.dispose()
+    return content
+
+
 def get_ready(url: str) -> None:
-    """Create an empty record in memory for a missing database, while the caller waits for other processes.
+    """Prepare an empty record for a missing database, while the caller waits for other processes.
 
     Nothing is written yet, because the run may still be refused.
     """
     path = sqlite_path(url)
-    if path is None or path.exists() or _empty_records:
-        return
-    engine = open_engine("sqlite://")
-    with engine.connect() as connection:  # an in-memory database exists as long as its connection
-        upgrade(engine)
-        _empty_records.append(_raw(connection).serialize())
-    engine.dispose()
+    if path is not None and not path.exists():
+        _empty_record()
 
 
 def create_record(url: str) -> None:
-    """Write the empty record from `get_ready` if there is no database.
+    """Write an empty record if there is no SQLite database.
 
     Concurrent processes, and file systems without hard links, leave it to `upgrade`.
     """
     path = sqlite_path(url)
-    if path is None or path.exists() or not _empty_records:
+    if path is None or path.exists() or not path.parent.is_dir():
         return
     part = part_path(path)
     with contextlib.suppress(OSError):  # another process has created it, or hard links are not supported
         try:
-            part.write_bytes(_empty_records[0])
+            part.write_bytes(_empty_record())
             os.link(part, path)
         finally:
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def record_in_memory() -> Iterator[Engine]:
+    """Yield an empty record in memory."""
+    engine = open_engine("sqlite://")
+    try:
+        with engine.connect() as connection:
+            _raw(connection).deserialize(_empty_record())
+        yield engine  # its connections of this thread are the same
+    finally:
+        engine.dispose()
 
 
 def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
@@ -161,31 +173,6 @@ def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
             if sqlite:
                 _raw(connection).execute("PRAGMA foreign_keys = ON")
     return before
-
-
-def backup(url: str, target: Path) -> None:
-    """Copy the database to `target` atomically while others may be writing.
-
-    Args:
-        url: the database; SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
-        target: must not exist.
-
-    Raises:
-        RecordError: the copy cannot be made.
-    """
-    if target.exists():
-        raise RecordError(f"{target} already exists", advice="choose a new file for the backup")
-    if not target.parent.is_dir():
-        raise RecordError(f"the directory {target.parent} does not exist", advice="create it, or choose another place")
-    source = sqlite_path(url)
-    try:
-        with atomic_file(target) as part:
-            if source is None:
-                _dump_postgresql(url, part)
-            else:
-                _copy_sqlite(source, part)
-    except sqlite3.Error as error:
-        raise RecordError(f"cannot write the backup {target}: {error}") from error
 
 
 _ADVISORY_LOCK = 7_305_514_013
@@ -306,36 +293,3 @@ def _raw(connection: Connection) -> sqlite3.Connection:
     if not isinstance(raw, sqlite3.Connection):
         raise TypeError(f"not an SQLite connection: {raw!r}")
     return raw
-
-
-def _copy_sqlite(source: Path, target: Path) -> None:
-    if not source.is_file():
-        raise RecordError(f"no record at {source}: nothing to back up")
-    with closing(sqlite_reader(source)()) as database, closing(sqlite3.connect(target)) as copy:
-        refuse_foreign_schema(database, str(source))
-        database.backup(copy)
-        # A single file: a copy in WAL mode would need its companion files.
-        copy.execute("PRAGMA journal_mode = DELETE")
-        (verdict,) = copy.execute("PRAGMA quick_check").fetchone()
-    if verdict != "ok":
-        raise RecordError(
-            f"the database {source} is damaged ({verdict}) and was not copied", advice="restore an earlier backup"
-        )
-
-
-def _dump_postgresql(url: str, target: Path) -> None:
-    connection, secrets = libpq_connection(url)
-    try:
-        done = subprocess.run(
-            ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **secrets},
-        )
-    except FileNotFoundError as error:
-        raise RecordError(
-            "a backup of PostgreSQL requires the program pg_dump", advice="install postgresql-client"
-        ) from error
-    if done.returncode:
-        raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")

@@ -11,8 +11,8 @@ from sqlalchemy import Connection, delete, insert, select
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine, transaction
-from vsnbench.results.schema.migrate import backup
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import text
 from vsnbench.results.schema.study_tables import StudyArm

@@ -21,6 +21,7 @@ import psutil
 from vsnbench import __version__
 from vsnbench.results.database_url import without_passwords
 from vsnbench.runtime.git import checkout_of
+from vsnbench.runtime.resources import processor
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ def gather_provenance(operator: str | None = None, *, of_run: bool = False) -> P
             "system": platform.platform(),
             "python": platform.python_version(),
             "machine": platform.machine(),
-            "processor": _processor(),
+            "processor": processor(),
             **hashes,
         },
     )
@@ -167,11 +168,3 @@ def _name_and_version(package: metadata.Distribution) -> tuple[str, str]:
     text = package.read_text("METADATA") or package.read_text("PKG-INFO") or package.read_text("") or ""
     head = dict(line.partition(": ")[::2] for line in text.partition("\n\n")[0].splitlines())
     return head.get("Name", "").strip().lower(), head.get("Version", "").strip()
-
-
-@cache
-def _processor() -> str:
-    for line in _read(Path("/proc/cpuinfo")).splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.processor()

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import libpq_connection, sqlite_path, sqlite_url
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import database_label, open_engine, record_errors, sqlite_reader
 from vsnbench.results.schema.guard import refuse_foreign_schema
-from vsnbench.results.schema.migrate import backup, schema_state
+from vsnbench.results.schema.migrate import schema_state
 from vsnbench.results.writing.provenance import this_process
 from vsnbench.results.writing.recovery import live_writers
 

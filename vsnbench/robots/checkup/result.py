@@ -10,6 +10,8 @@ class Health(StrEnum):
     OK = "ok"
     WARNING = "warning"
     """A session is possible, but its results may suffer."""
+    ABSENT = "absent"
+    """An optional part is not installed; a session without it is possible."""
     FAILED = "failed"
     """No session is possible."""
 

@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-import psutil
-
 from vsnbench.errors import UsageError
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.messages import Prepared
-from vsnbench.runner.executors.process import granted_cores
 from vsnbench.runner.executors.ray_connection import ClusterAddress
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
+from vsnbench.runtime.resources import available_memory, granted_cores
 
 GIB = 2**30
 AMPLE_BYTES = 3 * GIB
@@ -70,11 +68,8 @@ class Capacity:
     @classmethod
     def of_this_machine(cls) -> Self:
         """Measure, with the limits that a container or a batch system has set for this process."""
-        free = psutil.virtual_memory().available
-        if (left := _cgroup_memory_left()) is not None:
-            free = min(free, left)
         gpu = sys.platform == "darwin" or any(any(Path("/dev").glob(name)) for name in _GPU_DEVICES)
-        return cls(granted_cores(), free, gpu)
+        return cls(granted_cores(), available_memory(), gpu)
 
     def initial_count(self, request: WorkerRequest, device: str | None) -> int:
         """Return the number of workers to start before one has been measured.
@@ -166,18 +161,6 @@ def _within_sessions(request: WorkerRequest, sessions: int | None) -> WorkerRequ
         advice=f"give --workers {sessions}, or start the server with --sessions {request.limit}",
         code="too-few-sessions",
     )
-
-
-def _cgroup_memory_left() -> int | None:
-    limit, used = (_read(Path(f"/sys/fs/cgroup/memory.{name}")).strip() for name in ("max", "current"))
-    return max(int(limit) - int(used), 0) if limit.isdecimal() and used.isdecimal() else None
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii")
-    except OSError:
-        return ""
 
 
 def worker_request(

@@ -118,6 +118,7 @@ class InProcessExecutor(TrialExecutor):
         recorder = model.new_recorder(claim)
         try:
             with _renewed(context.journal, claim):
+                logger.info("episode %d: %s from start %d", claim.id, claim.trial.goal, claim.trial.start)
                 self._operator.trial_begins(Upcoming(claim.id, claim.trial.id, model.shown_name, plan))
                 outcome = run_episode(self._robot, model.policy, plan, recorder, self._operator, context.stop_requests)
         except EpisodeClosedError as closed:
@@ -130,6 +131,7 @@ class InProcessExecutor(TrialExecutor):
             context.stop_requests.episode_is_over()
             recorder.close()
             context.journal.release(claim.id)
+        logger.info("episode %d: ended after %d actions: %s", claim.id, outcome.actions, outcome.verdict.end_reason)
         self._operator.episode_ended(EndedEpisode(claim.id, plan, outcome))
         return outcome
 

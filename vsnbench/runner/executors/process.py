@@ -5,7 +5,6 @@ and imports while the driver prepares the campaign, so this module imports littl
 """
 
 import contextlib
-import math
 import os
 import signal
 import socket
@@ -13,10 +12,10 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from vsnbench.runner.executors.fork_server import END, FORK
 from vsnbench.runtime.child_process import python_like_this
+from vsnbench.runtime.resources import granted_cores
 from vsnbench.runtime.threads import one_thread_environment
 
 PROGRAM = "vsnbench.runner.executors.fork_server"
@@ -148,13 +147,3 @@ def wants_workers(requested: str, *, all_starts: bool) -> bool:
     if requested.isdecimal():
         return int(requested) > 1
     return requested == "auto" and all_starts and granted_cores() > 1
-
-
-def granted_cores() -> int:
-    """Return the number of cores that this process may use, by its affinity and its container's quota."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    try:
-        quota, _, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").partition(" ")
-    except OSError:
-        return cores
-    return min(cores, max(1, math.ceil(float(quota) / float(period)))) if quota.isdecimal() else cores

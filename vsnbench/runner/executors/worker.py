@@ -4,11 +4,8 @@ It writes each step to the results database itself, as a run in one process does
 worker ends when the driver does.
 """
 
-import logging
-import os
 import queue
 import shlex
-import sys
 import threading
 import time
 from contextlib import ExitStack
@@ -44,12 +41,11 @@ from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec, open_trial_setup
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
+from vsnbench.text.log_output import opened_log
 from vsnbench.text.streams import sanitized_output
 
 REPORT_EVERY_S = 0.25
 """Update interval of the progress display."""
-LOG_LEVEL = "VSNBENCH_LOG_LEVEL"
-"""Environment variable with the driver's log level; `cli/support/log_level.py` checks it."""
 
 
 def main(descriptor: str) -> None:
@@ -58,10 +54,7 @@ def main(descriptor: str) -> None:
     Args:
         descriptor: file descriptor of the socket to the driver.
     """
-    with sanitized_output():
-        logging.basicConfig(level=logging.WARNING, format="vsnbench: %(levelname)s: %(message)s", stream=sys.stderr)
-        if level := os.environ.get(LOG_LEVEL):
-            logging.getLogger("vsnbench").setLevel(level.upper())
+    with sanitized_output(), opened_log():
         _work(Connection(int(descriptor)))
 
 

@@ -167,6 +167,8 @@ def launch(
             return SessionContext(journal, operator, stop_requests, site, parameters, recording, request.disturbances)
 
         result = _run_session(session, operators, backend, campaign, context_of, limit)
+    if stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
+        stop_requests.act_now()
     return Launched(campaign, result)
 
 

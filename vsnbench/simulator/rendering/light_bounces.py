@@ -50,10 +50,10 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
     """Write which source of light every point sees in every direction into `sources` (N, D).
 
     A source is the index of a point, the number of points + the index of a primitive whose mean light is used, or -1
-    outdoors. A point inside a solid has the mean of its own primitive. The first point has index `first` in `lit`, which is from `direct_light`. `directions` are cosine-weighted
-    unit vectors on the hemisphere about z; `plan` is from `floor_plan`. `maps` are the faces of each primitive, the
-    axes, place, size and start of each face's light map, and the point of each cell. `roof` is the primitive of the
-    ceiling, or -1.
+    outdoors. A point inside a solid has the mean of its own primitive. The first point has index `first` in `lit`,
+    which is from `direct_light`. `directions` are cosine-weighted unit vectors on the hemisphere about z; `plan` is
+    from `floor_plan`. `maps` are the faces of each primitive, the axes, place, size and start of each face's light map,
+    and the point of each cell. `roof` is the primitive of the ceiling, or -1.
     """
     _, _, _, _, _, centres, rotations, half_sizes, shapes, _, _ = world
     plan_x, plan_y, plan_cell, floor_points = plan

@@ -1,0 +1,286 @@
+"""Runs every command with --json, in this process, and compares what it prints with the schemas in docs/schemas."""
+
+import contextlib
+import functools
+import hashlib
+import io
+import json
+import os
+import sqlite3
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from functools import cache
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from jsonschema import Draft202012Validator
+from referencing import Registry, Resource
+
+from tests.docs.pages import ROOT
+from tests.report.records import Attempt, Lab
+from tests.results.locked_study import run_ranks
+from vsnbench.cli.main import main
+from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.second_judgements import Outcome
+from vsnbench.results.studies.queries import studies
+from vsnbench.results.writing.journal import Journal
+
+DRY_LOG = "1700000000.5,chair,['Forward', 'Left', 'Stop'],3\n"
+HABITAT = [{"object_category": "bed", "success": 1, "num_steps": 71}]
+SHORT = "--max-steps 2"
+STUDY = "--arm oracle --arm random --goal chair --starts 1-6"
+
+COMMANDS = f"""
+init other
+config show
+sites list
+sites show apartment
+sites check other/lab.yaml
+sites check flawed.yaml
+sites draw apartment --output plan.svg
+sites render other/lab.yaml --output look.png
+sites generate --seed 3
+sites export apartment --map map.yaml
+protocol list
+protocol show ros4vsn
+protocol check protocol.yaml
+robots list
+robots show lola2
+robots check turtlebot2
+models new walker
+models list
+models show oracle
+models show pirlnav
+models check random
+models fetch pirlnav ADDRESS --sha256 SHA256
+doctor
+doctor --robot turtlebot2
+place --start 3 --robot simulated
+run --model random --goal chair --starts 1 {SHORT}
+run --model random,forward --goal chair --starts 1-2 {SHORT} --keep none
+run --model oracle-waypoints --goal chair --starts 1
+run --model forward --goal bed --starts 1 {SHORT} --rehearse --unattended
+stress --model random --goal chair --starts 1 {SHORT} --disturb blur --severity 3 --results stressed
+episodes list
+episodes list --results rich
+episodes show 1 --steps
+episodes show 1 --results rich
+judge --pending
+judge 5 --distance 3 --yes
+judge 1 --second Grace --distance 3
+note 1 hello --tag first
+view 1
+export tum tum
+export habitat habitat
+export csv data.csv
+export bag 1 episode.bag
+export mcap mcap
+export lerobot lerobot
+export episodes episodes.zip
+export video 1
+bundle packed.zip --campaign 1
+verify results
+verify packed.zip
+import ros4vsn log --model vlv --results imported
+import habitat episodes.json --model vlv --max-steps 500 --success-distance 1 --results imported
+report
+report --results rich
+report --reference paper --results rich
+report --output page
+report --website website
+compare vlv_real pirlnav_real forward_real --results rich
+compare vlv_real pirlnav_real --results rich
+db upgrade --results first
+episodes list --results first
+episodes show 1 --steps --results first
+report --results first
+db path
+db status
+db upgrade
+db backup backup.db
+db restore backup.db
+db merge imported
+db remove-import 5
+db delete --episode 2 --reason test --yes
+study new {STUDY}
+study check
+study plan
+study lock
+study run --unattended --only-next
+study run --unattended
+study status
+study amend --reason more
+study unblind --reason done
+study report
+study report --output study-page
+"""
+"""Commands in order; an underscore in a word of `compare` is a blank."""
+
+GROUPS = {"config", "db", "episodes", "export", "import", "models", "protocol", "robots", "sites", "study"}
+"""Commands with subcommands."""
+SCHEMAS = ROOT / "docs" / "schemas"
+CONTENT = b"weights" * 1000
+_VALUES = {"SHA256": hashlib.sha256(CONTENT).hexdigest()}
+"""Word of a command -> its value."""
+FINDS = {"place", "doctor", "sites check", "verify", "run", "stress", "study run", "models check"}
+"""Commands that exit with 1 for what they find."""
+
+
+def collect(directory: Path) -> dict[str, list[Any]]:
+    """Return the JSON outputs of each command, by its name."""
+    with _lab(directory):
+        outputs: dict[str, list[Any]] = {}
+        for line in filter(None, COMMANDS.splitlines()):
+            prepare = BEFORE.get(line)
+            if prepare is not None:
+                prepare()
+            name, value = run(line)
+            outputs.setdefault(name, []).append(value)
+        outputs["headline"] = [json.loads(Path("website", "headline.json").read_text(encoding="utf-8"))]
+    return outputs
+
+
+def _run_most_trials() -> None:
+    """Write results for all trials of the study but the first and the last."""
+    with Journal.open(sqlite_url(Path("results", "vsnbench.db"))) as journal:
+        (study,) = studies(journal.engine)
+        run_ranks(journal, study, range(1, 11))
+
+
+def _change_study() -> None:
+    file = Path("study.yaml")
+    file.write_text(file.read_text(encoding="utf-8").replace("power: 0.8", "power: 0.9"), encoding="utf-8")
+
+
+BEFORE = {"study run --unattended": _run_most_trials, "study amend --reason more": _change_study}
+"""Command -> what happens before it."""
+
+
+def faults(schema: str, value: Any) -> list[str]:
+    """Return how an output differs from a schema, undocumented keys included."""
+    validator = Draft202012Validator({"$ref": f"{schema}.json"}, registry=_registry())
+    return [f"{error.json_path}: {error.message[:300]}" for error in validator.iter_errors(value)]
+
+
+@cache
+def _registry() -> "Registry[Any]":
+    files = [(path.name, json.loads(path.read_text(encoding="utf-8"))) for path in SCHEMAS.glob("*.json")]
+    return Registry().with_resources((name, Resource.from_contents(_closed(schema))) for name, schema in files)
+
+
+def _closed(schema: Any) -> Any:
+    """Return a schema that allows only the keys that it names; the published ones allow more for later versions."""
+    if isinstance(schema, list):
+        return [_closed(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    closed = {key: _closed(part) for key, part in schema.items()}
+    return {"additionalProperties": False, **closed} if isinstance(closed.get("properties"), dict) else closed
+
+
+def name_of(line: str) -> str:
+    """Return the command of a command line: a word, or two with a subcommand."""
+    verb, *rest = line.split()
+    return f"{verb} {rest[0]}" if verb in GROUPS else verb
+
+
+def run(line: str) -> tuple[str, Any]:
+    """Run a command with --json; return its name and its output."""
+    words = [word.replace("_", " ") if line.startswith("compare") else word for word in line.split()]
+    words = [_VALUES.get(word, word) for word in words]
+    name = name_of(line)
+    stdout, stderr, code = io.StringIO(), io.StringIO(), 0
+    with (
+        mock.patch.object(sys, "argv", ["vsnbench", *words, "--json"]),
+        mock.patch.dict(os.environ),
+        contextlib.redirect_stdout(stdout),
+        contextlib.redirect_stderr(stderr),
+    ):
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    assert code == 0 or (code == 1 and name in FINDS and stdout.getvalue()), f"{line}: {code}, {stderr.getvalue()}"
+    return name, json.loads(stdout.getvalue())
+
+
+@contextmanager
+def _lab(directory: Path) -> Iterator[None]:
+    """Make the files that the commands need, and work in their directory."""
+    environment: Mapping[str, str] = {
+        "VSNBENCH_RESULTS": "results",
+        "VSNBENCH_WEIGHTS": str(directory / "weights"),
+        "VSNBENCH_OPERATOR": "Ada",
+    }
+    (directory / "log").mkdir()
+    (directory / "log" / "datos.csv").write_text(DRY_LOG)
+    (directory / "episodes.json").write_text(json.dumps(HABITAT))
+    (directory / "protocol.yaml").write_text("name: short\nmax_actions: 100\n")
+    flawed = (ROOT / "vsnbench/cli/starter/lab.yaml").read_text(encoding="utf-8").replace("[2.5, 0.6]", "[2.5, 3.4]")
+    (directory / "flawed.yaml").write_text(flawed, encoding="utf-8")
+    write_rich_record(directory / "rich")
+    (directory / "first").mkdir()
+    with closing(sqlite3.connect(directory / "first" / "vsnbench.db")) as database:
+        database.executescript((ROOT / "tests/data/records/0001.sql").read_text(encoding="utf-8"))
+    with _served(directory), contextlib.chdir(directory), mock.patch.dict(os.environ, environment):
+        yield
+
+
+@contextmanager
+def _served(directory: Path) -> Iterator[None]:
+    """Serve a file to `models fetch`."""
+    (directory / "served").mkdir()
+    (directory / "served" / "file").write_bytes(CONTENT)
+    handler = functools.partial(_Handler, directory=str(directory / "served"))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        _VALUES["ADDRESS"] = f"http://127.0.0.1:{server.server_port}/file"
+        try:
+            yield
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""
+
+
+def attempts(successes: int, *, starts: int = 15, operator: str = "") -> list[Attempt]:
+    """Return episodes of which the first ones succeed, and the fifteenth ends with a collision."""
+    ends = {15: EndReason.COLLISION}
+    return [
+        Attempt(
+            start=start,
+            success=start <= successes,
+            end_reason=ends.get(start, EndReason.STOP),
+            distance_m=0.5 if start <= successes else 3.0,
+            operator=operator,
+        )
+        for start in range(1, starts + 1)
+    ]
+
+
+def write_rich_record(directory: Path) -> Path:
+    """Write a record with every kind of table: several models, seeds, operators, real and simulated trials."""
+    directory.mkdir(exist_ok=True)
+    lab = Lab(directory)
+    for model, successes in (("vlv", 9), ("pirlnav", 6), ("forward", 2)):
+        lab.write(attempts(successes, operator="Ana"), model=model, simulated=False)
+        lab.write(attempts(successes + 1), model=model)
+        lab.write(attempts(successes), model=model, seed=1)
+    lab.write(attempts(5, operator="Ben"), model="vlv", simulated=False, seed=1)
+    lab.write(attempts(6, starts=10), model="random", simulated=False)
+    lab.write(attempts(7), model="random")
+    with lab.journal() as journal:
+        journal.judge(1, Verdict(EndReason.COLLISION, False, "contact with the bed"), author="Ana")
+        for number, outcome in ((16, Outcome.SUCCESS), (30, Outcome.SUCCESS)):
+            journal.judge_second(number, "Grace", outcome, "0.5 m to the nearest chair")
+    return directory

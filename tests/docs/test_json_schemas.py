@@ -1,0 +1,79 @@
+"""Every command's --json output is as docs/schemas describes it, with no key that is not described."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+from typer.main import get_command
+
+from tests.cli.console import vsnbench_process
+from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults, name_of
+from vsnbench.cli.main import VERBS, build_app
+
+ELSEWHERE = {"robots calibrate": "tests/robots/calibrating.py, with ROS"}
+"""Command -> where its output is compared with its schema."""
+NAMES = sorted({name_of(line) for line in COMMANDS.splitlines() if line})
+
+
+def commands_with_json() -> Iterator[str]:
+    for verb in VERBS:
+        command: Any = get_command(build_app(verb)).commands[verb]  # type: ignore[attr-defined]
+        for name, own in getattr(command, "commands", {"": command}).items():
+            if any("--json" in parameter.opts for parameter in own.params):
+                yield f"{verb} {name}".strip()
+
+
+def file_of(command: str) -> str:
+    return command.replace(" ", "-")
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+    return collect(tmp_path_factory.mktemp("lab"))
+
+
+def test_every_command_with_json_has_a_schema_and_every_schema_a_command() -> None:
+    commands = set(commands_with_json())
+    assert {path.stem for path in SCHEMAS.glob("*.json")} == {*map(file_of, commands), "headline", "common"}
+    assert set(NAMES) | ELSEWHERE.keys() == commands
+    page = (SCHEMAS.parent / "json.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\(schemas/([\w-]+)\.json\)", page)) == {path.stem for path in SCHEMAS.glob("*.json")}
+
+
+@pytest.mark.parametrize("path", sorted(SCHEMAS.glob("*.json")), ids=lambda path: path.stem)
+def test_a_schema_is_valid_and_refers_to_objects_that_exist(path: Path) -> None:
+    schema = json.loads(path.read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    defined = json.loads((SCHEMAS / "common.json").read_text(encoding="utf-8"))["$defs"]
+    assert set(re.findall(r"common\.json#/\$defs/(\w+)", json.dumps(schema))) <= defined.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("command", [*NAMES, "headline"])
+def test_the_output_of_a_command_is_as_its_schema_says(command: str, outputs: dict[str, list[Any]]) -> None:
+    assert [fault for value in outputs[command] for fault in faults(file_of(command), value)] == []
+
+
+@pytest.mark.slow
+def test_the_page_of_a_second_rater_is_as_its_schema_says(outputs: dict[str, list[Any]], tmp_path: Path) -> None:
+    del outputs
+    words = ["judge", "--second", "Grace", "--port", "0", "--json", "--results", str(tmp_path.parent / "lab0" / "rich")]
+    with vsnbench_process(words) as process:
+        assert process.stdout is not None
+        lines = iter(process.stdout.readline, "}\n")
+        value = json.loads("".join(lines) + "}")
+    assert value["address"].startswith("http")
+    assert faults("judge", value) == []
+
+
+def test_a_new_key_and_a_changed_type_are_faults() -> None:
+    good = {"files": ["a"], "kept": []}
+    assert faults("init", good) == []
+    assert len(faults("init", good | {"more": 1})) == 1
+    assert len(faults("init", good | {"kept": None})) == 1
+    assert len(faults("init", {"files": []})) == 1

@@ -1,0 +1,61 @@
+"""The workflows and the issue form of .github: they name targets and commands that exist, and ask for few rights."""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from tests.docs.pages import understand
+
+ROOT = Path(__file__).resolve().parents[1]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+
+def read(path: Path) -> Any:
+    return YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+
+
+def scripts(path: Path) -> list[str]:
+    """Return the lines of all `run` steps."""
+    steps = [step for job in read(path)["jobs"].values() for step in job["steps"]]
+    return [line.strip() for step in steps for line in step.get("run", "").splitlines()]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflow_reads_only_unless_a_guarded_job_publishes(path: Path) -> None:
+    workflow = read(path)
+    assert workflow["permissions"] == {"contents": "read"}
+    for name, job in workflow["jobs"].items():
+        assert 0 < job["timeout-minutes"] <= 120
+        assert ("permissions" in job) == (name == "publish")
+        assert name != "publish" or re.search(r"vars\.PUBLISH_\w+ == 'true'", job["if"])
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_make_targets_and_vsnbench_commands_of_a_workflow_exist(path: Path) -> None:
+    targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    lines = scripts(path)
+    assert {line.split()[1] for line in lines if line.startswith("make ")} <= targets
+    for line in lines:
+        if command := re.search(r"bin/vsnbench (.*)", line):
+            understand(shlex.split(command[1]))
+
+
+def test_both_lanes_run_and_the_wheel_is_tried_on_every_supported_python() -> None:
+    lines = scripts(ROOT / ".github" / "workflows" / "ci.yml")
+    assert {"make check-fast", "make test"} <= set(lines)
+    tried = read(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["smoke"]["strategy"]["matrix"]["python"]
+    classifiers = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["classifiers"]
+    versions = {match[1] for text in classifiers if (match := re.fullmatch(r"Programming .* :: (3\.\d+)", text))}
+    assert versions <= set(tried)
+
+
+def test_the_form_for_bugs_requires_the_doctors_report() -> None:
+    fields = {part.get("id"): part for part in read(ROOT / ".github" / "ISSUE_TEMPLATE" / "bug.yml")["body"]}
+    assert "vsnbench doctor --json" in fields["doctor"]["attributes"]["label"]
+    assert fields["doctor"]["validations"]["required"]
+    assert fields["command"]["validations"]["required"]
