@@ -129,7 +129,7 @@ def is_running(process: psutil.Process) -> bool:
 
 
 def processes_in(world: World) -> list[psutil.Process]:
-    """Return all processes with the environment of this program's commands, whoever their parent is."""
+    """Return all processes with the environment of this program's commands, with any parent."""
     found, marker = [], f"TMPDIR={world.folder / 'tmp'}".encode()
     for process in psutil.process_iter():
         with suppress(OSError, psutil.Error):
