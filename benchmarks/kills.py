@@ -1,4 +1,4 @@
-"""A thousand kills: drivers, workers, fork servers, model processes and the database die at random moments.
+"""Checks records and results while processes and the database are killed at random.
 
     python benchmarks/kills.py --kills 1000 --folder /tmp/kills        # PostgreSQL's programs are needed
 
