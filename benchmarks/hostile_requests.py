@@ -1,4 +1,4 @@
-"""Ten thousand hostile web requests to every page that vsnbench serves: does anything change, leak, grow or stop?
+"""Sends hostile web requests to every page that vsnbench serves, and checks them.
 
     python benchmarks/hostile_requests.py --requests 10000 --seed 3
 

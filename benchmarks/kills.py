@@ -1,4 +1,4 @@
-"""A thousand kills: drivers, workers, fork servers, model processes and the database die at random moments.
+"""Checks records and results while processes and the database are killed at random.
 
     python benchmarks/kills.py --kills 1000 --folder /tmp/kills        # PostgreSQL's programs are needed
 
@@ -129,7 +129,7 @@ def is_running(process: psutil.Process) -> bool:
 
 
 def processes_in(world: World) -> list[psutil.Process]:
-    """Return all processes with the environment of this program's commands, whoever their parent is."""
+    """Return all processes with the environment of this program's commands, with any parent."""
     found, marker = [], f"TMPDIR={world.folder / 'tmp'}".encode()
     for process in psutil.process_iter():
         with suppress(OSError, psutil.Error):

@@ -25,7 +25,7 @@ class Answer:
 def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> Answer:
     """Run a command in this process, and restore the environment, which a configuration file changes.
 
-    An automatic number of workers is 1: each worker, and each server that forks workers, imports for a second.
+    The automatic number of workers is 1, because each worker and each fork server imports for a second.
     """
     monkeypatch.setattr(sys, "argv", ["vsnbench", *words])
     for module in (capacity, process):
