@@ -7,12 +7,12 @@ numbers from 0 to 255. It returns a map of peaks for each class, and the distanc
 import json
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import ModelError
+from vsnbench.models.onnx_file import FLOAT, INT64, OnnxGraph
 from vsnbench.models.vlv.detectors.centernet.graph import Graph, Node
 from vsnbench.models.vlv.detectors.coco import CLASSES_80
 
@@ -21,8 +21,6 @@ _SIDE_PX: Final = 512
 _CELL_PX: Final = 4
 _CELLS: Final = _SIDE_PX // _CELL_PX
 _OBJECTS: Final = 100
-_FLOAT: Final = 1
-"""ONNX's number of the type float32."""
 _TITLE: Final = "CenterNet MobileNetV3, COCO"
 _RELIABILITY: Final = {
     "bed": {"threshold": 0.4, "precision": 0.59, "recall": 0.41},
@@ -40,13 +38,8 @@ def convert_centernet(graph: Graph) -> bytes:
     """Return the ONNX file.
 
     Raises:
-        ModelError: the graph has an operator or a form of it that the converter does not know, or the extra `neural` is
-            not installed.
+        ModelError: the graph has an operator or a form of it that the converter does not know.
     """
-    try:
-        from onnx import TensorProto, helper
-    except ImportError as error:
-        raise ModelError("the conversion needs onnx", advice="pip install 'vsnbench[neural]'") from error
     builder = _Builder()
     builder.prepare_image()
     for node in graph.needed(_PEAKS, _EDGES):
@@ -65,53 +58,17 @@ def convert_centernet(graph: Graph) -> bytes:
                 code="unknown-operator",
             ) from error
     builder.find_boxes()
-    float32, int64 = TensorProto.FLOAT, TensorProto.INT64
-    onnx_graph = helper.make_graph(
-        builder.nodes,
+    return builder.file(
         "centernet",
-        [helper.make_tensor_value_info("image", float32, [1, 3, "height", "width"])],
-        [
-            helper.make_tensor_value_info("boxes", float32, [_OBJECTS, 4]),
-            helper.make_tensor_value_info("labels", int64, [_OBJECTS]),
-            helper.make_tensor_value_info("scores", float32, [_OBJECTS]),
-        ],
-        builder.tensors,
+        {"image": (FLOAT, (1, 3, "height", "width"))},
+        {"boxes": (FLOAT, (_OBJECTS, 4)), "labels": (INT64, (_OBJECTS,)), "scores": (FLOAT, (_OBJECTS,))},
+        versions=(_IR_VERSION, _OPSET),
+        properties={"title": _TITLE, "names": str(list(CLASSES_80)), "reliability": json.dumps(_RELIABILITY)},
     )
-    model = helper.make_model(onnx_graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR_VERSION)
-    properties = {"title": _TITLE, "names": str(list(CLASSES_80)), "reliability": json.dumps(_RELIABILITY)}
-    helper.set_model_props(model, properties)
-    content: bytes = model.SerializeToString(deterministic=True)
-    return content
 
 
-class _Builder:
-    """Collects the nodes and tensors of the ONNX graph."""
-
-    def __init__(self) -> None:
-        self.nodes: list[Any] = []
-        self.tensors: list[Any] = []
-
-    def add(self, op: str, inputs: list[str], *outputs: str, **attributes: Any) -> None:
-        """Add a node."""
-        from onnx import helper
-
-        self.nodes.append(helper.make_node(op, inputs, outputs, **attributes))
-
-    def tensor(self, name: str, array: npt.NDArray[Any]) -> str:
-        """Add a constant. Returns its name."""
-        from onnx import numpy_helper
-
-        if all(tensor.name != name for tensor in self.tensors):
-            self.tensors.append(numpy_helper.from_array(np.ascontiguousarray(array), name))
-        return name
-
-    def number(self, name: str, value: float) -> str:
-        """Add a constant number. Returns its name."""
-        return self.tensor(name, np.array(value, np.float32))
-
-    def integers(self, *values: int) -> str:
-        """Add a constant of integers. Returns its name."""
-        return self.tensor(f"integers {values}", np.array(values, np.int64))
+class _Builder(OnnxGraph):
+    """Adds what the network does not have: the fitting of its image and the search for boxes."""
 
     def prepare_image(self) -> None:
         """Fit the image of numbers from 0 to 1 into the upper left of the network's square, and fill the rest."""
@@ -144,13 +101,13 @@ class _Builder:
         for name in ("row", "column"):
             self.add("Unsqueeze", [name, self.integers(0)], f"{name} 2d")
         self.add("Concat", ["column 2d", "row 2d", "column 2d", "row 2d"], "centre cell", axis=0)
-        self.add("Cast", ["centre cell"], "centre number", to=_FLOAT)
+        self.add("Cast", ["centre cell"], "centre number", to=FLOAT)
         self.add("Mul", ["centre number", self.number("cell size", _CELL_PX)], "centre")
         self.add("Add", ["centre", "from centre"], "box")
         self.add("Transpose", ["box"], "network boxes", perm=[1, 0])
         self.add("Shape", ["image"], "size", start=2)
         self.add("ReduceMax", ["size"], "longer side", keepdims=0)
-        self.add("Cast", ["longer side"], "longer side number", to=_FLOAT)
+        self.add("Cast", ["longer side"], "longer side number", to=FLOAT)
         self.add("Div", ["longer side number", self.number("side", _SIDE_PX)], "scale")
         self.add("Mul", ["network boxes", "scale"], "boxes")
 
