@@ -17,6 +17,7 @@ from scripts.api_page import api_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
 from scripts.schema_page import schema_page  # noqa: E402
 
+MISTAKES_PAGE = ROOT / "tests" / "site_checks" / "mistakes.md"
 LOOK_WIDTH_PX = 1400
 LOOK_JPEG_QUALITY = 88
 HELP_COLUMNS = 100
@@ -69,7 +70,7 @@ def main(docs: Path) -> None:
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
-    (docs / "survey-mistakes.md").write_text(mistakes_page(), encoding="utf-8")
+    MISTAKES_PAGE.write_text(mistakes_page(), encoding="utf-8")
     draw_figures(docs / "figures")
     command_outputs.main()
 

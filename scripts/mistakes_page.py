@@ -1,4 +1,4 @@
-"""Generates docs/survey-mistakes.md: mistakes in a survey and the message of `sites check` for each."""
+"""Generates tests/site_checks/mistakes.md: mistakes in a survey and the message of `sites check` for each."""
 
 import tempfile
 from pathlib import Path
@@ -32,6 +32,6 @@ def row(mistake: Mistake, folder: Path) -> str:
 
 
 def mistakes_page() -> str:
-    """Return docs/survey-mistakes.md."""
+    """Return tests/site_checks/mistakes.md."""
     with tempfile.TemporaryDirectory() as folder:
         return PREAMBLE + "".join(row(mistake, Path(folder)) for mistake in MISTAKES)

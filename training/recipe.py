@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from vsnbench.errors import UsageError
 from vsnbench.models.pirlnav.architecture import Architecture
@@ -45,6 +45,9 @@ class Demonstrations(_Strict):
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=24, description="per shard of the first round")
     dagger_episodes: Count = Field(default=24, description="per shard of a later round")
+    goals: tuple[str, ...] = Field(
+        default=tuple(GOALS), min_length=1, description="goals of a shard's episodes, in turn; repeat a goal for more"
+    )
     lanes: Count = Field(default=24, description="episodes of a shard that are driven side by side")
     max_actions: Count = 150
     perturbed_share: float = Field(default=0.06, ge=0, le=1, description="chance per step to begin random actions")
@@ -55,6 +58,13 @@ class Demonstrations(_Strict):
     tilt_deg: Span = (-5.0, 5.0)
     horizontal_fov_deg: Span = (55.0, 68.0)
     jpeg_quality: int = Field(default=95, ge=50, le=100)
+
+    @field_validator("goals")
+    @classmethod
+    def _goals_are_known(cls, goals: tuple[str, ...]) -> tuple[str, ...]:
+        if unknown := sorted({*goals} - {*GOALS}):
+            raise ValueError(f"{', '.join(unknown)}: the goals are {', '.join(GOALS)}")
+        return goals
 
     @property
     def camera_variation(self) -> CameraVariation:
@@ -105,6 +115,8 @@ class Recipe(_Strict):
     """One training run."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    start: Path | None = Field(default=None, description="PIRLNav checkpoint to continue from; none begins untrained")
+    start_sha256: str = Field(default="", pattern="^([0-9a-f]{64})?$", description="hash of that file")
     seed: int = Field(default=0, ge=0)
     network: NetworkSizes = NetworkSizes()
     demonstrations: Demonstrations = Demonstrations()

@@ -83,7 +83,7 @@ def demonstrate(
 ) -> Demonstration:
     """Run `plan.episodes` episodes and label every step with the demonstrator's action."""
     collected: list[_Steps] = []
-    goals = list(GOALS)
+    goals = plan.goals
     for first in range(0, plan.episodes, plan.lanes):
         wave = [goals[(first + k) % len(goals)] for k in range(min(plan.lanes, plan.episodes - first))]
         starts = [world.draw_start(goal, rng) for goal in wave]

@@ -26,6 +26,8 @@ from training.twin_world import TwinWorld
 from training.validation import Validator
 from vsnbench.files.atomic import sweep_parts
 from vsnbench.models.checkpoints.weights import file_sha256
+from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.runtime.child_process import end_with_parent
 
 logger = logging.getLogger(__name__)
@@ -48,6 +50,7 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
     """
     _claim(recipe, output)
     network = new_network(recipe.network.architecture, recipe.seed)
+    load_start(network, recipe)
     rows: list[Row] = []
     shards: list[Path] = []
     features: list[Path] = []
@@ -76,6 +79,27 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
     write_checkpoint(network, sum(len(read_shard(shard, with_images=False)) for shard in shards), path)
     _write_json(output / "result.json", _result(recipe, rows, path))
     return path
+
+
+def load_start(network: PIRLNavNetwork, recipe: Recipe) -> None:
+    """Copy the weights from which the recipe continues into a network, if it names any.
+
+    Raises:
+        TrainingError: the file is missing, has another hash, or holds a network of other sizes.
+    """
+    path = recipe.start
+    if path is None:
+        return
+    if not path.is_file():
+        raise TrainingError(
+            f"start: no file {path}", advice="set the recipe's start to the checkpoint to continue from"
+        )
+    if (found := file_sha256(path)) != recipe.start_sha256:
+        raise TrainingError(f"start: {path} has SHA-256 {found}, the recipe expects {recipe.start_sha256 or 'none'}")
+    checkpoint = read_checkpoint(path)
+    if checkpoint.architecture != network.architecture:
+        raise TrainingError(f"start: {path} is a network of other sizes than the recipe's")
+    network.load_state_dict(dict(checkpoint.weights))
 
 
 def _claim(recipe: Recipe, output: Path) -> None:

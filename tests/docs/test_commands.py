@@ -3,10 +3,8 @@
 import os
 import re
 import shlex
-import sqlite3
 import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -32,13 +30,11 @@ NOT_RUN = {
     "a robot": "a base, a camera and an operator",
     "a robot on ROS 1": "runs below against a simulated robot, if ROS 1 is installed",
     "ROS 1": "runs below, in four terminals, if ROS 1 is installed",
-    "ROS 1 and a person": "tests/web/ros_operator.py plays the operator in tests/robots and tests/ros2",
     "a robot on ROS 2": "tests/ros2 runs the same commands against a simulated robot",
     "ROS 2": "its packages must not share an environment with the tests; tests/ros2 runs the rehearsal",
     "the robot's computer": "drivers of base and camera",
     "a cluster": "tests/runner/executors runs trials on a local Ray cluster",
     "a bare machine": "installs hundreds of megabytes; `make test` begins with `make setup`",
-    "hours": "trains for hours",
     "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
@@ -135,16 +131,6 @@ def type_as_meant(shell: Shell, command: str) -> None:
         shell.types_and_interrupts(line)
     else:
         shell.types(line, next((codes for start, codes in ENDS_WITH.items() if line.startswith(start)), (0,)))
-
-
-@pytest.mark.slow
-def test_the_sql_query_of_the_results_page_runs(tmp_path: Path, machine: dict[str, str]) -> None:
-    shell = Shell(tmp_path, machine)
-    BEFORE["results.md"](shell)
-    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
-    (question,) = re.findall(r"^```sql\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-    with closing(sqlite3.connect(tmp_path / "results" / "vsnbench.db")) as record:
-        assert record.execute(question).fetchall() == [("bed", 0, 1)]
 
 
 @pytest.fixture

@@ -83,12 +83,6 @@ def _surveyed(shell: Shell) -> None:
     shell.types("vsnbench sites export lab.yaml --map map.yaml")
 
 
-def _trained(shell: Shell) -> None:
-    target = shell.directory / "training-runs" / "full" / "pirlnav-embedded.ckpt"
-    target.parent.mkdir(parents=True)
-    shutil.copy(ROOT / "weights" / "pirlnav.ckpt", target)
-
-
 def _released_vlv(shell: Shell) -> None:
     write_value_network(shell.directory / "vlv_model.torch", released_tensors())
 
@@ -107,6 +101,7 @@ def _finished_study(shell: Shell) -> None:
 BEFORE: dict[str, Callable[[Shell], None]] = {
     "bundle.md": _finished_study,
     "console.md": _locked_study,
+    "export.md": _two_models,
     "look.md": _pairs,
     "models.md": _spinner,
     "pirlnav.md": _released_pirlnav,
@@ -114,7 +109,6 @@ BEFORE: dict[str, Callable[[Shell], None]] = {
     "results.md": _awaiting,
     "robots.md": _robot_of_the_examples,
     "sites.md": _surveyed,
-    "training.md": _trained,
     "vlv.md": _released_vlv,
 }
 """Page -> function that prepares its directory; other pages start in an empty one."""

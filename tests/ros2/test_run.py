@@ -14,7 +14,7 @@ from tests.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
 pytestmark = pytest.mark.ros2
 
 AT_REST_S = 5.0
-"""A base that nobody stops goes on until it meets a wall; how soon one stands that is stopped is in docs/robot.md."""
+"""A base without a stop drives until it meets a wall; docs/robot-faults.md has the times of a stop."""
 ATTEMPTS = 4
 """On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
 JUDGED = """

@@ -1,4 +1,4 @@
-"""Each common mistake in a survey gets the message that docs/survey-mistakes.md shows."""
+"""Each common mistake in a survey gets the message that mistakes.md shows."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from scripts.mistakes_page import PREAMBLE, row
 from tests.site_checks.mistakes import FLAT, MISTAKES, RADIUS_M, Mistake
 from vsnbench.site_checks.check import check_site_file
 
-PAGE = (Path(__file__).parents[2] / "docs" / "survey-mistakes.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).with_name("mistakes.md")).read_text(encoding="utf-8")
 """Made by `make docs`."""
 
 

@@ -16,7 +16,8 @@ import torch
 
 from tests.training.recipes import TINY
 from training.atomic_files import TrainingError
-from training.run import WEIGHTS, train
+from training.networks import new_network
+from training.run import WEIGHTS, load_start, train
 from training.shards import read_shard
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
@@ -152,3 +153,19 @@ def children_of(pid: int) -> list[int]:
 def test_a_directory_of_another_recipe_is_refused(whole: Path) -> None:
     with pytest.raises(TrainingError, match="another recipe"):
         train(TINY.model_copy(update={"seed": 1}), whole)
+
+
+def test_a_recipe_continues_from_the_weights_it_names_and_refuses_others(whole: Path, tmp_path: Path) -> None:
+    start = whole / WEIGHTS
+    recipe = TINY.model_copy(update={"start": start, "start_sha256": file_sha256(start)})
+    network = new_network(TINY.network.architecture, seed=7)
+    load_start(network, recipe)
+    expected = read_checkpoint(start).weights
+    assert all(torch.equal(weight, expected[name]) for name, weight in network.state_dict().items())
+    with pytest.raises(TrainingError, match="SHA-256"):
+        load_start(network, recipe.model_copy(update={"start_sha256": "0" * 64}))
+    with pytest.raises(TrainingError, match="no file"):
+        load_start(network, recipe.model_copy(update={"start": tmp_path / "none.ckpt"}))
+    larger = TINY.network.model_copy(update={"hidden_size": 32}).architecture
+    with pytest.raises(TrainingError, match="other sizes"):
+        load_start(new_network(larger, seed=0), recipe)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.limits import Spent
+from vsnbench.text.sanitize import counted
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
@@ -200,7 +201,7 @@ def judge(
     if end_reason is EndReason.COLLISION:
         return Verdict(end_reason, False, f"failed: collision at action {actions}", distance)
     if end_reason is EndReason.STEP_LIMIT or actions >= parameters.max_actions:
-        return Verdict(EndReason.STEP_LIMIT, False, f"failed: {actions} actions reached the cap", distance)
+        return Verdict(EndReason.STEP_LIMIT, False, f"failed: cap of {counted(actions, 'action')} reached", distance)
     if end_reason.is_limit:
         return Verdict(end_reason, False, f"failed: {limit_text(end_reason, parameters)} at action {actions}", distance)
     if distance is None:
@@ -213,7 +214,7 @@ def judge(
     elif not distance.in_sight:
         comparison = "behind a wall: no instance is in sight"
     text = (
-        f"{'success' if near else 'failed'}: STOP after {actions} actions, {far} m from "
+        f"{'success' if near else 'failed'}: STOP after {counted(actions, 'action')}, {far} m from "
         f"{distance.instance or 'the goal'} ({distance.source}), {comparison}"
     )
     return Verdict(end_reason, near, text, distance)

@@ -56,6 +56,12 @@ def counted(number: int, singular: str, plural: str = "") -> str:
     return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
+def duration_text(seconds: float) -> str:
+    """Return a duration in a suitable unit: `40 s`, `12 min`, `3.5 h`."""
+    hours, minutes = seconds / 3600, seconds / 60
+    return f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{seconds:.0f} s"
+
+
 def _visible(character: str) -> str:
     if character in _SPACES or unicodedata.category(character) == "Zs":
         return " "

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from vsnbench.text.sanitize import counted
+from vsnbench.text.sanitize import counted, duration_text
 
 if TYPE_CHECKING:
     from vsnbench.report.tables.report_table import ReportTable
@@ -144,4 +144,4 @@ def duration_line(place: "StudyPlace", results: "ResultsDirectory", seconds: flo
         if not episodes:
             return f"{trials} trials; the record has no episodes of this robot: give their duration, --seconds 180"
         seconds, source = median_s, f"median of {episodes} in the record"
-    return f"{trials} trials at {seconds:.0f} s ({source}): {trials * seconds / 3600:.1f} hours in total"
+    return f"{trials} trials at {seconds:.3g} s ({source}): {duration_text(trials * seconds)} in total"

@@ -306,7 +306,9 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
     words = "; ".join(sentences)
     if changed_after is not None:
         words += f" (the analysis was changed after {changed_after} results)"
-    return f"{words[:1].upper()}{words[1:]}."
+    if not any(words.startswith(f"{name} ") for name in shown):  # an arm's name keeps its spelling
+        words = words[:1].upper() + words[1:]
+    return f"{words}."
 
 
 def _of(study: StudyFile, answer: Answer, shown: Mapping[str, str], where: str) -> str:

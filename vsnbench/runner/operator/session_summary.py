@@ -9,6 +9,7 @@ from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.results.writing.sessions import interventions_in
 from vsnbench.runner.operator.session_state import SessionState
+from vsnbench.text.sanitize import duration_text
 
 
 def session_summary(engine: Engine, campaign_ids: Sequence[int], state: SessionState) -> list[tuple[str, str]]:
@@ -44,8 +45,7 @@ def session_summary(engine: Engine, campaign_ids: Sequence[int], state: SessionS
 
 def driven_text(driven_s: float, driven_m: float) -> str:
     """Return driving time and distance in suitable units."""
-    hours, minutes = driven_s / 3600, driven_s / 60
-    time = f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{driven_s:.0f} s"
+    time = duration_text(driven_s)
     return f"{time}, {driven_m / 1000:.2f} km" if driven_m >= 1000 else f"{time}, {driven_m:.1f} m"
 
 
