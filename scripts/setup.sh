@@ -4,7 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="[neural,viewer,video]" system="" ;;
+    run) extras="[viewer,video]" system="" ;;
     test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,docs,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
@@ -31,7 +31,7 @@ if [ ! -x .venv/bin/python ]; then
 fi
 pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
 # First and by itself, so that nothing installed later chooses another build of it.
-pip torch==2.13.0
+[ $kind = run ] || pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system
 [ $kind = run ] || scripts/install_ros2.sh

@@ -24,7 +24,7 @@ _FUNCTIONS: Final = frozenset({_REBUILD_TENSOR, _REBUILD_PARAMETER, "torch.Size"
 """Names, besides classes of dictionaries, that PyTorch writes into a checkpoint of weights and plain values."""
 
 _BFLOAT16: Final = "torch.BFloat16Storage"
-_DTYPES: Final = {
+_DTYPES: Final[dict[str, np.dtype[Any]]] = {
     "torch.DoubleStorage": np.dtype("f8"),
     "torch.FloatStorage": np.dtype("f4"),
     "torch.HalfStorage": np.dtype("f2"),
@@ -203,7 +203,7 @@ class _Machine:
         return collected[::-1]
 
     def _fill(self, name: str, items: list[Any]) -> None:
-        container = self.stack[-1]
+        container: Any = self.stack[-1]
         if not isinstance(container, _FILLED[name]):
             raise TypeError(f"{name} of a {type(container).__name__}")
         if name == "SETITEMS":
