@@ -214,16 +214,15 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     Returns:
         (rows, columns) metres; 0 inside the region, inf for unreachable cells and cells that are not free.
     """
-    import skfmm
-
     inside = free & (level <= 0.0)
     outside = free & ~inside
     vertical = (inside[1:] & outside[:-1]) | (outside[1:] & inside[:-1])
     horizontal = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
     if not vertical.any() and not horizontal.any():  # no front to march from: the region is all of its rooms, or empty
         return np.where(inside, 0.0, np.inf)
-    ways = skfmm.distance(np.ma.MaskedArray(level, mask=~free), dx=RESOLUTION_M, order=2)
-    field = np.ma.filled(ways, np.inf).astype(np.float64)
+    from vsnbench.protocol.fast_marching import signed_distance_m
+
+    field = signed_distance_m(level, free, RESOLUTION_M)
     field[inside] = 0.0
     field[~free] = np.inf
     return np.maximum(field, 0.0)

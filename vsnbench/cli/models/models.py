@@ -297,7 +297,7 @@ def _fact_text(value: str | int | float | bool | None) -> str:  # noqa: PYI041 -
 
 def _parity_text(report: "ModelCheck") -> str:
     if report.parity is None:
-        return "this is the reference engine" + (f": {report.warning}" if report.warning else "")
+        return escape(report.warning) or "this is the reference engine"
     return (
         f"[green]agrees[/green] with PyTorch on the CPU: logits within {report.parity['largest_logit_difference']:.1e} "
         f"(allowed {report.parity['tolerance']:.1e}), same actions, {report.parity['steps']} steps"

@@ -52,8 +52,8 @@ _VALUES = {
     "BINSTRING",
 }
 _CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
-_CONTAINERS: Final[dict[str, type]] = {"EMPTY_DICT": dict, "EMPTY_LIST": list, "EMPTY_SET": set}
-_FILLED: Final[dict[str, type]] = {"SETITEMS": dict, "APPENDS": list, "ADDITEMS": set}
+_CONTAINERS: Final[dict[str, type[Any]]] = {"EMPTY_DICT": dict, "EMPTY_LIST": list, "EMPTY_SET": set}
+_FILLED: Final[dict[str, type[Any]]] = {"SETITEMS": dict, "APPENDS": list, "ADDITEMS": set}
 _SHORT_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
 
 
