@@ -222,7 +222,7 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
         return np.where(inside, 0.0, np.inf)
     from vsnbench.protocol.fast_marching import signed_distance_m
 
-    field = signed_distance_m(level, free, RESOLUTION_M)
+    field: FloatGrid = signed_distance_m(level, free, RESOLUTION_M)
     field[inside] = 0.0
     field[~free] = np.inf
     return np.maximum(field, 0.0)
