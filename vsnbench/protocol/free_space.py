@@ -1,7 +1,6 @@
 """Free space of a round robot in a site, and shortest paths from there to a goal, for SPL."""
 
 import math
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vsnbench.files.disk_cache import cached_array, code_key, key_of
-from vsnbench.protocol import judge
+from vsnbench.protocol import fast_marching, judge
 from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites import targets
@@ -124,10 +123,11 @@ class FreeSpace:
         """Return (rows, columns) lengths of the shortest paths to the success region of a goal; inf if none."""
         key = (goal, parameters)
         if key not in self._goal_fields:
-            code = code_key(__file__, judge.__file__, targets.__file__, line_of_sight.__file__, walls.__file__)
+            rules = (judge, targets, line_of_sight, walls, fast_marching)
+            code = code_key(__file__, *(str(module.__file__) for module in rules))
             definition = definition_sha256(self.site, goal)
             site = (self.site.sha256, self.cells, goal, *((definition,) if definition else ()))
-            made_of = (version("scikit-fmm"), shapely.geos_version, *site, parameters)
+            made_of = (shapely.geos_version, *site, parameters)
             self._goal_fields[key] = cached_array(
                 "ways",
                 key_of(code, *made_of),
@@ -220,9 +220,7 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     horizontal = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
     if not vertical.any() and not horizontal.any():  # no front to march from: the region is all of its rooms, or empty
         return np.where(inside, 0.0, np.inf)
-    from vsnbench.protocol.fast_marching import signed_distance_m
-
-    field: FloatGrid = signed_distance_m(level, free, RESOLUTION_M)
+    field: FloatGrid = fast_marching.signed_distance_m(level, free, RESOLUTION_M)
     field[inside] = 0.0
     field[~free] = np.inf
     return np.maximum(field, 0.0)
