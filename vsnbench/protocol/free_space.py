@@ -1,6 +1,7 @@
 """Free space of a round robot in a site, and shortest paths from there to a goal, for SPL."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vsnbench.files.disk_cache import cached_array, code_key, key_of
-from vsnbench.protocol import fast_marching, judge
+from vsnbench.protocol import judge
 from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites import targets
@@ -123,8 +124,8 @@ class FreeSpace:
         """Return (rows, columns) lengths of the shortest paths to the success region of a goal; inf if none."""
         key = (goal, parameters)
         if key not in self._goal_fields:
-            rules = (judge, targets, line_of_sight, walls, fast_marching)
-            code = code_key(__file__, *(str(module.__file__) for module in rules))
+            rules = [str(module.__file__) for module in (judge, targets, line_of_sight, walls)]
+            code = code_key(__file__, *rules, str(Path(__file__).with_name("fast_marching.py")))
             definition = definition_sha256(self.site, goal)
             site = (self.site.sha256, self.cells, goal, *((definition,) if definition else ()))
             made_of = (shapely.geos_version, *site, parameters)
@@ -220,7 +221,9 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     horizontal = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
     if not vertical.any() and not horizontal.any():  # no front to march from: the region is all of its rooms, or empty
         return np.where(inside, 0.0, np.inf)
-    field: FloatGrid = fast_marching.signed_distance_m(level, free, RESOLUTION_M)
+    from vsnbench.protocol.fast_marching import signed_distance_m
+
+    field: FloatGrid = signed_distance_m(level, free, RESOLUTION_M)
     field[inside] = 0.0
     field[~free] = np.inf
     return np.maximum(field, 0.0)
