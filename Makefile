@@ -16,7 +16,7 @@ FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
-.PHONY: help demo test test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights setup setup-test clean
+.PHONY: help demo test test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -75,6 +75,12 @@ docs-site: setup-test ## Build the documentation site in build/site.
 
 weights: setup-test ## Train the small PIRLNav weights (1.5 h); resumes a stopped training.
 	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2
+
+dist: setup-test ## Build the wheel and the source archive in dist/ and check them.
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/check-wheel-contents dist/*.whl
 
 clean: ## Remove environments and generated files.
 	rm -rf .venv .venv-ros2 $(DEMO_RESULTS) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist

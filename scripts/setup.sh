@@ -4,7 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="[neural,viewer,video]" system="" ;;
+    run) extras="[viewer,video]" system="" ;;
     test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,docs,dev]" system="chromium postgresql ros" ;;
     *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
 esac
@@ -30,8 +30,8 @@ if [ ! -x .venv/bin/python ]; then
     "$python" -m venv .venv
 fi
 pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
-# Install torch first and alone, so that no later package selects another build.
-pip torch==2.13.0
+# Install torch first and alone, so that no later package selects another build. Only the tests need it.
+[ $kind = run ] || pip torch==2.13.0
 pip --editable ".$extras"
 [ -z "$system" ] || scripts/install_system.sh $system
 [ $kind = run ] || scripts/install_ros2.sh

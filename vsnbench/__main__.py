@@ -1,11 +1,15 @@
-"""Entry point of `vsnbench`: Ctrl-C while it loads prints one line instead of a traceback."""
+"""Entry point of `vsnbench`: an old Python, or Ctrl-C while it loads, prints one line instead of a traceback."""
 
 import os
 import signal
+import sys
 
 
 def main() -> None:
     """Load the command line and run it."""
+    if sys.version_info < (3, 11):  # noqa: UP036 - a checkout can be run by any Python
+        version = ".".join(map(str, sys.version_info[:3]))
+        sys.exit(f"vsnbench: error: needs Python 3.11 or newer; this is Python {version} ({sys.executable})")
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # otherwise the parent process ignores it
         signal.signal(signal.SIGINT, _stop_before_start)
     from vsnbench.cli.main import main as command_line

@@ -1,7 +1,7 @@
 """Free space of a round robot in a site, and shortest paths from there to a goal, for SPL."""
 
 import math
-from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -124,10 +124,11 @@ class FreeSpace:
         """Return (rows, columns) lengths of the shortest paths to the success region of a goal; inf if none."""
         key = (goal, parameters)
         if key not in self._goal_fields:
-            code = code_key(__file__, judge.__file__, targets.__file__, line_of_sight.__file__, walls.__file__)
+            rules = [str(module.__file__) for module in (judge, targets, line_of_sight, walls)]
+            code = code_key(__file__, *rules, str(Path(__file__).with_name("fast_marching.py")))
             definition = definition_sha256(self.site, goal)
             site = (self.site.sha256, self.cells, goal, *((definition,) if definition else ()))
-            made_of = (version("scikit-fmm"), shapely.geos_version, *site, parameters)
+            made_of = (shapely.geos_version, *site, parameters)
             self._goal_fields[key] = cached_array(
                 "ways",
                 key_of(code, *made_of),
@@ -214,16 +215,15 @@ def distance_field_m(free: BoolGrid, level: FloatGrid) -> FloatGrid:
     Returns:
         (rows, columns) metres; 0 inside the region, inf for unreachable cells and cells that are not free.
     """
-    import skfmm
-
     inside = free & (level <= 0.0)
     outside = free & ~inside
     vertical = (inside[1:] & outside[:-1]) | (outside[1:] & inside[:-1])
     horizontal = (inside[:, 1:] & outside[:, :-1]) | (outside[:, 1:] & inside[:, :-1])
     if not vertical.any() and not horizontal.any():  # no front to march from: the region is all of its rooms, or empty
         return np.where(inside, 0.0, np.inf)
-    ways = skfmm.distance(np.ma.MaskedArray(level, mask=~free), dx=RESOLUTION_M, order=2)
-    field = np.ma.filled(ways, np.inf).astype(np.float64)
+    from vsnbench.protocol.fast_marching import signed_distance_m
+
+    field: FloatGrid = signed_distance_m(level, free, RESOLUTION_M)
     field[inside] = 0.0
     field[~free] = np.inf
     return np.maximum(field, 0.0)

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 from vsnbench.models.pirlnav.architecture import Architecture
-from vsnbench.models.pirlnav.network import expected_shapes
+from vsnbench.models.pirlnav.weight_shapes import expected_shapes
 
 SMALL = Architecture(base_planes=2, visual_size=8, hidden_size=8)
 

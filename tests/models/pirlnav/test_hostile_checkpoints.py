@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
@@ -20,7 +21,8 @@ from hypothesis import strategies as st
 
 from tests.models.pirlnav.checkpoints import SMALL, weights, write_archive, write_checkpoint, write_forged
 from vsnbench.errors import ModelError
-from vsnbench.models.checkpoints.pickle_inspection import declared_storages
+from vsnbench.models.checkpoints.pickle_reader import read_pickle
+from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES, read_checkpoint
 
 MARKER = "was-run"
@@ -246,4 +248,40 @@ def test_a_flipped_byte_never_does_more_than_refuse(small_checkpoint: Path, data
     for _ in range(data.draw(st.integers(1, 4))):
         pickled[data.draw(st.integers(0, len(pickled) - 1))] = data.draw(st.integers(0, 255))
     with contextlib.suppress(ModelError):
-        declared_storages(bytes(pickled), CONFIG_CLASSES, "fuzzed")
+        read_pickle(bytes(pickled), CONFIG_CLASSES, "fuzzed", lambda storage: np.zeros(4, storage.dtype))
+
+
+def test_what_pytorch_wrote_is_read_as_pytorch_reads_it(tmp_path: Path) -> None:
+    random = torch.Generator().manual_seed(1)
+    shared = torch.randn(6, 4, generator=random)
+    kinds = (torch.float64, torch.float16, torch.bfloat16, torch.int64, torch.int32, torch.int16, torch.int8)
+    content = {
+        "tensors": {str(kind): (10 * shared).to(kind) for kind in (*kinds, torch.uint8, torch.bool)},
+        "views": [shared.T, shared[2:, 1:3], shared[:, 0], shared.expand(1, 6, 4), torch.zeros(()), torch.zeros(0, 3)],
+        "parameter": torch.nn.Parameter(shared),
+        "plain": OrderedDict(a=(1, -2, 2**40), b=[None, True, 1.5, "x"], c={"nested": {3: {1, 2}}}, d=shared.shape),
+    }
+    path = tmp_path / "kinds.ckpt"
+    torch.save(content, path)
+    read = load_checkpoint(path)
+    for name, tensor in content["tensors"].items():
+        expected = tensor.float() if tensor.dtype is torch.bfloat16 else tensor
+        np.testing.assert_array_equal(read["tensors"][name], expected.numpy(), strict=True)
+    for array, view in zip(read["views"], content["views"], strict=True):
+        np.testing.assert_array_equal(array, view.numpy(), strict=True)
+    np.testing.assert_array_equal(read["parameter"], shared.numpy())
+    assert read["plain"] == content["plain"]
+    assert not read["views"][0].flags.writeable
+
+
+def test_a_nested_tuple_as_a_key_is_refused_without_hashing_it(tmp_path: Path) -> None:
+    wide = b"".join(b"q\x00(" + b"h\x00" * 40 + b"t" for _ in range(10))
+    assert "a _Tuple as a key" in refusal(write_archive(tmp_path / "key.ckpt", b"\x80\x02)" + wide + b"q\x00}h\x00Ns."))
+
+
+def test_a_nested_value_in_the_configuration_is_refused_without_printing_it(tmp_path: Path) -> None:
+    nest: list[Any] = []
+    for _ in range(60):
+        nest = [nest, nest]
+    config = OrderedDict(POLICY=OrderedDict(RGB_ENCODER=OrderedDict(backbone=nest)))
+    assert "POLICY.RGB_ENCODER.backbone is a list" in refusal(write_checkpoint(tmp_path / "nest.ckpt", config=config))

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from tests.models.pirlnav.conftest import Recording
-from vsnbench.models.pirlnav.acceleration import choose_engine
+from vsnbench.models.pirlnav.acceleration import choose_engine, reference_engine
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.models.pirlnav.engine import HALF_TOLERANCE, Engine, StepInput, compare
-from vsnbench.models.pirlnav.network import build_network
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS, PIRLNav
 from vsnbench.models.pirlnav.preprocessing import preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
-from vsnbench.models.pirlnav.torch_engine import TorchEngine
 from vsnbench.values.camera import Camera
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
@@ -73,11 +71,7 @@ def test_the_policy_gives_the_originals_logits_and_actions(
 def test_half_precision_in_the_encoder_stays_within_its_tolerance(small_checkpoint: Path) -> None:
     checkpoint = read_checkpoint(small_checkpoint)
     sizes = checkpoint.architecture
-    copies = [{name: weight.clone() for name, weight in checkpoint.weights.items()} for _ in range(2)]
-    reference, half = (
-        TorchEngine(build_network(sizes, copies[0])),
-        TorchEngine(build_network(sizes, copies[1]), half=True),
-    )
+    reference, half = reference_engine(checkpoint), reference_engine(checkpoint, half=True)
     agreement = compare(reference, half, sizes, HALF_TOLERANCE)
     assert agreement.holds
     assert 0 < agreement.largest_difference < HALF_TOLERANCE / 2

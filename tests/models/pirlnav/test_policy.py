@@ -14,9 +14,11 @@ from tests.models.pirlnav.checkpoints import SMALL, write_checkpoint
 from tests.models.pirlnav.conftest import Recording
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.contract import Policy
-from vsnbench.models.pirlnav import acceleration
+from vsnbench.models.pirlnav import acceleration, onnx_engine
+from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
+from vsnbench.models.pirlnav.onnx_graph import Weights, network_file
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
 from vsnbench.models.registry import create_policy
@@ -67,7 +69,7 @@ def scripted(policy: PIRLNav, monkeypatch: pytest.MonkeyPatch, *chosen: int) -> 
     monkeypatch.setattr(
         policy,
         "chosen",
-        acceleration.ChosenEngine(engine, chosen_engine.runtime, "cpu", chosen_engine.precision, None),
+        acceleration.ChosenEngine(engine, chosen_engine.runtime, "cpu", chosen_engine.precision, 1, None),
     )
     return engine
 
@@ -232,22 +234,45 @@ def test_weights_are_found_in_the_directory_of_weights(
     assert not card.stand_in
 
 
-@pytest.mark.parametrize("package", ["onnx", "onnxruntime"])
-def test_without_onnxruntime_pytorch_runs_in_its_place_and_says_so(
-    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, package: str
+def test_when_onnxruntime_fails_pytorch_runs_in_its_place_with_a_warning(
+    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setattr(onnx_engine, "network_file", lambda *_: b"spoilt")
     with caplog.at_level(logging.WARNING):
         assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.TORCH
-    assert f"{package} not installed; running in PyTorch" in caplog.text
-    with pytest.raises(ModelError, match=rf"needs {package}; pip install 'vsnbench\[neural\]'"):
-        PIRLNav(small_checkpoint, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), "cpu")
+    assert "onnxruntime cannot open the network" in caplog.text
 
 
-def test_without_pytorch_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pytorch_onnxruntime_gives_the_same_logits(
+    small_checkpoint: Path, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = episode(PIRLNav(small_checkpoint, EAGER, "cpu"), recording, seed=3)
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(ModelError, match=r"PyTorch.*pip install 'vsnbench\[neural\]'"):
-        PIRLNav()
+    policy = PIRLNav(small_checkpoint)
+    assert policy.card.runs_on == {"device": "cpu", "runtime": "onnxruntime", "threads": policy.chosen.threads}
+    for decision, reference in zip(episode(policy, recording, seed=3), expected, strict=True):
+        assert decision.raw_action == reference.raw_action
+        logits = [found.diagnostics.details["logits"] for found in (decision, reference)]
+        np.testing.assert_allclose(*logits, rtol=0, atol=1e-5)
+
+
+def test_without_pytorch_its_runtime_and_devices_are_refused_with_how_to_install_it(
+    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for settings, device in ((EAGER, "cpu"), (None, "cuda")):
+        with pytest.raises(ModelError, match=r"PyTorch.*pip install 'vsnbench\[neural\]'"):
+            PIRLNav(small_checkpoint, settings, device)
+
+
+def test_without_pytorch_a_check_times_onnxruntime_and_warns(
+    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    checked = PIRLNav.check(small_checkpoint)
+    assert checked.parity is None
+    assert [timing.engine.split()[0] for timing in checked.timings] == ["onnxruntime"]
+    assert "PyTorch" in checked.warning
 
 
 @pytest.mark.parametrize(
@@ -282,18 +307,6 @@ def test_on_a_gpu_it_answers_as_on_the_cpu_and_the_same_each_time(recording: Rec
     assert PIRLNav(small_checkpoint, None, "cuda").card.settings == PIRLNav(small_checkpoint, None, "cpu").card.settings
 
 
-def test_the_graph_is_exported_once_for_the_same_weights(
-    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert PIRLNav(small_checkpoint, EXPORTED, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
-    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
-    assert graph.name.startswith("pirlnav-df429dd5ffb1d535")
-    written = graph.stat().st_mtime_ns
-    PIRLNav(small_checkpoint, None, "cpu")
-    assert graph.stat().st_mtime_ns == written
-
-
 def test_the_engine_that_is_faster_here_runs_and_every_process_keeps_to_it(
     tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,10 +329,10 @@ def test_auto_takes_a_gpu_that_is_faster_here_and_every_process_keeps_to_it(
     monkeypatch.setattr(acceleration, "available_device", lambda wanted: "mps" if wanted == "auto" else wanted)
     made = []
 
-    def on_gpu(gpu: str, checkpoint: Checkpoint, *, half: bool) -> acceleration.ChosenEngine:
+    def on_gpu(gpu: str, checkpoint: Checkpoint, threads: int, *, half: bool) -> acceleration.ChosenEngine:
         assert not half
         made.append(gpu)
-        return replace(acceleration._on_cpu(checkpoint, EAGER, 1), device=gpu)
+        return replace(acceleration._on_cpu(checkpoint, EAGER, threads), device=gpu)
 
     monkeypatch.setattr(acceleration, "_on_gpu", on_gpu)
     monkeypatch.setattr(acceleration, "_step_times_s", lambda *_: np.array((cpu_s, gpu_s)))
@@ -340,39 +353,17 @@ def test_both_engines_are_timed(small_checkpoint: Path) -> None:
     assert (times_s > 0).all()
 
 
-def test_a_spoilt_graph_in_the_cache_is_exported_anew(
-    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_network_that_gives_other_logits_is_noticed_and_not_used(
+    small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    PIRLNav(small_checkpoint, None, "cpu")
-    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
-    graph.write_bytes(b"spoilt")
-    assert PIRLNav(small_checkpoint, EXPORTED, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
+    def spoilt(sizes: Architecture, weights: Weights) -> bytes:
+        return network_file(sizes, {**weights, "action_distribution.linear.bias": np.ones(6, np.float32)})
 
-
-def test_a_graph_of_other_weights_is_noticed_and_not_used(
-    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    sizes = PIRLNav.check(small_checkpoint, EAGER, "cpu")
-    assert sizes.parity is None
-    other = write_checkpoint(tmp_path / "other.ckpt", read_checkpoint(small_checkpoint).architecture)
-    PIRLNav(other, None, "cpu")
-    (graph,) = (tmp_path / "vsnbench" / "onnx").iterdir()
-    graph.rename(graph.with_name(f"pirlnav-{sizes.sha256}-v1.onnx"))
+    monkeypatch.setattr(onnx_engine, "network_file", spoilt)
     with caplog.at_level(logging.WARNING):
         policy = PIRLNav(small_checkpoint, None, "cpu")
-    assert policy.chosen.runtime is Runtime.TORCH
     assert "disagrees with PyTorch" in caplog.text
     assert policy.card.runs_on["runtime"] == "torch"
-
-
-def test_a_cache_that_cannot_be_written_is_replaced_by_a_temporary_one(
-    tmp_path: Path, small_checkpoint: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "vsnbench").write_text("a file where the cache should be")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.ONNXRUNTIME
 
 
 def test_steps_keep_no_history(policy: PIRLNav, recording: Recording) -> None:

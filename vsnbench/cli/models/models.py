@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from vsnbench.cli.models.cards import card_json, card_rows, comparison_json, comparison_rows
@@ -297,7 +298,7 @@ def _fact_text(value: str | int | float | bool | None) -> str:  # noqa: PYI041 -
 
 def _parity_text(report: "ModelCheck") -> str:
     if report.parity is None:
-        return "this is the reference engine" + (f": {report.warning}" if report.warning else "")
+        return escape(report.warning) or "this is the reference engine"
     return (
         f"[green]agrees[/green] with PyTorch on the CPU: logits within {report.parity['largest_logit_difference']:.1e} "
         f"(allowed {report.parity['tolerance']:.1e}), same actions, {report.parity['steps']} steps"

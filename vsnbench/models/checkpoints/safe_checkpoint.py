@@ -1,19 +1,19 @@
-"""Loads PyTorch checkpoints of unknown origin: no code from the file runs, and memory is bounded by the file's size.
+"""Loads PyTorch checkpoints of unknown origin, without PyTorch: no code from the file runs.
 
-First the archive (a zip file of plain records), its declared sizes and its checksums are checked, then the names that
-PyTorch reports. Then PyTorch's weights-only reader loads the file, with the permitted classes mapped to a dictionary.
+The archive is a zip file of plain records. Its declared sizes and its checksums are checked first, so that memory is
+bounded by the file's size.
 """
 
 import struct
 import tarfile
 import zipfile
-from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
+import numpy.typing as npt
+
 from vsnbench.errors import ModelError
-from vsnbench.models.checkpoints.pickle_inspection import declared_storages
-from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.checkpoints.pickle_reader import DeclaredStorage, numbers_of, read_pickle
 
 _LARGEST_PICKLE_BYTES = 2 * 2**20
 """The released checkpoints need about 60 kB; a pickle can grow in memory to some hundred times its size."""
@@ -22,73 +22,26 @@ _SAVE_AGAIN = "old formats can run code when they are read; save it again with t
 
 
 def load_checkpoint(path: Path, allowed_classes: frozenset[str] = frozenset()) -> Any:
-    """Return the content of a PyTorch checkpoint: plain values, mappings and tensors on the CPU.
+    """Return the content of a PyTorch checkpoint: plain values, dictionaries and arrays, which cannot be written to.
 
     Args:
         path: a file written by `torch.save` (PyTorch 1.6 or later).
         allowed_classes: full names of dictionary classes (`package.module.Class`) that the file may contain; they are
-            returned as `OrderedDict`, neither imported nor run.
+            returned as `dict`, neither imported nor run.
 
     Raises:
         ModelError: the file cannot be read, is not such a checkpoint, is damaged, or would run code.
     """
-    require_torch()
     origin = str(path)
     try:
         with path.open("rb") as file:
             head = file.read(512)
         if not head.startswith(b"PK") or not _is_archive(path):
             raise ModelError(f"{origin}: {_describe_file(path, head)}")
-        _check_archive(path, allowed_classes)
+        with zipfile.ZipFile(path) as archive:
+            return _load(archive, path.stat().st_size, allowed_classes, origin)
     except OSError as error:
         raise ModelError(f"cannot read weights {origin}: {error.strerror or error}") from error
-    return _load(path, allowed_classes)
-
-
-def _is_archive(path: Path) -> bool:
-    """Whether a file ends as a zip archive; `_check_archive` reports an end that is damaged."""
-    try:
-        return zipfile.is_zipfile(path)
-    except zipfile.BadZipFile:
-        return True
-
-
-def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
-    """Check the archive's directory and the sizes that its pickle declares, before reading the records."""
-    origin, file_bytes = str(path), path.stat().st_size
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = {entry.filename: entry for entry in archive.infolist()}
-            roots = {name.partition("/")[0] for name in entries}
-            if len(entries) != len(archive.infolist()) or len(roots) != 1:
-                raise ModelError(f"{origin}: a zip archive, but not one that PyTorch wrote")
-            root = roots.pop()
-            if f"{root}/constants.pkl" in entries or any(name.startswith(f"{root}/code/") for name in entries):
-                raise ModelError(f"{origin}: a TorchScript program, not a checkpoint; nothing was run")
-            pickled = entries.get(f"{root}/data.pkl")
-            if pickled is None:
-                raise ModelError(f"{origin}: a zip archive, but not one that PyTorch wrote")
-            if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries.values()):
-                raise ModelError(f"{origin}: its records are compressed, which PyTorch never does; refused")
-            if sum(entry.file_size for entry in entries.values()) > file_bytes:
-                raise ModelError(f"{origin}: its records claim more bytes than the file has; refused")
-            if pickled.file_size > _LARGEST_PICKLE_BYTES:
-                raise ModelError(
-                    f"{origin}: {pickled.file_size} bytes of structure in addition to the weights; refused"
-                )
-            for storage in declared_storages(archive.read(pickled), allowed_classes, origin):
-                record = entries.get(f"{root}/data/{storage.key}")
-                if record is None or record.file_size != storage.size_bytes:
-                    actual = "no such record" if record is None else f"{record.file_size} bytes"
-                    raise ModelError(
-                        f"{origin}: storage {storage.key[:20]} should have {storage.size_bytes} bytes, the file has "
-                        f"{actual}; damaged or forged, nothing was loaded"
-                    )
-            # PyTorch's reader ignores the checksums that its writer stores.
-            if (broken := archive.testzip()) is not None:
-                raise ModelError(
-                    f"{origin}: the record {broken[:80]} differs from its checksum; damaged, download it again"
-                )
     except (zipfile.BadZipFile, struct.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         # zipfile raises all of these for damaged archives: NotImplementedError for an unknown compression, RuntimeError
         # for an encrypted entry, ValueError for a directory that points outside the file, struct.error and EOFError for
@@ -96,21 +49,48 @@ def _check_archive(path: Path, allowed_classes: frozenset[str]) -> None:
         raise ModelError(f"{origin}: truncated or damaged ({error})", advice="download it again") from error
 
 
-def _load(path: Path, allowed_classes: frozenset[str]) -> Any:
-    import torch
-    from torch.serialization import get_unsafe_globals_in_checkpoint, safe_globals
-
+def _is_archive(path: Path) -> bool:
+    """Whether a file ends as a zip archive; reading it reports an end that is damaged."""
     try:
-        foreign = sorted(set(get_unsafe_globals_in_checkpoint(path)) - allowed_classes)
-        if foreign:
-            raise ModelError(f"{path}: reading it would call {foreign[0][:80]}; refused, nothing was run")
-        with safe_globals([(OrderedDict, name) for name in sorted(allowed_classes)]):
-            return torch.load(path, map_location="cpu", weights_only=True)
-    except ModelError:
-        raise
-    except Exception as error:  # PyTorch's reader can raise any exception for a damaged file
-        reason = str(error).partition("\n")[0][:120]
-        raise ModelError(f"{path}: damaged, PyTorch cannot read it ({reason})", advice="download it again") from error
+        return zipfile.is_zipfile(path)
+    except zipfile.BadZipFile:
+        return True
+
+
+def _load(archive: zipfile.ZipFile, file_bytes: int, allowed_classes: frozenset[str], origin: str) -> Any:
+    """Check the archive's directory and checksums, then read its pickle and the records that it refers to."""
+    entries = {entry.filename: entry for entry in archive.infolist()}
+    roots = {name.partition("/")[0] for name in entries}
+    if len(entries) != len(archive.infolist()) or len(roots) != 1:
+        raise ModelError(f"{origin}: a zip archive, but not one that PyTorch wrote")
+    root = roots.pop()
+    if f"{root}/constants.pkl" in entries or any(name.startswith(f"{root}/code/") for name in entries):
+        raise ModelError(f"{origin}: a TorchScript program, not a checkpoint; nothing was run")
+    pickled = entries.get(f"{root}/data.pkl")
+    if pickled is None:
+        raise ModelError(f"{origin}: a zip archive, but not one that PyTorch wrote")
+    if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries.values()):
+        raise ModelError(f"{origin}: its records are compressed, which PyTorch never does; refused")
+    if sum(entry.file_size for entry in entries.values()) > file_bytes:
+        raise ModelError(f"{origin}: its records claim more bytes than the file has; refused")
+    if pickled.file_size > _LARGEST_PICKLE_BYTES:
+        raise ModelError(f"{origin}: {pickled.file_size} bytes of structure in addition to the weights; refused")
+    if (broken := archive.testzip()) is not None:
+        raise ModelError(f"{origin}: the record {broken[:80]} differs from its checksum; damaged, download it again")
+    byte_order = entries.get(f"{root}/byteorder")
+    big_endian = byte_order is not None and archive.read(byte_order) == b"big"
+
+    def stored(storage: DeclaredStorage) -> npt.NDArray[Any]:
+        record = entries.get(f"{root}/data/{storage.key}")
+        if record is None or record.file_size != storage.size_bytes:
+            actual = "no such record" if record is None else f"{record.file_size} bytes"
+            raise ModelError(
+                f"{origin}: storage {storage.key[:20]} should have {storage.size_bytes} bytes, the file has "
+                f"{actual}; damaged or forged, nothing was loaded"
+            )
+        return numbers_of(storage, archive.read(record), big_endian=big_endian)
+
+    return read_pickle(archive.read(pickled), allowed_classes, origin, stored)
 
 
 def _describe_file(path: Path, head: bytes) -> str:

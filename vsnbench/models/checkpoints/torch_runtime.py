@@ -23,29 +23,47 @@ class GpuMemory:
     total_bytes: int
 
 
+def torch_is_installed() -> bool:
+    """Return whether PyTorch can be imported; imports it."""
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def torch_version() -> str:
+    """Return PyTorch's version."""
+    import torch
+
+    return torch.__version__
+
+
 def require_torch() -> None:
     """Check that PyTorch is installed.
 
     Raises:
         ModelError: it is not installed.
     """
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}") from error
+    if not torch_is_installed():
+        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}")
 
 
 def available_device(requested: str) -> str:
-    """Return the requested device, or the best available one for `auto`.
+    """Return the requested device, or the best available one for `auto`; without PyTorch, only `cpu`.
 
     Raises:
         UsageError: the kind of device is unknown.
         ModelError: this machine has no such device.
     """
-    import torch
-
     if requested not in DEVICES:
         raise UsageError(f"unknown device {requested!r}; known: {', '.join(DEVICES)}")
+    if not torch_is_installed():
+        if requested in ("auto", "cpu"):
+            return "cpu"
+        raise ModelError(f"a {requested} device needs PyTorch, which is not installed: {INSTALL_HINT}")
+    import torch
+
     available = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
     if requested == "auto":
         return next(device for device in ("cuda", "mps", "cpu") if available[device])

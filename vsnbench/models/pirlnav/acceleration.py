@@ -1,6 +1,8 @@
-"""Chooses device, runtime, precision and threads of the network. Compares every engine with eager PyTorch first."""
+"""Chooses device, runtime, precision and threads of the network.
 
-import importlib.util
+With PyTorch, every other engine is compared with it first. Without PyTorch, onnxruntime runs the network on the CPU.
+"""
+
 import logging
 import os
 import platform
@@ -11,11 +13,17 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import torch
+import psutil
 
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.files.disk_cache import cached_array, found_array, key_of
-from vsnbench.models.checkpoints.torch_runtime import available_device, gpu_name
+from vsnbench.models.checkpoints.torch_runtime import (
+    available_device,
+    gpu_name,
+    require_torch,
+    torch_is_installed,
+    torch_version,
+)
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import (
     GPU_TOLERANCE,
@@ -26,9 +34,8 @@ from vsnbench.models.pirlnav.engine import (
     compare,
     synthetic_steps,
 )
-from vsnbench.models.pirlnav.network import PIRLNavNetwork, build_network
+from vsnbench.models.pirlnav.onnx_engine import OnnxEngine
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
-from vsnbench.models.pirlnav.torch_engine import TorchEngine
 
 logger = logging.getLogger(__name__)
 
@@ -46,8 +53,9 @@ class ChosenEngine:
     device: str
     precision: Precision
     """`single` or `half`."""
+    threads: int
     agreement: Agreement | None
-    """None for the reference itself."""
+    """None for the reference itself, and without PyTorch."""
     refused: str = ""
     """Reason why a faster engine is not used."""
 
@@ -63,6 +71,8 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
         UsageError: the device is unknown, or the settings contradict each other.
         ModelError: the machine lacks the device, or the runtime in the settings.
     """
+    if settings.runtime is Runtime.TORCH:
+        require_torch()
     best = available_device(device)
     half = settings.precision is Precision.HALF
     if half and best != "cuda":
@@ -75,58 +85,60 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
         return _on_cpu(checkpoint, settings, threads)
     if device == "auto" and not half:
         return _on_the_faster(best, checkpoint, settings, threads)
-    return _on_gpu(best, checkpoint, half=half)
+    return _on_gpu(best, checkpoint, threads, half=half)
 
 
 def _on_the_faster(gpu: str, checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
     """Return the faster engine, measured once per machine; the GPU's if the result cannot be cached."""
-    key = key_of(
-        checkpoint.sha256, _processor(), threads, settings.runtime.value, torch.__version__, gpu, gpu_name(gpu)
-    )
+    key = key_of(checkpoint.sha256, _processor(), threads, settings.runtime.value, torch_version(), gpu, gpu_name(gpu))
     place = ("devices", key, np.float64, (2,))
     if found_array(*place) is None:
-        engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, half=False).engine)
+        engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, threads, half=False).engine)
         cached_array(*place, lambda: _step_times_s(engines, checkpoint))
     times_s = found_array(*place)
     if times_s is not None and times_s[0] <= times_s[1]:
         logger.info("the CPU is faster for this network, so the GPU is not used")
         return _on_cpu(checkpoint, settings, threads)
-    return _on_gpu(gpu, checkpoint, half=False)
+    return _on_gpu(gpu, checkpoint, threads, half=False)
 
 
-def _on_gpu(gpu: str, checkpoint: Checkpoint, *, half: bool) -> ChosenEngine:
-    reference = TorchEngine(build_network(checkpoint.architecture, dict(checkpoint.weights)))
-    own = {name: values.clone() for name, values in checkpoint.weights.items()}
-    candidate = TorchEngine(build_network(checkpoint.architecture, own), gpu, half=half)
+def _on_gpu(gpu: str, checkpoint: Checkpoint, threads: int, *, half: bool) -> ChosenEngine:
+    reference = reference_engine(checkpoint)
+    candidate = reference_engine(checkpoint, gpu, half=half)
     agreement = compare(reference, candidate, checkpoint.architecture, HALF_TOLERANCE if half else GPU_TOLERANCE)
     if agreement.holds:
         precision = Precision.HALF if half else Precision.SINGLE
-        return ChosenEngine(candidate, Runtime.TORCH, gpu, precision, agreement)
-    return _reference_only(reference, _disagreement(candidate, agreement))
+        return ChosenEngine(candidate, Runtime.TORCH, gpu, precision, threads, agreement)
+    return _reference_only(reference, threads, _disagreement(candidate, agreement))
 
 
 def _on_cpu(checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
-    network = build_network(checkpoint.architecture, dict(checkpoint.weights))
-    reference = TorchEngine(network)
+    if not torch_is_installed():
+        return ChosenEngine(
+            OnnxEngine(checkpoint, threads), Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, threads, None
+        )
+    reference = reference_engine(checkpoint)
     if settings.runtime is Runtime.TORCH:
-        return _reference_only(reference)
-    lacking = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
-    if lacking:
-        if settings.runtime is Runtime.ONNXRUNTIME:
-            raise ModelError(
-                f"runtime: onnxruntime needs {' and '.join(lacking)}", advice="pip install 'vsnbench[neural]'"
-            )
-        return _reference_only(reference, f"{' and '.join(lacking)} not installed")
-    candidate = _onnx_engine(checkpoint, network, threads)
-    if isinstance(candidate, str):
-        return _reference_only(reference, candidate)
+        return _reference_only(reference, threads)
+    try:
+        candidate = OnnxEngine(checkpoint, threads)
+    except ModelError as error:
+        return _reference_only(reference, threads, str(error))
     agreement = compare(reference, candidate, checkpoint.architecture, SINGLE_TOLERANCE)
     if not agreement.holds:
-        return _reference_only(reference, _disagreement(candidate, agreement))
+        return _reference_only(reference, threads, _disagreement(candidate, agreement))
     if settings.runtime is Runtime.AUTO and _is_slower(candidate, reference, checkpoint, threads):
         logger.info("PyTorch is faster on this machine, so onnxruntime is not used")
-        return _reference_only(reference)
-    return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, agreement)
+        return _reference_only(reference, threads)
+    return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, threads, agreement)
+
+
+def reference_engine(checkpoint: Checkpoint, device: str = "cpu", *, half: bool = False) -> Engine:
+    """Return PyTorch's engine of a checkpoint; on the CPU in single precision it is correct by definition."""
+    from vsnbench.models.pirlnav.network import build_network
+    from vsnbench.models.pirlnav.torch_engine import TorchEngine
+
+    return TorchEngine(build_network(checkpoint.architecture, checkpoint.weights), device, half=half)
 
 
 def _is_slower(candidate: Engine, reference: Engine, checkpoint: Checkpoint, threads: int) -> bool:
@@ -163,29 +175,10 @@ def _processor() -> str:
     return "\n".join(named) or f"{platform.machine()} {platform.processor()}"
 
 
-def _onnx_engine(checkpoint: Checkpoint, network: PIRLNavNetwork, threads: int) -> Engine | str:
-    """Return the onnxruntime engine, or the reason why it cannot be used. A damaged cache file is exported again."""
-    from vsnbench.models.pirlnav.onnx_engine import OnnxEngine, exported_graph
-
-    problem = ""
-    for _ in range(2):
-        try:
-            graph = exported_graph(network, checkpoint.sha256)
-        except (OSError, RuntimeError, ModelError) as error:
-            problem = str(error).partition("\n")[0]
-            break
-        try:
-            return OnnxEngine(graph, network, threads)
-        except ModelError as error:
-            problem = str(error)
-            graph.unlink(missing_ok=True)
-    return f"onnxruntime cannot be used: {problem}"
-
-
-def _reference_only(reference: TorchEngine, refused: str = "") -> ChosenEngine:
+def _reference_only(reference: Engine, threads: int, refused: str = "") -> ChosenEngine:
     if refused:
         logger.warning("%s; running in PyTorch on the CPU, which is slower", refused)
-    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, None, refused)
+    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, threads, None, refused)
 
 
 def _disagreement(candidate: Engine, agreement: Agreement) -> str:
@@ -196,12 +189,18 @@ def _disagreement(candidate: Engine, agreement: Agreement) -> str:
 
 
 def limit_threads(requested: int | None) -> int:
-    """Set PyTorch's number of threads, and return it for other runtimes.
+    """Return the number of threads, and set it in PyTorch if that is installed.
 
-    The default is PyTorch's, which respects OMP_NUM_THREADS, up to a limit.
+    The default is PyTorch's, or else $OMP_NUM_THREADS or the number of cores, up to a limit.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = requested or min(torch.get_num_threads(), cores, _MAX_THREADS)
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not torch_is_installed():
+        usual = os.environ.get("OMP_NUM_THREADS", "")
+        default = int(usual) if usual.isdecimal() else psutil.cpu_count(logical=False) or available
+        return requested or max(1, min(default, available, _MAX_THREADS))
+    import torch
+
+    threads = requested or min(torch.get_num_threads(), available, _MAX_THREADS)
     if threads != torch.get_num_threads():
         torch.set_num_threads(threads)
     return threads

@@ -97,6 +97,8 @@ def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, crit
             value = value.get(part) if isinstance(value, Mapping) else None
         if value is None and field not in ("pools_image", "uses_previous_action"):
             raise ModelError(f"{origin}: its configuration has no POLICY.{'.'.join(path)}: not a PIRLNav checkpoint")
+        if value is not None and not isinstance(value, str | int | float):
+            raise ModelError(f"{origin}: POLICY.{'.'.join(path)} is a {type(value).__name__}: not a PIRLNav checkpoint")
         if value is not None:
             found[field] = value
     try:

@@ -3,13 +3,12 @@
 import statistics
 import time
 
+from vsnbench.models.checkpoints.torch_runtime import INSTALL_HINT, torch_is_installed
 from vsnbench.models.contract import ModelCheck, Timing
-from vsnbench.models.pirlnav.acceleration import choose_engine
+from vsnbench.models.pirlnav.acceleration import choose_engine, reference_engine
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import Engine, synthetic_steps
-from vsnbench.models.pirlnav.network import build_network
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
-from vsnbench.models.pirlnav.torch_engine import TorchEngine
 
 _TIMED_STEPS = 40
 _TIMED_S = 3.0
@@ -24,11 +23,12 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
     """
     chosen = choose_engine(checkpoint, settings, device)
     sizes = checkpoint.architecture
-    reference = TorchEngine(build_network(sizes, dict(checkpoint.weights)))
-    timings = [time_steps(reference, checkpoint)]
-    if chosen.agreement is not None:
-        timings.append(time_steps(chosen.engine, checkpoint))
-    agreement = chosen.agreement
+    agreement, warning = chosen.agreement, chosen.refused
+    engines = [chosen.engine]
+    if not torch_is_installed():
+        warning = f"not compared with PyTorch, which is not installed: {INSTALL_HINT}"
+    elif agreement is not None:
+        engines.insert(0, reference_engine(checkpoint))
     parity = None
     if agreement is not None:
         parity = {
@@ -57,8 +57,8 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
         },
         chosen_engine=chosen.engine.label,
         parity=parity,
-        timings=tuple(timings),
-        warning=chosen.refused,
+        timings=tuple(time_steps(engine, checkpoint) for engine in engines),
+        warning=warning,
     )
 
 

@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
 
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.architecture import Architecture, architecture_of
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from vsnbench.models.pirlnav.weight_shapes import expected_shapes
 
 CONFIG_CLASSES: Final = frozenset({"habitat.config.default.Config", "yacs.config.CfgNode"})
 """The classes of the pickled configuration; both are dictionaries."""
@@ -28,13 +29,13 @@ _STATISTICS = "running_mean_and_var."
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """Contents of a checkpoint, ready for `build_network`."""
+    """Contents of a checkpoint, ready for an engine."""
 
     path: Path
     sha256: str
     architecture: Architecture
-    weights: "Mapping[str, Tensor]"
-    """float32, named as in `expected_shapes`."""
+    weights: Mapping[str, npt.NDArray[np.float32]]
+    """Named as in `expected_shapes`."""
     prefix: str
     """Prefix of every name in the file."""
     trainer: str
@@ -44,7 +45,7 @@ class Checkpoint:
     @property
     def parameter_count(self) -> int:
         """Number of trained parameters, without the statistics of the normalisation."""
-        return sum(weight.numel() for name, weight in self.weights.items() if _STATISTICS not in name)
+        return sum(weight.size for name, weight in self.weights.items() if _STATISTICS not in name)
 
     @property
     def fine_tuned(self) -> bool:
@@ -96,13 +97,11 @@ def read_checkpoint(path: Path) -> Checkpoint:
     )
 
 
-def _fitting(named: dict[str, Any], config: Mapping[str, Any], origin: str) -> "tuple[dict[str, Tensor], Architecture]":
+def _fitting(
+    named: dict[str, Any], config: Mapping[str, Any], origin: str
+) -> tuple[dict[str, npt.NDArray[np.float32]], Architecture]:
     """Return the weights as float32 and the architecture they fill exactly."""
-    import torch
-
-    from vsnbench.models.pirlnav.network import expected_shapes
-
-    broken = next((name for name, weight in named.items() if not isinstance(weight, torch.Tensor)), None)
+    broken = next((name for name, weight in named.items() if not isinstance(weight, np.ndarray)), None)
     if broken is not None:
         raise ModelError(f"{origin}: {broken} is not a tensor")
     critic = named.keys() >= _LINEAR_CRITIC
@@ -122,8 +121,9 @@ def _fitting(named: dict[str, Any], config: Mapping[str, Any], origin: str) -> "
             raise ModelError(
                 f"{origin}: {name} has shape {tuple(named[name].shape)}, its configuration requires {shape}"
             )
-    weights = {name: named[name].to(torch.float32).contiguous() for name in shapes}
-    invalid = next((name for name, weight in weights.items() if not bool(torch.isfinite(weight).all())), None)
+    with np.errstate(over="ignore"):
+        weights = {name: named[name].astype(np.float32, order="C") for name in shapes}
+    invalid = next((name for name, weight in weights.items() if not np.isfinite(weight).all()), None)
     if invalid is not None:
         raise ModelError(f"{origin}: {invalid} contains NaN or infinite numbers; the file is damaged")
     return weights, architecture

@@ -11,14 +11,12 @@ from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
 from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
-
-_EXPANSION = 4
-_BLOCKS = (3, 4, 6, 3)
-_VARIANCE_FLOOR = 1e-2
+from vsnbench.models.pirlnav.onnx_graph import VARIANCE_FLOOR, Weights
+from vsnbench.models.pirlnav.weight_shapes import BLOCKS, EXPANSION
 
 
 class NetworkOutput(NamedTuple):
-    """Output of one step. A tuple, because the ONNX exporter needs one."""
+    """Output of one step."""
 
     logits: Tensor
     """(1, actions)."""
@@ -33,7 +31,7 @@ class Bottleneck(nn.Module):
 
     def __init__(self, channels: int, planes: int, groups: int, stride: int) -> None:
         super().__init__()
-        wide = planes * _EXPANSION
+        wide = planes * EXPANSION
         self.conv1 = nn.Conv2d(channels, planes, 1, bias=False)
         self.bn1 = nn.GroupNorm(groups, planes)
         self.conv2 = nn.Conv2d(planes, planes, 3, stride, 1, bias=False)
@@ -66,20 +64,20 @@ class Backbone(nn.Module):
         self.bn1 = nn.GroupNorm(groups, base_planes)
         self.maxpool = nn.MaxPool2d(3, 2, 1)
         channels = base_planes
-        for level, blocks in enumerate(_BLOCKS):
+        for level, blocks in enumerate(BLOCKS):
             planes = base_planes * 2**level
             layer = []
             for block in range(blocks):
                 stride = 2 if level > 0 and block == 0 else 1
                 layer.append(Bottleneck(channels, planes, groups, stride))
-                channels = planes * _EXPANSION
+                channels = planes * EXPANSION
             self.add_module(f"layer{level + 1}", nn.Sequential(*layer))
         self.final_channels = channels
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (1, 32 * base planes, H / 32, W / 32) features of a (1, 3, H, W) image."""
         out: Tensor = self.maxpool(torch.relu(self.bn1(self.conv1(x))))
-        for level in range(len(_BLOCKS)):
+        for level in range(len(BLOCKS)):
             out = self.get_submodule(f"layer{level + 1}")(out)
         return out
 
@@ -98,7 +96,7 @@ class RunningMeanAndVar(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the normalised image; the variance has a minimum."""
-        return (x - self._mean) / torch.sqrt(torch.clamp(self._var, min=_VARIANCE_FLOOR))
+        return (x - self._mean) / torch.sqrt(torch.clamp(self._var, min=VARIANCE_FLOOR))
 
 
 class VisualEncoder(nn.Module):
@@ -213,15 +211,9 @@ class _Undrawn(TorchFunctionMode):
         return function(*arguments, **named)
 
 
-def expected_shapes(architecture: Architecture) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every weight without allocating memory."""
-    with torch.device("meta"), _Undrawn():
-        return {name: tuple(weight.shape) for name, weight in PIRLNavNetwork(architecture).state_dict().items()}
-
-
-def build_network(architecture: Architecture, weights: dict[str, Tensor]) -> PIRLNavNetwork:
-    """Return the network in evaluation mode on the CPU, with weights that match `expected_shapes`."""
+def build_network(architecture: Architecture, weights: Weights) -> PIRLNavNetwork:
+    """Return the network in evaluation mode on the CPU, with its own copy of weights that match `expected_shapes`."""
     with torch.device("meta"), _Undrawn():
         network = PIRLNavNetwork(architecture)
-    network.load_state_dict(weights, assign=True)
+    network.load_state_dict({name: torch.tensor(weight) for name, weight in weights.items()}, assign=True)
     return network.requires_grad_(requires_grad=False).eval()

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError, UsageError
-from vsnbench.models.checkpoints.torch_runtime import require_torch
 from vsnbench.models.checkpoints.weights import embedded_weights, find_weights
 from vsnbench.models.contract import BatchPolicy, ModelCard, ModelCheck
 from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
@@ -101,11 +100,8 @@ class PIRLNav(BatchPolicy):
 
         Raises:
             UsageError: a setting is invalid.
-            ModelError: PyTorch, the weights or the device are missing, or the weights cannot be used.
+            ModelError: the weights, the device or its runtime are missing, or the weights cannot be used.
         """
-        require_torch()
-        import torch
-
         from vsnbench.models.pirlnav.acceleration import choose_engine
 
         settings = _settings_from(model_config)
@@ -134,7 +130,7 @@ class PIRLNav(BatchPolicy):
             runs_on={
                 "device": self.chosen.device,
                 "runtime": self.chosen.runtime.value,
-                "threads": torch.get_num_threads(),
+                "threads": self.chosen.threads,
             },
             stand_in=weights is None and checkpoint.path == embedded_weights(self.weights_file),
         )
@@ -152,7 +148,6 @@ class PIRLNav(BatchPolicy):
             UsageError: a setting is invalid.
             ModelError: the weights cannot be used.
         """
-        require_torch()
         from vsnbench.models.pirlnav.checking import check_checkpoint
 
         checkpoint = _checkpoint_at(weights)

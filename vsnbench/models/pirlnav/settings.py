@@ -27,7 +27,7 @@ class Runtime(StrEnum):
     """Software that runs the network."""
 
     AUTO = "auto"
-    """On a CPU, the faster of PyTorch and onnxruntime if it is installed, measured once per machine."""
+    """On a CPU, the faster of onnxruntime and PyTorch if it is installed, measured once per machine."""
     TORCH = "torch"
     ONNXRUNTIME = "onnxruntime"
 
@@ -57,5 +57,5 @@ class PIRLNavSettings(BaseModel):
     runtime: Runtime = Field(default=Runtime.AUTO, description="auto, torch or onnxruntime")
     precision: Precision = Field(default=Precision.SINGLE, description="single, or half (needs CUDA)")
     threads: int | None = Field(
-        default=None, ge=1, le=256, description="number of CPU threads; null: PyTorch's, at most 8"
+        default=None, ge=1, le=256, description="number of CPU threads; null: the cores, at most 8"
     )

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.checkpoints.weights import file_sha256
@@ -50,7 +52,7 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     if "model_state_dict" in content:
         raise ModelError(f"{path}: VLV's value network, not a detector", advice="name it with --weights")
     named = {_newest(str(key)): tensor for key, tensor in content.items() if not str(key).endswith("batches_tracked")}
-    if _HEAD not in named or not all(isinstance(tensor, torch.Tensor) for tensor in named.values()):
+    if _HEAD not in named or not all(isinstance(tensor, np.ndarray) for tensor in named.values()):
         raise ModelError(f"{path}: not the weights of a Mask R-CNN: {_HEAD} is missing among its {len(named)} keys")
     found = int(named[_HEAD].shape[0]) if named[_HEAD].ndim else 0
     if found != classes:
@@ -65,9 +67,9 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     for name, shape in shapes.items():
         if tuple(named[name].shape) != shape:
             raise ModelError(f"{path}: {name} has shape {tuple(named[name].shape)}, Mask R-CNN needs {shape}")
-        if not bool(torch.isfinite(named[name]).all()):
+        if not np.isfinite(named[name]).all():
             raise ModelError(f"{path}: {name} contains NaN or infinite numbers; the file is damaged")
-    tensors = {name: named[name].to(torch.float32) for name in shapes}
+    tensors = {name: torch.from_numpy(named[name].astype(np.float32)) for name in shapes}
     return MaskRCNNWeights(path, file_sha256(path), tensors, classes)
 
 

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+import numpy.typing as npt
+
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.checkpoints.weights import file_sha256
@@ -36,14 +39,12 @@ def read_value_weights(path: Path) -> ValueWeights:
     Raises:
         ModelError: the file cannot be read safely, is another model's, or was trained for other classes.
     """
-    import torch
-
     content = load_checkpoint(path, CONFIG_CLASSES)  # to recognise PIRLNav's weights
     state = content.get("model_state_dict") if isinstance(content, Mapping) else None
     if not isinstance(state, Mapping):
         raise ModelError(f"{path}: {_describe_content(content)}; VLV's value network is vlv_model.torch")
     named: dict[str, Any] = {str(key).removeprefix("module."): tensor for key, tensor in state.items()}
-    broken = next((name for name, tensor in named.items() if not isinstance(tensor, torch.Tensor)), None)
+    broken = next((name for name, tensor in named.items() if not isinstance(tensor, np.ndarray)), None)
     if broken is not None:
         raise ModelError(f"{path}: {broken} is not a tensor")
     if _LANDMARK not in named:
@@ -51,7 +52,7 @@ def read_value_weights(path: Path) -> ValueWeights:
     return ValueWeights(path, file_sha256(path), _fitting(named, str(path)))
 
 
-def _fitting(named: "dict[str, Tensor]", origin: str) -> "dict[str, Tensor]":
+def _fitting(named: dict[str, npt.NDArray[Any]], origin: str) -> "dict[str, Tensor]":
     """Return the tensors that the network needs, and check their shapes."""
     import torch
 
@@ -76,17 +77,18 @@ def _fitting(named: "dict[str, Tensor]", origin: str) -> "dict[str, Tensor]":
         layer, _, inner = rest.partition(".")
         if first == "features" and layer in _DUPLICATES:
             duplicate = ".".join(filter(None, ["resnet", _DUPLICATES[layer], inner]))
-            if duplicate not in named or not torch.equal(named[duplicate], tensor):
+            if duplicate not in named or not np.array_equal(named[duplicate], tensor):
                 raise ModelError(
                     f"{origin}: {name} differs from {duplicate}, which is the same tensor in VLV's network"
                 )
-    tensors = {
-        name: named[name].to(torch.float32 if named[name].is_floating_point() else torch.int64) for name in shapes
-    }
-    invalid = next((name for name, t in tensors.items() if not bool(torch.isfinite(t).all())), None)
+    with np.errstate(over="ignore"):
+        arrays = {
+            name: named[name].astype(np.float32 if named[name].dtype.kind == "f" else np.int64) for name in shapes
+        }
+    invalid = next((name for name, array in arrays.items() if not np.isfinite(array).all()), None)
     if invalid is not None:
         raise ModelError(f"{origin}: {invalid} contains NaN or infinite numbers; the file is damaged")
-    return tensors
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
 def _describe_content(content: object) -> str:

@@ -7,13 +7,12 @@ numbers from 0 to 255. It returns a map of peaks for each class, and the distanc
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import ModelError
+from vsnbench.models.onnx_file import FLOAT, INT64, OnnxGraph
 from vsnbench.models.vlv.detectors.centernet.graph import Graph, Node
 from vsnbench.models.vlv.detectors.coco import CLASSES_80
 
@@ -22,8 +21,6 @@ _SIDE_PX: Final = 512
 _CELL_PX: Final = 4
 _CELLS: Final = _SIDE_PX // _CELL_PX
 _OBJECTS: Final = 100
-_FLOAT: Final = 1
-"""ONNX's number of the type float32."""
 _TITLE: Final = "CenterNet MobileNetV3, COCO"
 _RELIABILITY: Final = {
     "bed": {"threshold": 0.4, "precision": 0.59, "recall": 0.41},
@@ -41,8 +38,7 @@ def convert_centernet(graph: Graph) -> bytes:
     """Return the ONNX file.
 
     Raises:
-        ModelError: the graph has an operator or a form of it that the converter does not know, or the extra `neural` is
-            not installed.
+        ModelError: the graph has an operator or a form of it that the converter does not know.
     """
     builder = Builder()
     builder.prepare_image()
@@ -77,60 +73,17 @@ def add_nodes(builder: "Builder", graph: Graph, outputs: Sequence[str], converte
 
 def detector_file(builder: "Builder", name: str, count: int | str, properties: Mapping[str, str]) -> bytes:
     """Return the ONNX file of a graph from `image` to `boxes`, `labels` and `scores` of `count` objects."""
-    from onnx import TensorProto, helper
-
-    float32, int64 = TensorProto.FLOAT, TensorProto.INT64
-    graph = helper.make_graph(
-        builder.nodes,
+    return builder.file(
         name,
-        [helper.make_tensor_value_info("image", float32, [1, 3, "height", "width"])],
-        [
-            helper.make_tensor_value_info("boxes", float32, [count, 4]),
-            helper.make_tensor_value_info("labels", int64, [count]),
-            helper.make_tensor_value_info("scores", float32, [count]),
-        ],
-        builder.tensors,
+        {"image": (FLOAT, (1, 3, "height", "width"))},
+        {"boxes": (FLOAT, (count, 4)), "labels": (INT64, (count,)), "scores": (FLOAT, (count,))},
+        versions=(_IR_VERSION, _OPSET),
+        properties=dict(properties),
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR_VERSION)
-    helper.set_model_props(model, dict(properties))
-    content: bytes = model.SerializeToString(deterministic=True)
-    return content
 
 
-class Builder:
-    """Collects the nodes and tensors of the ONNX graph.
-
-    Raises:
-        ModelError: the extra `neural` is not installed.
-    """
-
-    def __init__(self) -> None:
-        if find_spec("onnx") is None:
-            raise ModelError("the conversion needs onnx", advice="pip install 'vsnbench[neural]'")
-        self.nodes: list[Any] = []
-        self.tensors: list[Any] = []
-
-    def add(self, op: str, inputs: list[str], *outputs: str, **attributes: Any) -> None:
-        """Add a node."""
-        from onnx import helper
-
-        self.nodes.append(helper.make_node(op, inputs, outputs, **attributes))
-
-    def tensor(self, name: str, array: npt.NDArray[Any]) -> str:
-        """Add a constant. Returns its name."""
-        from onnx import numpy_helper
-
-        if all(tensor.name != name for tensor in self.tensors):
-            self.tensors.append(numpy_helper.from_array(np.ascontiguousarray(array), name))
-        return name
-
-    def number(self, name: str, value: float) -> str:
-        """Add a constant number. Returns its name."""
-        return self.tensor(name, np.array(value, np.float32))
-
-    def integers(self, *values: int) -> str:
-        """Add a constant of integers. Returns its name."""
-        return self.tensor(f"integers {values}", np.array(values, np.int64))
+class Builder(OnnxGraph):
+    """Adds what the network does not have: the fitting of its image and the search for boxes."""
 
     def prepare_image(self) -> None:
         """Fit the image of numbers from 0 to 1 into the upper left of the network's square, and fill the rest."""
@@ -163,13 +116,13 @@ class Builder:
         for name in ("row", "column"):
             self.add("Unsqueeze", [name, self.integers(0)], f"{name} 2d")
         self.add("Concat", ["column 2d", "row 2d", "column 2d", "row 2d"], "centre cell", axis=0)
-        self.add("Cast", ["centre cell"], "centre number", to=_FLOAT)
+        self.add("Cast", ["centre cell"], "centre number", to=FLOAT)
         self.add("Mul", ["centre number", self.number("cell size", _CELL_PX)], "centre")
         self.add("Add", ["centre", "from centre"], "box")
         self.add("Transpose", ["box"], "network boxes", perm=[1, 0])
         self.add("Shape", ["image"], "size", start=2)
         self.add("ReduceMax", ["size"], "longer side", keepdims=0)
-        self.add("Cast", ["longer side"], "longer side number", to=_FLOAT)
+        self.add("Cast", ["longer side"], "longer side number", to=FLOAT)
         self.add("Div", ["longer side number", self.number("side", _SIDE_PX)], "scale")
         self.add("Mul", ["network boxes", "scale"], "boxes")
 
