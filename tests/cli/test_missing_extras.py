@@ -23,7 +23,7 @@ main()
 
 MISSING = [
     ("viewer", "rerun,rerun_bindings,rerun_cli", "view 1"),
-    ("neural", "torch", "run --model pirlnav --goal chair --starts 1"),
+    ("neural", "torch", "models check vlv --weights none.torch"),
     ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://user@127.0.0.1/none"),
     ("bags", "rosbags", "export bag 1 episode.bag"),
     ("video", "av", "export video 1"),
