@@ -4,54 +4,23 @@ import csv
 import io
 import json
 import random
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 
 from tests.fuzz import mutations
 from tests.fuzz.command_line import call
+from tests.fuzz.documents import DOCUMENTS
 from tests.fuzz.record import RecordTarget
+from tests.fuzz.target import SettingsFile, Target
 from tests.fuzz.weights import CHECKPOINTS, ONNX_FILE
 from vsnbench.errors import VsnbenchError
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-class Target(Protocol):
-    """A loader; made once in a folder of its own."""
-
-    in_suite: ClassVar[int]
-    """Inputs in a run of the tests, for some seconds; `make fuzz` takes more."""
-
-    def __init__(self, home: Path) -> None: ...
-
-    def load(self, rng: random.Random, index: int | None) -> None:
-        """Spoil a good input and load it; None for `index` loads it as it is."""
-
-
-class _SettingsFile(ABC):
-    """A YAML file behind a function that reads it."""
-
-    in_suite: ClassVar[int] = 200
-    files: ClassVar[tuple[Path | str, ...]]
-
-    def __init__(self, home: Path) -> None:
-        self.path = home / "given.yaml"
-        self.good = [file.encode() if isinstance(file, str) else file.read_bytes() for file in self.files]
-
-    def load(self, rng: random.Random, index: int | None) -> None:
-        good = rng.choice(self.good)
-        self.path.write_bytes(good if index is None else mutations.yaml_text(rng, good))
-        self.read()
-
-    @abstractmethod
-    def read(self) -> None:
-        """Have the project read the file."""
 
 
 SMALL_SITE = """
@@ -69,7 +38,7 @@ starts: [{number: 1, position: [1, 1], heading_deg: 0}, {number: 2, position: [2
 """
 
 
-class SiteTarget(_SettingsFile):
+class SiteTarget(SettingsFile):
     """Site files, and what `sites check` does with those that are read."""
 
     files = (SMALL_SITE,)
@@ -80,7 +49,7 @@ class SiteTarget(_SettingsFile):
             raise VsnbenchError
 
 
-class ProfileTarget(_SettingsFile):
+class ProfileTarget(SettingsFile):
     """Robot profiles."""
 
     files = tuple((ROOT / "vsnbench" / "robots" / "profiles").glob("*.yaml"))
@@ -91,7 +60,7 @@ class ProfileTarget(_SettingsFile):
         load_profile(self.path)
 
 
-class ModelSettingsTarget(_SettingsFile):
+class ModelSettingsTarget(SettingsFile):
     """The files of --model-config and of discrete_move."""
 
     files = (
@@ -282,6 +251,7 @@ TARGETS: dict[str, type[Target]] = {
     "site": SiteTarget,
     "profile": ProfileTarget,
     "model settings": ModelSettingsTarget,
+    **DOCUMENTS,
     **CHECKPOINTS,
     "onnx": ONNX_FILE,
     "picture": PictureTarget,
