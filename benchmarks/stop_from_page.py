@@ -104,50 +104,66 @@ def line(times_s: list[float]) -> str:
     return " | ".join(f"{one * 1000:.0f} ms" for one in of)
 
 
-def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: random.Random) -> list[Halt]:
-    """Bring everything up, and stop the robot so many times."""
-    directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-    port, master = quiet_port(chance), quiet_port(chance)
-    os.environ.update(
-        ROS_MASTER_URI=f"http://127.0.0.1:{master}",
-        ROS_IP="127.0.0.1",
-        ROS_HOME=str(directory),
-        ROS_LOG_DIR=str(directory),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-        ROS_DOMAIN_ID=str(stack.enter_context(closing(Domain())).number),
-        PYTHONPATH=str(Path(__file__).resolve().parent.parent),
-    )
-    profile, hall, log = directory / "robot.yaml", directory / "hall.yaml", directory / "log"
-    hall.write_text(HALL)
-    profile.write_text(with_small_camera(PROFILES[ros], ros))
-    sink = stack.enter_context(log.open("w"))
+class SimulatedRobot:
+    """A robot that `vsnbench robots simulate` plays in an empty hall, its motion server, and a node that listens."""
 
-    def start(*words: object, **how: object) -> "subprocess.Popen[str]":
-        started = subprocess.Popen([sys.executable, *map(str, words)], stderr=sink, text=True, **how)
-        stack.callback(started.wait)
-        stack.callback(started.terminate)
+    def __init__(self, stack: ExitStack, ros: str, chance: random.Random) -> None:
+        """Bring everything up, and return when the base sends its odometry."""
+        self._stack, self._ros, self._chance = stack, ros, chance
+        self.directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        self.profile, self.hall, self.log = (self.directory / name for name in ("robot.yaml", "hall.yaml", "log"))
+        self.hall.write_text(HALL)
+        self.profile.write_text(with_small_camera(PROFILES[ros], ros))
+        self._sink = stack.enter_context(self.log.open("w"))
+        self._set_environment()
+        if ros == "ros1":
+            import shutil
+
+            from vsnbench.ros1.master import Master
+
+            rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+            self.start(rosmaster, "--core", "-p", self._master, stdout=self._sink)
+            Master.from_environment().wait(60)
+        self.vsnbench("robots", "simulate", self.profile, "--site", self.hall)
+        self.motion_server = self.vsnbench("robots", "serve", self.profile)
+        self.listener = Listener(self.start(LISTENER, ros, self.profile, stdout=subprocess.PIPE))
+        threading.Thread(target=self.listener.read, daemon=True).start()
+        wait_until(lambda: self.listener.odometry, "the base sends its odometry")
+
+    def start(self, *words: object, **how: object) -> "subprocess.Popen[str]":
+        """Start a Python program that ends with this one."""
+        started = subprocess.Popen([sys.executable, *map(str, words)], stderr=self._sink, text=True, **how)
+        self._stack.callback(started.wait)
+        self._stack.callback(started.terminate)
         return started
 
-    if ros == "ros1":
-        import shutil
+    def vsnbench(self, *words: object) -> "subprocess.Popen[str]":
+        """Start a command of vsnbench."""
+        return self.start("-m", "vsnbench.cli.main", *words, stdout=self._sink, stdin=subprocess.DEVNULL)
 
-        from vsnbench.ros1.master import Master
+    def run(self, *words: object) -> "subprocess.Popen[str]":
+        """Start a run of `forward`."""
+        trials = ("--model", "forward", "--goal", "chair", "--results", self.directory / "results", "--keep", "images")
+        return self.vsnbench("run", "--robot", self.profile, "--site", self.hall, *trials, *words)
 
-        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
-        start(rosmaster, "--core", "-p", master, stdout=sink)
-        Master.from_environment().wait(60)
-    vsnbench = ("-m", "vsnbench.cli.main")
-    start(*vsnbench, "robots", "simulate", profile, "--site", hall, stdout=sink)
-    start(*vsnbench, "robots", "serve", profile, stdout=sink)
-    listener = Listener(start(LISTENER, ros, profile, stdout=subprocess.PIPE))
-    threading.Thread(target=listener.read, daemon=True).start()
-    wait_until(lambda: listener.odometry, "the base speaks")
-    words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--keep", "none")
-    run = start(
-        *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, f"--console=:{port}"),
-        stdout=sink,
-        stdin=subprocess.DEVNULL,
-    )
+    def _set_environment(self) -> None:
+        self._master = quiet_port(self._chance)
+        os.environ.update(
+            ROS_MASTER_URI=f"http://127.0.0.1:{self._master}",
+            ROS_IP="127.0.0.1",
+            ROS_HOME=str(self.directory),
+            ROS_LOG_DIR=str(self.directory),
+            ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+            ROS_DOMAIN_ID=str(self._stack.enter_context(closing(Domain())).number),
+            PYTHONPATH=str(Path(__file__).resolve().parent.parent),
+        )
+
+
+def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: random.Random) -> list[Halt]:
+    """Bring everything up, and stop the robot so many times."""
+    robot, port = SimulatedRobot(stack, ros, chance), quiet_port(chance)
+    listener, log = robot.listener, robot.log
+    run = robot.run(f"--console=:{port}")
     wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the page is served")
     address = re.search(r"http://\S+token=\S+", log.read_text())
     assert address is not None, log.read_text()

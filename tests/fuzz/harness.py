@@ -1,7 +1,8 @@
 """Feeds a loader its inputs in a child process of bounded memory, and notes what passes its boundary.
 
-A finding is an exception that is no `VsnbenchError`, a death, an input that takes more than `TIME_LIMIT_S`, or memory
-beyond `MEMORY_LIMIT_BYTES`. An input is a pure function of (target, seed, index): a finding can be had again.
+A finding is an exception that is no `VsnbenchError`, a death, an input that takes more than `TIME_LIMIT_S` of processor
+time or `WAIT_LIMIT_S` of any time (on a busy machine a process may wait for seconds), or memory beyond
+`MEMORY_LIMIT_BYTES`. An input is a pure function of (target, seed, index): a finding can be had again.
 """
 
 import json
@@ -16,7 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+import psutil
+
 TIME_LIMIT_S: Final = 20.0
+WAIT_LIMIT_S: Final = 180.0
 START_LIMIT_S: Final = 120.0
 MEMORY_LIMIT_BYTES: Final = 2**30
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -45,6 +49,24 @@ def run(target: str, seed: int, count: int, first: int = 0) -> Outcome:
     return outcome
 
 
+class _Limit:
+    """The time that a child has for an input."""
+
+    def __init__(self, pid: int, time_s: float) -> None:
+        self._process = psutil.Process(pid)
+        self._processor_s = self._used_s() + time_s
+        self._deadline_s = time.monotonic() + WAIT_LIMIT_S
+
+    def is_exceeded(self) -> bool:
+        return self._used_s() > self._processor_s or time.monotonic() > self._deadline_s
+
+    def _used_s(self) -> float:
+        try:
+            return sum(self._process.cpu_times()[:2])
+        except psutil.Error:  # it has just ended, which its pipe shows
+            return 0.0
+
+
 def _one_child(outcome: Outcome, seed: int, index: int, end: int) -> int:
     """Run inputs until all are done or the child is; return the next index."""
     words = [sys.executable, "-m", "tests.fuzz.child", outcome.target, str(seed), str(index), str(end)]
@@ -56,9 +78,11 @@ def _one_child(outcome: Outcome, seed: int, index: int, end: int) -> int:
             limit_s = START_LIMIT_S
             buffer = b""
             while True:
-                deadline = time.monotonic() + limit_s
+                limit = _Limit(child.pid, limit_s)
                 while b"\n" not in buffer:
-                    ready, _, _ = select.select([child.stdout], [], [], max(deadline - time.monotonic(), 0))
+                    ready, _, _ = select.select([child.stdout], [], [], 0.2)
+                    if not ready and not limit.is_exceeded():
+                        continue
                     if not ready:
                         outcome.inputs += 1
                         outcome.findings.append(f"seed {seed} input {index}: no end within {limit_s:g} s")
