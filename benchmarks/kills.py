@@ -34,9 +34,10 @@ from benchmarks.support.soak_world import Command, World  # noqa: E402
 from tests.results.postgresql_server import PostgresqlServer, killable_server, new_database  # noqa: E402
 
 WORKERS = 2
-RUN = ("--model", "paced_walk:PacedWalk", "--isolate", "--workers", str(WORKERS), "--goal", "all", "--max-steps", "4")
+RUN = ("--model", "paced_walk:PacedWalk", "--isolate", "--workers", str(WORKERS), "--goal", "chair", "--max-steps", "4")
 WEIGHTS = {"worker": 35, "model process": 32, "fork server": 14, "driver": 12, "connection": 4, "database": 3}
 PAUSE_S = (0.05, 1.2)
+MORE_REPETITIONS = 10
 ORPHAN_LIMIT_S = 20.0
 REPORT_EVERY = 25
 
@@ -56,7 +57,7 @@ class Drivers:
             if (code := command.popen.poll()) is not None:
                 self.ends[code] += 1
                 if code == 0:
-                    self.repetitions += 1
+                    self.repetitions += MORE_REPETITIONS
                 self._commands[number] = self._start(number)
 
     def families(self, *, working: bool) -> list[tuple[str, psutil.Process]]:
@@ -194,7 +195,7 @@ def main() -> int:
     with ExitStack() as stack:
         server = stack.enter_context(killable_server())
         world = World(asked.folder.resolve(), new_database(server.url))
-        drivers = Drivers(world, asked.drivers, repetitions=2)
+        drivers = Drivers(world, asked.drivers, repetitions=MORE_REPETITIONS)
         stack.callback(lambda: [process.kill() for process in processes_in(world)])
         killer = Killer(drivers, server, chance, working=asked.working)
         reported = 0
