@@ -41,6 +41,7 @@ from benchmarks.support.soak_world import Command  # noqa: E402
 from scripts.console_requests import CONSOLE, VALUES, Page, Requests  # noqa: E402
 from tests.web.browser import Browser  # noqa: E402
 from vsnbench.viewer.viewers import free_port  # noqa: E402
+from vsnbench.web_server.connections import AUTHENTICATION_TIMEOUT_S  # noqa: E402
 
 LEAKS = re.compile(rb"Traceback|File \"/|site-packages|\.py\b.*line \d", re.IGNORECASE)
 SLOW_CLIENTS = 60
@@ -153,6 +154,8 @@ class Attack:
         return {name: value for name, value in state.items() if name not in ("now", "clients", "elapsed_s", "revision")}
 
     def _memory_mib(self) -> float:
+        """Return the memory once the server has forgotten the connections of the last requests."""
+        time.sleep(AUTHENTICATION_TIMEOUT_S + 2)
         return psutil.Process(self._command.popen.pid).memory_info().rss / 2**20
 
     def _check_answer(self) -> None:

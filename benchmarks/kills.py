@@ -33,9 +33,11 @@ from benchmarks.support.record_checks import print_faults, print_totals  # noqa:
 from benchmarks.support.soak_world import Command, World  # noqa: E402
 from tests.results.postgresql_server import PostgresqlServer, killable_server, new_database  # noqa: E402
 
-RUN = ("--model", "paced_walk:PacedWalk", "--isolate", "--workers", "2", "--goal", "all", "--max-steps", "4")
+WORKERS = 2
+RUN = ("--model", "paced_walk:PacedWalk", "--isolate", "--workers", str(WORKERS), "--goal", "chair", "--max-steps", "4")
 WEIGHTS = {"worker": 35, "model process": 32, "fork server": 14, "driver": 12, "connection": 4, "database": 3}
 PAUSE_S = (0.05, 1.2)
+MORE_REPETITIONS = 10
 ORPHAN_LIMIT_S = 20.0
 REPORT_EVERY = 25
 
@@ -55,13 +57,21 @@ class Drivers:
             if (code := command.popen.poll()) is not None:
                 self.ends[code] += 1
                 if code == 0:
-                    self.repetitions += 1
+                    self.repetitions += MORE_REPETITIONS
                 self._commands[number] = self._start(number)
 
-    def families(self) -> list[tuple[str, psutil.Process]]:
-        """Return the processes of all drivers with the role of each."""
-        found = [one for command in self._commands for one in family(command.popen.pid)]
-        return [(re.sub(r"^, | \d+$", "", role) or "driver", process) for role, process in found]
+    def families(self, *, working: bool) -> list[tuple[str, psutil.Process]]:
+        """Return the processes of all drivers with the role of each.
+
+        Args:
+            working: only of drivers whose workers have started their models.
+        """
+        found = []
+        for command in self._commands:
+            own = [(re.sub(r"^, | \d+$", "", role) or "driver", one) for role, one in family(command.popen.pid)]
+            if not working or sum(role == "model process" for role, _ in own) >= WORKERS:
+                found += own
+        return found
 
     def finish(self) -> int:
         """End all drivers, run what is left with one, and return its exit code."""
@@ -80,14 +90,16 @@ class Drivers:
 class Killer:
     """Kills processes, and watches what the kills leave."""
 
-    def __init__(self, drivers: Drivers, server: PostgresqlServer, chance: random.Random) -> None:
-        self._drivers, self._server, self._chance = drivers, server, chance
+    def __init__(self, drivers: Drivers, server: PostgresqlServer, chance: random.Random, *, working: bool) -> None:
+        self._drivers, self._server, self._chance, self._working = drivers, server, chance, working
         self.kills: Counter[str] = Counter()
         self.wrong: list[str] = []
         self.longest_orphan_s = 0.0
 
     def kill_one(self) -> None:
         """Kill a process of a kind drawn at random."""
+        if self._working and not self._drivers.families(working=True):
+            return
         (kind,) = self._chance.choices(list(WEIGHTS), list(WEIGHTS.values()))
         if kind == "database":
             self._server.kill()
@@ -108,7 +120,7 @@ class Killer:
             with suppress(psutil.Error, OSError):
                 return [one for one in self._server.postmaster.children() if "lab test_" in " ".join(one.cmdline())]
             return []
-        return [process for role, process in self._drivers.families() if role == kind]
+        return [process for role, process in self._drivers.families(working=self._working) if role == kind]
 
     def _watch(self, kind: str, below: list[psutil.Process]) -> None:
         """Wait until the children of a killed process have ended."""
@@ -173,6 +185,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60, help="the kills end after this time")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--drivers", type=int, default=3)
+    parser.add_argument("--working", action="store_true", help="kill only where workers have started their models")
     parser.add_argument("--folder", type=Path, default=Path("kills"), help="a new folder, which is kept")
     asked = parser.parse_args()
     asked.folder.mkdir(parents=True)
@@ -182,9 +195,9 @@ def main() -> int:
     with ExitStack() as stack:
         server = stack.enter_context(killable_server())
         world = World(asked.folder.resolve(), new_database(server.url))
-        drivers = Drivers(world, asked.drivers, repetitions=2)
+        drivers = Drivers(world, asked.drivers, repetitions=MORE_REPETITIONS)
         stack.callback(lambda: [process.kill() for process in processes_in(world)])
-        killer = Killer(drivers, server, chance)
+        killer = Killer(drivers, server, chance, working=asked.working)
         reported = 0
         while sum(killer.kills.values()) < asked.kills and time.monotonic() - began < asked.minutes * 60:
             time.sleep(chance.uniform(*PAUSE_S))

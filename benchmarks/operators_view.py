@@ -15,16 +15,15 @@ import subprocess
 import sys
 import termios
 import threading
-import urllib.error
-import urllib.parse
-import urllib.request
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import psutil
 from rerun.chunk import RrdReader
 
-from vsnbench.viewer.viewers import _program
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.support.live_stream import save_live_stream
 
 VSNBENCH = (sys.executable, "-m", "vsnbench.cli.main")
 MIN_BINARY_LENGTH = 8
@@ -88,11 +87,8 @@ class LiveStream:
         address = re.search(r"watch live at (http://\S+)", self._terminal.shown)
         if self._process is not None or address is None:
             return
-        with contextlib.suppress(urllib.error.URLError, OSError):
-            redirected = urllib.request.urlopen(address[1], timeout=10).geturl()
-            (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(redirected).query)["url"]
-            command = [str(_program()), "--save", str(self.file), url]
-            self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        with contextlib.suppress(OSError):
+            self._process = save_live_stream(address[1], self.file)
 
     def ended(self) -> None:
         """Stop saving."""

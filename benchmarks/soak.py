@@ -17,7 +17,6 @@ import signal
 import subprocess
 import sys
 import time
-import urllib.parse
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -28,13 +27,13 @@ from sqlalchemy import text
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.support.live_stream import save_live_stream  # noqa: E402
 from benchmarks.support.process_samples import HALF_HOUR_S, SampleFile, bytes_below, read_samples, samples_of, table  # noqa: E402
 from benchmarks.support.record_checks import print_faults, print_totals  # noqa: E402
 from benchmarks.support.soak_clients import Client, ConsoleOperator, ResultsReader  # noqa: E402
 from benchmarks.support.soak_world import Command, World  # noqa: E402
 from tests.results.postgresql_server import new_database, running_server  # noqa: E402
-from tests.web.browser import Browser  # noqa: E402
-from vsnbench.viewer.viewers import _program, free_port  # noqa: E402
+from vsnbench.viewer.viewers import free_port  # noqa: E402
 
 SAMPLE_S = 30.0
 WARM_UP_S = 1200.0
@@ -78,25 +77,16 @@ class SecondViewer:
         """Open it, or open it anew after half an hour."""
         if self._popen is None or time.monotonic() - self._since_s > HALF_HOUR_S:
             self.close()
-            self._popen, self._since_s = follow_live(self._world, self._command), time.monotonic()
+            file = self._world.folder / "live.rrd"
+            file.unlink(missing_ok=True)
+            self._popen = save_live_stream(self._command.address(), file, self._world.environment)
+            self._since_s = time.monotonic()
 
     def close(self) -> None:
         """End it."""
         if self._popen is not None:
             self._popen.kill()
             self._popen.wait(30)
-
-
-def follow_live(world: World, command: Command) -> "subprocess.Popen[bytes]":
-    """Start a viewer of the live stream."""
-    location = Browser(command.address()).enter().ask("GET", "/").headers["location"]
-    (url,) = urllib.parse.parse_qs(urllib.parse.urlsplit(location).query)["url"]
-    return subprocess.Popen(
-        [str(_program()), "--save", str(world.folder / "live.rrd"), url],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=world.environment,
-    )
 
 
 def soak(world: World, hours: float, stack: ExitStack) -> list[str]:

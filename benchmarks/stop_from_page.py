@@ -1,15 +1,14 @@
-"""Measures the time from STOP on the operator's page to zero velocity.
+"""From a thumb on the page's STOP to zero velocity on the wire, over a real ROS network, in the midst of a movement.
 
     python benchmarks/stop_from_page.py --stops 100
     python benchmarks/stop_from_page.py --stops 100 --delay 200        # the page's network holds each byte 200 ms
     .venv-ros2/bin/python benchmarks/stop_from_page.py --ros ros2
 
-`vsnbench robots simulate` simulates a robot in an empty hall over ROS, `vsnbench run --console` drives it, and Chromium
-at phone size presses Go, and STOP at a random moment of a movement, in each trial. The time in milliseconds runs from
-the browser's timestamp of the press to the zero command that a separate node receives, with no motion command after it,
-and to odometry at rest. A press between two movements does not count. `--delay` adds a relay between browser and run
-that delays every byte in both directions. The limit is 0.3 s plus the delay in one direction; exit code 1 means that a
-stop took longer.
+`vsnbench robots simulate` plays a robot in an empty hall, `vsnbench run --console` drives it, and a Chromium at phone
+size presses Go and STOP at a random moment of a movement, one trial after another. The time runs from the browser's own
+stamp of the press to the zero command that a node of its own hears, after which none moves, and to the odometry at
+rest. A press between two movements does not count. The delay is a relay between browser and run that holds every byte
+back, each way. Bar: 0.3 s over the network, and the delay of the way there. Exits with 1 where a stop took longer.
 """
 
 import argparse
@@ -47,7 +46,7 @@ starts: [{number: 1, position: [-20, 0], heading_deg: 17}]
 LISTENER = Path(__file__).with_name("nodes") / "velocity_listener.py"
 PROFILES = {"ros1": "turtlebot2", "ros2": "turtlebot4"}
 AT_REST = 0.01
-"""Maximum |m/s| + |rad/s| of the odometry of a robot at rest."""
+"""|m/s| + |rad/s| of an odometry that stands."""
 BAR_S = 0.3
 STAMP = """() => document.getElementById("stop").addEventListener("pointerdown",
   (event) => { window.pressed = (performance.timeOrigin + event.timeStamp) / 1000; }, { capture: true })"""
@@ -55,14 +54,14 @@ STAMP = """() => document.getElementById("stop").addEventListener("pointerdown",
 
 @dataclass
 class Listener:
-    """Messages that the separate listener node receives, as (time, speed)."""
+    """What a node of its own hears."""
 
     process: "subprocess.Popen[str]"
     commands: list[tuple[float, float]] = field(default_factory=list)
     odometry: list[tuple[float, float]] = field(default_factory=list)
 
     def read(self) -> None:
-        """Collect the node's output until it exits."""
+        """Keep what it writes, until it ends."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
             at, what, speed = line.split()
@@ -76,7 +75,7 @@ class Listener:
 
 @dataclass(frozen=True)
 class Halt:
-    """Times measured after one press of STOP."""
+    """One press."""
 
     to_zero_s: float
     to_rest_s: float
@@ -85,13 +84,13 @@ class Halt:
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--stops", type=int, default=100)
-    options.add_argument("--delay", type=float, default=0.0, metavar="MS", help="delay in each direction")
+    options.add_argument("--delay", type=float, default=0.0, metavar="MS", help="of the page's network, each way")
     options.add_argument("--ros", choices=PROFILES, default="ros1")
     options.add_argument("--seed", type=int, default=1)
     asked = options.parse_args()
     with ExitStack() as stack:
         halts = measured(stack, asked.ros, asked.stops, asked.delay / 1000, random.Random(asked.seed))
-    zero, rest = sorted(halt.to_zero_s for halt in halts), sorted(halt.to_rest_s for halt in halts)
+    zero, rest = sorted(one.to_zero_s for one in halts), sorted(one.to_rest_s for one in halts)
     print("| network | stops | zero velocity: median | 95 % | worst | at rest: median | 95 % | worst | load |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     network = f"{asked.ros}, {asked.delay:.0f} ms each way"
@@ -102,54 +101,70 @@ def main() -> int:
 def line(times_s: list[float]) -> str:
     """Return median, 95 % and worst in milliseconds."""
     of = (statistics.median(times_s), times_s[min(len(times_s) - 1, round(0.95 * len(times_s)))], times_s[-1])
-    return " | ".join(f"{time_s * 1000:.0f} ms" for time_s in of)
+    return " | ".join(f"{one * 1000:.0f} ms" for one in of)
+
+
+class SimulatedRobot:
+    """A robot that `vsnbench robots simulate` plays in an empty hall, its motion server, and a node that listens."""
+
+    def __init__(self, stack: ExitStack, ros: str, chance: random.Random) -> None:
+        """Bring everything up, and return when the base sends its odometry."""
+        self._stack, self._ros, self._chance = stack, ros, chance
+        self.directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        self.profile, self.hall, self.log = (self.directory / name for name in ("robot.yaml", "hall.yaml", "log"))
+        self.hall.write_text(HALL)
+        self.profile.write_text(with_small_camera(PROFILES[ros], ros))
+        self._sink = stack.enter_context(self.log.open("w"))
+        self._set_environment()
+        if ros == "ros1":
+            import shutil
+
+            from vsnbench.ros1.master import Master
+
+            rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
+            self.start(rosmaster, "--core", "-p", self._master, stdout=self._sink)
+            Master.from_environment().wait(60)
+        self.vsnbench("robots", "simulate", self.profile, "--site", self.hall)
+        self.motion_server = self.vsnbench("robots", "serve", self.profile)
+        self.listener = Listener(self.start(LISTENER, ros, self.profile, stdout=subprocess.PIPE))
+        threading.Thread(target=self.listener.read, daemon=True).start()
+        wait_until(lambda: self.listener.odometry, "the base sends its odometry")
+
+    def start(self, *words: object, **how: object) -> "subprocess.Popen[str]":
+        """Start a Python program that ends with this one."""
+        started = subprocess.Popen([sys.executable, *map(str, words)], stderr=self._sink, text=True, **how)
+        self._stack.callback(started.wait)
+        self._stack.callback(started.terminate)
+        return started
+
+    def vsnbench(self, *words: object) -> "subprocess.Popen[str]":
+        """Start a command of vsnbench."""
+        return self.start("-m", "vsnbench.cli.main", *words, stdout=self._sink, stdin=subprocess.DEVNULL)
+
+    def run(self, *words: object) -> "subprocess.Popen[str]":
+        """Start a run of `forward`."""
+        trials = ("--model", "forward", "--goal", "chair", "--results", self.directory / "results", "--keep", "images")
+        return self.vsnbench("run", "--robot", self.profile, "--site", self.hall, *trials, *words)
+
+    def _set_environment(self) -> None:
+        self._master = quiet_port(self._chance)
+        os.environ.update(
+            ROS_MASTER_URI=f"http://127.0.0.1:{self._master}",
+            ROS_IP="127.0.0.1",
+            ROS_HOME=str(self.directory),
+            ROS_LOG_DIR=str(self.directory),
+            ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+            ROS_DOMAIN_ID=str(self._stack.enter_context(closing(Domain())).number),
+            PYTHONPATH=str(Path(__file__).resolve().parent.parent),
+        )
 
 
 def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: random.Random) -> list[Halt]:
-    """Start all processes and stop the robot `stops` times; return the measured halts."""
-    directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-    port, master = quiet_port(chance), quiet_port(chance)
-    os.environ.update(
-        ROS_MASTER_URI=f"http://127.0.0.1:{master}",
-        ROS_IP="127.0.0.1",
-        ROS_HOME=str(directory),
-        ROS_LOG_DIR=str(directory),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-        ROS_DOMAIN_ID=str(stack.enter_context(closing(Domain())).number),
-        PYTHONPATH=str(Path(__file__).resolve().parent.parent),
-    )
-    profile, hall, log = directory / "robot.yaml", directory / "hall.yaml", directory / "log"
-    hall.write_text(HALL)
-    profile.write_text(with_small_camera(PROFILES[ros], ros))
-    sink = stack.enter_context(log.open("w"))
-
-    def start(*words: object, **how: object) -> "subprocess.Popen[str]":
-        started = subprocess.Popen([sys.executable, *map(str, words)], stderr=sink, text=True, **how)
-        stack.callback(started.wait)
-        stack.callback(started.terminate)
-        return started
-
-    if ros == "ros1":
-        import shutil
-
-        from vsnbench.ros1.master import Master
-
-        rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
-        start(rosmaster, "--core", "-p", master, stdout=sink)
-        Master.from_environment().wait(60)
-    vsnbench = ("-m", "vsnbench.cli.main")
-    start(*vsnbench, "robots", "simulate", profile, "--site", hall, stdout=sink)
-    start(*vsnbench, "robots", "serve", profile, stdout=sink)
-    listener = Listener(start(LISTENER, ros, profile, stdout=subprocess.PIPE))
-    threading.Thread(target=listener.read, daemon=True).start()
-    wait_until(lambda: listener.odometry, "the first odometry message")
-    words = ("--model", "forward", "--goal", "chair", "--results", directory / "results", "--keep", "none")
-    run = start(
-        *(*vsnbench, "run", "--robot", profile, "--site", hall, *words, f"--console=:{port}"),
-        stdout=sink,
-        stdin=subprocess.DEVNULL,
-    )
-    wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the address of the page")
+    """Bring everything up, and stop the robot so many times."""
+    robot, port = SimulatedRobot(stack, ros, chance), quiet_port(chance)
+    listener, log = robot.listener, robot.log
+    run = robot.run(f"--console=:{port}")
+    wait_until(lambda: run.poll() is not None or "token=" in log.read_text(), "the page is served")
     address = re.search(r"http://\S+token=\S+", log.read_text())
     assert address is not None, log.read_text()
     relay = stack.enter_context(TcpRelay(port, delay_s))
@@ -162,7 +177,7 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
     halts: list[Halt] = []
     while len(halts) < stops:
         phone.page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
-        if phone.screen().name == "finish":  # the trial ended by itself, for example with a wheel drop
+        if phone.screen().name == "finish":  # a trial that ended by itself, say with a wheel drop
             break
         if (halt := one_stop(phone, listener, chance, log)) is not None:
             halts.append(halt)
@@ -171,13 +186,13 @@ def measured(stack: ExitStack, ros: str, stops: int, delay_s: float, chance: ran
 
 
 def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path) -> Halt | None:
-    """Press Go, and STOP at a random moment. Returns None if no movement was commanded at that moment."""
+    """Press Go, and STOP at a random moment; None where the robot was not told to move then."""
     page = phone.page
     page.click("#go")
     page.wait_for_selector("#stop", state="visible")
-    wait_until(lambda: listener.speed > 5 * AT_REST, f"motion: {log.read_text()[-500:]}")
+    wait_until(lambda: listener.speed > 5 * AT_REST, f"it moves: {log.read_text()[-500:]}")
     time.sleep(chance.uniform(0.1, 1.2))
-    wait_until(lambda: listener.speed > 5 * AT_REST, "motion")
+    wait_until(lambda: listener.speed > 5 * AT_REST, "it moves")
     box = page.locator("#stop").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -185,20 +200,20 @@ def one_stop(phone: Phone, listener: Listener, chance: random.Random, log: Path)
     page.mouse.up()
     page.wait_for_selector("#go:visible, #finish:visible", timeout=120_000)
     pressed = float(page.evaluate("window.pressed")) - clock_ahead_s(page)
-    if max((command for command in listener.commands if command[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
+    if max((one for one in listener.commands if one[0] < pressed), default=(0.0, 0.0))[1] <= AT_REST:
         return None
     return Halt(first_after(listener.commands, pressed) - pressed, first_after(listener.odometry, pressed) - pressed)
 
 
-def first_after(messages: list[tuple[float, float]], since: float) -> float:
-    """Return the time of the first message at rest after the last message in motion."""
-    later = [message for message in messages if message[0] >= since]
+def first_after(heard: list[tuple[float, float]], since: float) -> float:
+    """Return when the first message of standing came after the last one of moving."""
+    later = [one for one in heard if one[0] >= since]
     last = max((number for number, (_, speed) in enumerate(later) if speed > AT_REST), default=-1)
     return later[last + 1][0]
 
 
 def clock_ahead_s(page: object) -> float:
-    """Return the offset of the browser's clock from this process's clock, in seconds."""
+    """Return how far the browser's clock is ahead of this process's."""
     tries = []
     for _ in range(5):
         before = time.time()
@@ -209,7 +224,7 @@ def clock_ahead_s(page: object) -> float:
 
 
 def with_small_camera(name: str, ros: str) -> str:
-    """Return the profile with a small, slow camera, because images are not measured."""
+    """Return a profile whose camera costs next to nothing: pictures are not what is measured here."""
     from vsnbench.robots.profiles import embedded_profiles
 
     text = embedded_profiles()[name].read_text()

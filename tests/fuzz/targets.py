@@ -1,57 +1,26 @@
-"""All loaders of external data, with valid inputs to damage."""
+"""Every loader of what comes from outside, with good inputs to spoil."""
 
 import csv
 import io
 import json
 import random
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 
 from tests.fuzz import mutations
 from tests.fuzz.command_line import call
+from tests.fuzz.documents import DOCUMENTS
 from tests.fuzz.record import RecordTarget
+from tests.fuzz.target import SettingsFile, Target
 from tests.fuzz.weights import CHECKPOINTS, ONNX_FILE
 from vsnbench.errors import VsnbenchError
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-class Target(Protocol):
-    """A loader, created once in its own folder."""
-
-    in_suite: ClassVar[int]
-    """Number of inputs in the test suite, for some seconds; `make fuzz` runs more."""
-
-    def __init__(self, home: Path) -> None: ...
-
-    def load(self, rng: random.Random, index: int | None) -> None:
-        """Damage a valid input and load it; None for `index` loads it unchanged."""
-
-
-class _SettingsFile(ABC):
-    """A YAML file and the function that reads it."""
-
-    in_suite: ClassVar[int] = 100
-    files: ClassVar[tuple[Path | str, ...]]
-
-    def __init__(self, home: Path) -> None:
-        self.path = home / "given.yaml"
-        self.good = [file.encode() if isinstance(file, str) else file.read_bytes() for file in self.files]
-
-    def load(self, rng: random.Random, index: int | None) -> None:
-        good = rng.choice(self.good)
-        self.path.write_bytes(good if index is None else mutations.yaml_text(rng, good))
-        self.read()
-
-    @abstractmethod
-    def read(self) -> None:
-        """Read the file with the project's loader."""
 
 
 SMALL_SITE = """
@@ -69,8 +38,8 @@ starts: [{number: 1, position: [1, 1], heading_deg: 0}, {number: 2, position: [2
 """
 
 
-class SiteTarget(_SettingsFile):
-    """Site files, and `sites check` on the readable ones."""
+class SiteTarget(SettingsFile):
+    """Site files, and what `sites check` does with those that are read."""
 
     files = (SMALL_SITE,)
 
@@ -80,7 +49,7 @@ class SiteTarget(_SettingsFile):
             raise VsnbenchError
 
 
-class ProfileTarget(_SettingsFile):
+class ProfileTarget(SettingsFile):
     """Robot profiles."""
 
     files = tuple((ROOT / "vsnbench" / "robots" / "profiles").glob("*.yaml"))
@@ -91,8 +60,8 @@ class ProfileTarget(_SettingsFile):
         load_profile(self.path)
 
 
-class ModelSettingsTarget(_SettingsFile):
-    """Files of --model-config and settings of discrete_move."""
+class ModelSettingsTarget(SettingsFile):
+    """The files of --model-config and of discrete_move."""
 
     files = (
         "decision: sampled\ncompass: turns\nturn_deg: 30.0\nas_published: true\nthreads: 2\nprecision: single\n",
@@ -118,9 +87,9 @@ class ModelSettingsTarget(_SettingsFile):
 
 
 class PictureTarget:
-    """Images of a record, as a report, a bag and an import decode them."""
+    """Pictures of a record: what a report, a bag and an import decode."""
 
-    in_suite: ClassVar[int] = 200
+    in_suite: ClassVar[int] = 400
 
     def __init__(self, home: Path) -> None:
         self.folder = home / "episodes" / "000001" / "rgb"
@@ -142,7 +111,7 @@ class PictureTarget:
         from vsnbench.values.encoding.images import decode_picture
 
         content = self.good[0] if index is None else mutations.bytes_of(rng, rng.choice(self.good))
-        if index is not None and rng.random() < 0.2 and len(content) > 24:  # a size other than the image's
+        if index is not None and rng.random() < 0.2 and len(content) > 24:  # a size that is not the picture's
             content = content[:16] + rng.randbytes(8) + content[24:]
         (self.folder / "0001.jpg").write_bytes(content)
         kept = read_confined(self.home, "episodes/000001/rgb/0001.jpg") or b""
@@ -153,9 +122,9 @@ class PictureTarget:
 
 
 class ImageMessageTarget:
-    """Images from a camera driver."""
+    """Images that a camera's driver sends."""
 
-    in_suite: ClassVar[int] = 250
+    in_suite: ClassVar[int] = 500
 
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
@@ -174,7 +143,7 @@ class ImageMessageTarget:
         if index is not None:
             for _ in range(rng.choice((1, 1, 2))):
                 field = rng.choice(("height", "width", "encoding", "is_bigendian", "step", "data"))
-                numbers = (0, 1, 2, 7, 9, 255, 65535, 2**31, 2**32 - 1)  # values that the message's fields can have
+                numbers = (0, 1, 2, 7, 9, 255, 65535, 2**31, 2**32 - 1)  # what the message's fields can hold
                 changed: Any = rng.choice(numbers)
                 if field == "encoding":
                     changed = rng.choice(mutations.WORDS)
@@ -185,9 +154,9 @@ class ImageMessageTarget:
 
 
 class DatabaseURLTarget:
-    """Values of --db."""
+    """What is typed after --db."""
 
-    in_suite: ClassVar[int] = 250
+    in_suite: ClassVar[int] = 500
 
     def __init__(self, home: Path) -> None:
         self.good = [
@@ -212,7 +181,7 @@ class DatabaseURLTarget:
 class HabitatTarget:
     """`import habitat`."""
 
-    in_suite: ClassVar[int] = 60
+    in_suite: ClassVar[int] = 100
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -238,9 +207,9 @@ class HabitatTarget:
 
 
 class UpstreamLogTarget:
-    """`import ros4vsn`: the log and its images."""
+    """`import ros4vsn`: the log and its pictures."""
 
-    in_suite: ClassVar[int] = 60
+    in_suite: ClassVar[int] = 100
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -282,6 +251,7 @@ TARGETS: dict[str, type[Target]] = {
     "site": SiteTarget,
     "profile": ProfileTarget,
     "model settings": ModelSettingsTarget,
+    **DOCUMENTS,
     **CHECKPOINTS,
     "onnx": ONNX_FILE,
     "picture": PictureTarget,
