@@ -99,7 +99,7 @@ def load_start(network: PIRLNavNetwork, recipe: Recipe) -> None:
     checkpoint = read_checkpoint(path)
     if checkpoint.architecture != network.architecture:
         raise TrainingError(f"start: {path} has other layer sizes than the recipe's network")
-    network.load_state_dict(dict(checkpoint.weights))
+    network.load_state_dict({name: torch.tensor(weight) for name, weight in checkpoint.weights.items()})
 
 
 def _claim(recipe: Recipe, output: Path) -> None:

@@ -48,7 +48,7 @@ def test_the_rest_of_the_product_needs_no_ros() -> None:
 
 
 def test_the_doctor_names_what_is_missing(tmp_path) -> None:
-    words = f"['vsnbench', 'doctor', '--results', {str(tmp_path / 'results')!r}]"
+    words = f"['vsnbench', 'doctor', '--robot', 'turtlebot2', '--results', {str(tmp_path / 'results')!r}]"
     done = without_ros(f"from vsnbench.cli.main import main; sys.argv = {words}; main()")
     assert done.returncode == 1
     assert "run scripts/install_ros.sh" in done.stdout

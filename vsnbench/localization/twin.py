@@ -34,7 +34,7 @@ class Twin:
 
     def __init__(self, site: Site) -> None:
         self.site = site
-        mesh = build_mesh(build_scene(site))
+        mesh = build_mesh(build_scene(site, is_surveyed_only=True))
         self.drawer = DepthDrawer(mesh)
         self.normals: Floats = mesh.normals
         """(F, 3) outward normals."""

@@ -19,8 +19,12 @@ _NEVER_FELT = ("rug", "picture")
 _TABLEWARE = "tableware"
 
 
-def build_scene(site: Site) -> Scene:
+def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
     """Build a site's floors, walls, doorways, windows and furniture.
+
+    Args:
+        site: the site.
+        is_surveyed_only: leave out the things on tables, which are not in the survey.
 
     Coverings, skirting and casings are visible but not solid. The slab under the floors and surveyed outlines are solid
     but not visible.
@@ -31,7 +35,8 @@ def build_scene(site: Site) -> Scene:
     primitives = list(build_structure(site))
     for index, thing in enumerate(site.objects):
         primitives.extend(_stand(thing, index + 1))
-        primitives.extend(_laid_on(thing, site.objects))
+        if not is_surveyed_only:
+            primitives.extend(_laid_on(thing, site.objects))
     return Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m)
 
 

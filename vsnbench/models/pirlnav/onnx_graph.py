@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.onnx_file import FLOAT, INT64, OnnxGraph
+from vsnbench.models.checkpoints.onnx_file import FLOAT, INT64, OnnxGraph
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.weight_shapes import BACKBONE, ENCODER, GRU, Block, residual_blocks
 

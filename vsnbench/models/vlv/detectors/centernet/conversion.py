@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from vsnbench.errors import ModelError
-from vsnbench.models.onnx_file import FLOAT, INT64, OnnxGraph
+from vsnbench.models.checkpoints.onnx_file import FLOAT, INT64, OnnxGraph
 from vsnbench.models.vlv.detectors.centernet.graph import Graph, Node
 from vsnbench.models.vlv.detectors.coco import CLASSES_80
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from vsnbench.models.onnx_file import FLOAT, INT64, OnnxGraph
+from vsnbench.models.checkpoints.onnx_file import FLOAT, INT64, OnnxGraph
 
 TEXTS = st.text(min_size=1, max_size=200)
 INTEGERS = st.integers(-(2**63), 2**63 - 1)
