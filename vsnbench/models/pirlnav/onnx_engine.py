@@ -1,11 +1,12 @@
 """Runs the network in onnxruntime on a CPU, with or without PyTorch."""
 
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-import onnxruntime
 
 from vsnbench.errors import ModelError
+from vsnbench.models.checkpoints.onnx_session import open_session
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
 from vsnbench.models.pirlnav.onnx_graph import network_file
@@ -21,22 +22,14 @@ class OnnxEngine(Engine):
             ModelError: onnxruntime cannot open it.
         """
         sizes = checkpoint.architecture
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        options.log_severity_level = 3
-        # Threads that spin between steps would take processor time from the control of the robot.
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
-            self._session: Any = onnxruntime.InferenceSession(
-                network_file(sizes, checkpoint.weights), options, providers=["CPUExecutionProvider"]
-            )
+            self._session: Any = open_session(network_file(sizes, checkpoint.weights), threads)
         except Exception as error:  # onnxruntime's exceptions have no other public base
             raise ModelError(
                 f"onnxruntime cannot open the network of {checkpoint.path}: {str(error).partition(chr(10))[0][:160]}",
                 advice="set `runtime: torch` in --model-config",
             ) from error
-        self.label = f"onnxruntime {onnxruntime.__version__} on cpu, {threads} threads"
+        self.label = f"onnxruntime {version('onnxruntime')} on cpu, {threads} threads"
         self.memory = np.zeros((sizes.recurrent_layers, 1, sizes.hidden_size), np.float32)
 
     def step(self, step: StepInput) -> StepOutput:

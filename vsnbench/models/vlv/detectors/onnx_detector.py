@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
+from vsnbench.models.checkpoints.onnx_session import open_session
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
 from vsnbench.models.vlv.detectors.contract import Detection, Detector, Reliability
@@ -51,22 +52,12 @@ class ONNXDetector(Detector):
             threshold_for_all: the threshold is for the other classes, too.
 
         Raises:
-            ModelError: onnxruntime is missing, or the file is not such a detector.
+            ModelError: the file is not such a detector.
         """
+        # One thread in simulation: the same result on every machine.
+        threads = os.environ.get("OMP_NUM_THREADS", "")
         try:
-            import onnxruntime as ort
-        except ImportError as error:
-            raise ModelError("an ONNX detector needs onnxruntime", advice="pip install 'vsnbench[neural]'") from error
-        options = ort.SessionOptions()
-        options.log_severity_level = 3
-        options.inter_op_num_threads = 1
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # the robot's control needs the cores
-        if (
-            threads := os.environ.get("OMP_NUM_THREADS", "")
-        ).isdigit():  # one in simulation: the same result on every machine
-            options.intra_op_num_threads = int(threads)
-        try:
-            self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+            self._session = open_session(path, int(threads) if threads.isdigit() else None)
         except Exception as error:  # onnxruntime's errors have no common base class
             reason = str(error).partition("\n")[0][:160]
             raise ModelError(f"{path}: onnxruntime cannot load it ({reason})") from error
