@@ -64,7 +64,8 @@ def stub_server(
     (directory / "served_model.py").write_text(source, encoding="utf-8")
     (directory / STUB.name).write_bytes(stub.read_bytes())
     number = port or free_port()
-    environment = {**os.environ, "VSNBENCH_TOKEN": token, "PYTHONPATH": ""}
+    # Bytecode of a source that a test replaces within a second would still count as current.
+    environment = {**os.environ, "VSNBENCH_TOKEN": token, "PYTHONPATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
     with (directory / "server.log").open("ab") as log:
         process = subprocess.Popen(
             [

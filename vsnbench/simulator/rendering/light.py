@@ -27,6 +27,8 @@ _DIRECTIONS = (8, 48)
 """Minimum and maximum number of directions in which a point receives reflected light."""
 _RAYS = 5_000_000
 """Number of rays that a scene with many surfaces shares among its points."""
+_MANY_POINTS = 330_000
+"""Number of points, twice the embedded apartment's, from which on fewer points of windows and lamps are sampled."""
 _SUN = (0.36, -0.76, 0.54, 1.5, 1.36, 1.1)
 """Direction to the sun, not normalized, and its RGB light."""
 _CEILING_LIGHT = (0.78, 0.72, 0.62)
@@ -98,9 +100,19 @@ def _baked(
     copies = copies.reshape(-1)
     points, normals, owners = points[first], normals[first], owners[first]
     lit = np.empty((len(first), 4), np.float32)
+    parts = _parts(3, 4, 2) if len(first) < _MANY_POINTS else _parts(2, 2, 1)
     _in_parts(
         lambda part: direct_light(
-            points[part], normals[part], owners[part], world, panes, lamps, sun, scene.ceiling_height_m, lit[part]
+            points[part],
+            normals[part],
+            owners[part],
+            world,
+            panes,
+            lamps,
+            sun,
+            parts,
+            scene.ceiling_height_m,
+            lit[part],
         ),
         len(first),
     )
@@ -139,6 +151,14 @@ def _baked(
     values[:, :3] = (values[:, :3] + reflected + np.array(_AMBIENT)) * factor
     fill_buried(start, size, values)
     return values
+
+
+def _parts(across: int, up: int, of_lamp: int) -> tuple[Floats, Floats]:
+    """Return the sampled points of a window (N, 2), in its half axes, and of a lamp (N, 2), in its radius."""
+    step = 0.66 if across == 3 else 2 / across
+    window = [((s - (across - 1) / 2) * step, (t - (up - 1) / 2) * 2 / up) for t in range(up) for s in range(across)]
+    lamp = [(s - (of_lamp - 1) / 2, t - (of_lamp - 1) / 2) for t in range(of_lamp) for s in range(of_lamp)]
+    return np.array(window), np.array(lamp)
 
 
 def _exposure(walls: Floats) -> float:

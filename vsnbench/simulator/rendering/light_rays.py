@@ -152,6 +152,7 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
     panes: Any,
     lamps: Any,
     sun: Any,
+    parts: Any,
     ceiling: Any,
     values: Any,
 ) -> None:
@@ -159,7 +160,8 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
 
     The fourth value is the distance from the surface at which rays start, metres, or 0 for a point inside a solid.
     Rows of `panes` have centre, two half axes, inward normal and area of a window. Rows of `lamps` have position, RGB
-    power, instance and radius. `sun` has the direction to the sun and its RGB light.
+    power, instance and radius. `sun` has the direction to the sun and its RGB light. `parts` has the sampled points of
+    a window, in its half axes, and of a lamp, in its radius.
     """
     start, ray = np.empty(3), np.empty(3)
     stamps = np.zeros(len(world[5]) + 1, np.int64)
@@ -178,25 +180,26 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
         if at == 0.0:
             continue
         for pane in range(len(panes)):
-            _add_window(start, normal, owner, world, panes[pane], ray, stamps, values[number])
+            _add_window(start, normal, owner, world, panes[pane], parts[0], ray, stamps, values[number])
         for lamp in range(len(lamps)):
-            _add_lamp(start, normal, owner, world, lamps[lamp], ray, stamps, values[number])
+            _add_lamp(start, normal, owner, world, lamps[lamp], parts[1], ray, stamps, values[number])
         facing_us = sun[0] * normal[0] + sun[1] * normal[1] + sun[2] * normal[2]
         if facing_us > 0.0 and start[2] < ceiling:
             _add_sun(start, facing_us, owner, world, sun, ceiling, ray, stamps, values[number])
 
 
 @compiled
-def _add_window(start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray: Any, stamps: Any, value: Any) -> None:
-    """Add the light of a window, sampled at 3 x 4 points, so that shadows are soft."""
+def _add_window(  # noqa: PLR0913 - compiled functions take arrays, not objects
+    start: Any, normal: Any, owner: Any, world: Any, pane: Any, parts: Any, ray: Any, stamps: Any, value: Any
+) -> None:
+    """Add the light of a window, sampled at several points, so that shadows are soft."""
     facing = 0.0
     for k in range(3):
         facing += (start[k] - pane[k]) * pane[9 + k]
     side = 1.0 if facing > 0.0 else -1.0
     total = 0.0
-    for part in range(12):
-        across = ((part % 3) - 1) * 0.66
-        up = ((part // 3) - 1.5) * 0.5
+    for part in range(len(parts)):
+        across, up = parts[part, 0], parts[part, 1]
         length = facing_us = facing_pane = 0.0
         for k in range(3):
             ray[k] = pane[k] + across * pane[3 + k] + up * pane[6 + k] - start[k]
@@ -205,7 +208,7 @@ def _add_window(start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray:
             facing_pane -= ray[k] * pane[9 + k] * side
         if facing_us <= 0.0 or facing_pane <= 0.0:
             continue
-        form = pane[12] / 12.0 * facing_us * facing_pane / (np.pi * (length * length + 0.02))
+        form = pane[12] / len(parts) * facing_us * facing_pane / (np.pi * (length * length + 0.02))
         form -= 4e-4  # distant windows need many rays and add little light
         if form <= 0.0:
             continue
@@ -221,15 +224,17 @@ def _add_window(start: Any, normal: Any, owner: Any, world: Any, pane: Any, ray:
 
 
 @compiled
-def _add_lamp(start: Any, normal: Any, owner: Any, world: Any, lamp: Any, ray: Any, stamps: Any, value: Any) -> None:
-    """Add the light of a lamp, sampled at four points of its horizontal disc."""
+def _add_lamp(  # noqa: PLR0913 - compiled functions take arrays, not objects
+    start: Any, normal: Any, owner: Any, world: Any, lamp: Any, parts: Any, ray: Any, stamps: Any, value: Any
+) -> None:
+    """Add the light of a lamp, sampled at points of its horizontal disc."""
     total = 0.0
-    for part in range(4):
+    for part in range(len(parts)):
         length = facing_us = 0.0
         for k in range(3):
             ray[k] = lamp[k] - start[k]
-        ray[0] += lamp[7] * ((part % 2) - 0.5)
-        ray[1] += lamp[7] * ((part // 2) - 0.5)
+        ray[0] += lamp[7] * parts[part, 0]
+        ray[1] += lamp[7] * parts[part, 1]
         for k in range(3):
             length += ray[k] * ray[k]
             facing_us += ray[k] * normal[k]
@@ -243,7 +248,7 @@ def _add_lamp(start: Any, normal: Any, owner: Any, world: Any, lamp: Any, ray: A
             ray[k] /= length
         _, thing = _cast_from(start, ray, length - 1e-3, True, owner, int(lamp[6]), world, stamps)
         if thing < 0:
-            total += 0.25 * form
+            total += form / len(parts)
     for k in range(3):
         value[k] += lamp[3 + k] * total
 
