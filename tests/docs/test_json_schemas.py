@@ -32,8 +32,13 @@ def file_of(command: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def outputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
-    return collect(tmp_path_factory.mktemp("lab"))
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("lab")
+
+
+@pytest.fixture(scope="module")
+def outputs(lab: Path) -> dict[str, list[Any]]:
+    return collect(lab)
 
 
 def test_every_command_with_json_has_a_schema_and_every_schema_a_command() -> None:
@@ -60,13 +65,17 @@ def test_the_output_of_a_command_is_as_its_schema_says(command: str, outputs: di
 
 
 @pytest.mark.slow
-def test_the_page_of_a_second_rater_is_as_its_schema_says(outputs: dict[str, list[Any]], tmp_path: Path) -> None:
-    del outputs
-    words = ["judge", "--second", "Grace", "--port", "0", "--json", "--results", str(tmp_path.parent / "lab0" / "rich")]
+def test_the_page_of_a_second_rater_is_as_its_schema_says(outputs: dict[str, list[Any]], lab: Path) -> None:
+    assert outputs
+    words = ["judge", "--second", "Grace", "--port", "0", "--json", "--results", str(lab / "rich")]
     with vsnbench_process(words) as process:
         assert process.stdout is not None
-        lines = iter(process.stdout.readline, "}\n")
-        value = json.loads("".join(lines) + "}")
+        text = ""
+        for line in process.stdout:
+            text += line
+            if line == "}\n":
+                break
+        value = json.loads(text)
     assert value["address"].startswith("http")
     assert faults("judge", value) == []
 
