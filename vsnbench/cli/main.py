@@ -133,13 +133,13 @@ def build_app(name: str | None) -> typer.Typer:
             for command in module.app.registered_commands:
                 add_completion(name, command.callback)
                 own_name = command.name or command.callback.__name__
-                if (name, own_name) not in WITHOUT_RESULT:
-                    command.callback = with_output_options(command.callback)
+                has_result = (name, own_name) not in WITHOUT_RESULT
+                command.callback = with_output_options(command.callback, has_result=has_result)
                 command.help = join_long_lines(command.help or command.callback.__doc__)
             root.add_typer(module.app, name=name, help=join_long_lines(module.app.info.help) or summary)
         else:
             add_completion(name, module.command)
-            command = module.command if (name,) in WITHOUT_RESULT else with_output_options(module.command)
+            command = with_output_options(module.command, has_result=(name,) not in WITHOUT_RESULT)
             root.command(name, help=join_long_lines(module.command.__doc__))(command)
     return root
 
