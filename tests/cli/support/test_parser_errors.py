@@ -15,7 +15,10 @@ RUN = ("run", "--model", "oracle", "--goal", "chair")
     [
         (("report", "--mdoel", "x"), ("--mdoel", "--model", "`vsnbench report -h`")),
         (("report", "17"), ("17", "`vsnbench report -h`")),
-        (("report", "--format", "pdf"), ("--format", "'pdf'", "'latex'")),
+        (("report", "--format", "pdf"), ("--format' / '-f': 'pdf'", "'latex'")),
+        (("export", "csv"), ("file", "`vsnbench export csv -h`")),
+        (("episodes", "list", "--limit", "-1"), ("--limit", "`vsnbench episodes list -h`")),
+        (("episodes", "show", "last"), ("not an integer", "`vsnbench episodes show -h`")),
         (("report", "--output", "report.html"), ("--output", "report.html")),
         (("run", "--goals", "chair"), ("--goals", "--goal")),
         (("run",), ("--model", "`vsnbench run -h`")),
