@@ -178,7 +178,7 @@ def _run_command(loaded: Callable[[], object]) -> None:
     name = _verb()
     warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
     if not completing:
-        refuse_renamed(sys.argv[1:])
+        refuse_renamed(_without_global_options(sys.argv[1:], name))
     applied = [] if name == "config" or completing else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)
@@ -224,6 +224,11 @@ def _verb() -> str | None:
     words = _words()
     values = {place + 1 for place, word in enumerate(words) if word == "--log-file"}
     return next((word for place, word in enumerate(words) if word in VERBS and place not in values), None)
+
+
+def _without_global_options(words: Sequence[str], name: str | None) -> Sequence[str]:
+    """Return the words from the command on."""
+    return words[words.index(name) :] if name is not None else words
 
 
 def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:

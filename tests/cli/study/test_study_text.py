@@ -13,4 +13,4 @@ from vsnbench.cli.study.text import duration_line
 )
 def test_the_duration_of_a_trial_is_in_plain_digits(seconds: float, stated: str) -> None:
     place = SimpleNamespace(schedule=SimpleNamespace(trials=range(6)))
-    assert stated in duration_line(cast(Any, place), cast(Any, None), seconds)
+    assert stated in duration_line(cast("Any", place), cast("Any", None), seconds)

@@ -32,6 +32,7 @@ RUN = ("run", "--model", "oracle", "--goal", "chair")
         (("sites", "chek"), ("'chek'", "'check'", "`vsnbench sites -h`")),
         (("db", "frobnicate"), ("'frobnicate'", "`vsnbench db -h`")),
         (("reprot",), ("'reprot'", "'report'", "`vsnbench -h`")),
+        (("-v", "run", "--seeds", "0-9"), ("--seeds", "use --seed")),
         (("-x",), ("-x", "`vsnbench -h`")),
         (("judge", "1", "--void", "--quiet"), ("--void", "'--quiet'")),
         (("--\x1b[2Jx",), (r"--\x1b[2Jx",)),
