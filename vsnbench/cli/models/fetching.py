@@ -92,8 +92,8 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
     known = sha256 or (published.sha256 if published is not None else "")
     if not address:
         named = [other for other, file in PUBLISHED.items() if (file.model, file.file_name) == (name, file_name)]
-        fetched = f"fetch {' or '.join(named)}, or give URL" if named else "give URL"
-        raise UsageError(f"no address is published for {name}", advice=fetched, code="address-missing")
+        advice = f"fetch {' or '.join(named)}, or give URL" if named else "give URL"
+        raise UsageError(f"no address is published for {name}", advice=advice, code="address-missing")
     if not known:
         raise UsageError(
             f"no hash is published for {name}",
