@@ -22,7 +22,7 @@ from vsnbench.cli.support.help_text import HELP_OPTIONS, hide_flag_types
 from vsnbench.cli.support.output import WITHOUT_RESULT, LogFile, Verbose, join_long_lines, with_output_options
 from vsnbench.cli.support.parser_errors import RootGroup
 from vsnbench.cli.support.renamed import refuse_renamed
-from vsnbench.cli.support.words import mark_missing_values, refuse_repeated
+from vsnbench.cli.support.words import mark_missing_values, refuse_empty_directories, refuse_repeated
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
 from vsnbench.text.log_output import LogOutput, log_more, opened_log
@@ -183,6 +183,7 @@ def _run_command(loaded: Callable[[], object]) -> None:
     command = get_command(build_app(name))
     hide_flag_types(command)
     words = mark_missing_values(sys.argv[1:])
+    refuse_empty_directories(words)
     refuse_repeated(command, words)
     _print_defaults(name, applied)
     loaded()

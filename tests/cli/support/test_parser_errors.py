@@ -32,6 +32,8 @@ RUN = ("run", "--model", "oracle", "--goal", "chair")
         (("sites", "chek"), ("'chek'", "'check'", "`vsnbench sites -h`")),
         (("db", "frobnicate"), ("'frobnicate'", "`vsnbench db -h`")),
         (("reprot",), ("'reprot'", "'report'", "`vsnbench -h`")),
+        (("report", "--results", ""), ("--results is empty",)),
+        (("report", "--output="), ("--output is empty",)),
         (("-v", "run", "--seeds", "0-9"), ("--seeds", "use --seed")),
         (("-x",), ("-x", "`vsnbench -h`")),
         (("judge", "1", "--void", "--quiet"), ("--void", "'--quiet'")),
