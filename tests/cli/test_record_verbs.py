@@ -146,7 +146,7 @@ def test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key(tmp_pa
     def listed(word: str) -> set[int]:
         return {
             one["campaign_id"]
-            for one in json.loads(vsnbench(tmp_path, "episodes", "list", "--campaign", word, "--json").stdout)
+            for one in json.loads(vsnbench(tmp_path, "episodes", "list", "--campaign", word, "--json").stdout or "[]")
         }
 
     assert len({campaign.key[0] for campaign in campaigns}) < len(campaigns), "some keys have a common prefix"
@@ -154,3 +154,5 @@ def test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key(tmp_pa
         assert listed(str(campaign.id)) == {campaign.id}
         assert listed(campaign.key[0]) <= {int(campaign.key[0], 16)}
         assert listed(campaign.key[:8]) == {campaign.id}
+    unknown = vsnbench(tmp_path, "episodes", "list", "--campaign", "21")
+    assert (unknown.returncode, unknown.stdout, "'21' does not exist" in unknown.stderr) == (2, "", True)

@@ -32,6 +32,14 @@ from vsnbench.results.writing.journal import Journal
 
 DRY_LOG = "1700000000.5,chair,['Forward', 'Left', 'Stop'],3\n"
 HABITAT = [{"object_category": "bed", "success": 1, "num_steps": 71}]
+LATE_CARD = """from vsnbench import ModelCard, Policy, Sensor
+
+
+class Late(Policy):
+    def __init__(self):
+        self.card = ModelCard("late", sensors=frozenset({Sensor.RGB}))
+"""
+"""A model whose card is known only when it is created."""
 SHORT = "--max-steps 2"
 STUDY = "--arm oracle --arm random --goal chair --starts 1-6"
 
@@ -56,11 +64,15 @@ models new walker
 models list
 models show oracle
 models show pirlnav
+models show late:Late
 models check random
+models check pirlnav
+models check pirlnav --robot lola2
 models fetch pirlnav ADDRESS --sha256 SHA256
 doctor
 doctor --robot turtlebot2
 place --start 3 --robot simulated
+place --start 3 --robot simulated --turn
 run --model random --goal chair --starts 1 {SHORT}
 run --model random,forward --goal chair --starts 1-2 {SHORT} --keep none
 run --model oracle-waypoints --goal chair --starts 1
@@ -73,6 +85,8 @@ episodes show 1 --results rich
 judge --pending
 judge 5 --distance 3 --yes
 judge 1 --second Grace --distance 3
+judge 1 --second Grace --retract
+judge 3 --void visitor --yes
 note 1 hello --tag first
 view 1
 export tum tum
@@ -105,6 +119,8 @@ db upgrade
 db backup backup.db
 db restore backup.db
 db merge imported
+db merge imported --results merged
+db merge rich --results merged --without-images
 db remove-import 5
 db delete --episode 2 --reason test --yes
 study new {STUDY}
@@ -220,6 +236,7 @@ def _lab(directory: Path) -> Iterator[None]:
     (directory / "log").mkdir()
     (directory / "log" / "datos.csv").write_text(DRY_LOG)
     (directory / "episodes.json").write_text(json.dumps(HABITAT))
+    (directory / "late.py").write_text(LATE_CARD)
     (directory / "protocol.yaml").write_text("name: short\nmax_actions: 100\n")
     flawed = (ROOT / "vsnbench/cli/starter/lab.yaml").read_text(encoding="utf-8").replace("[2.5, 0.6]", "[2.5, 3.4]")
     (directory / "flawed.yaml").write_text(flawed, encoding="utf-8")

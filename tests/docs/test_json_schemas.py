@@ -65,6 +65,13 @@ def test_the_output_of_a_command_is_as_its_schema_says(command: str, outputs: di
 
 
 @pytest.mark.slow
+def test_times_are_in_iso_8601(outputs: dict[str, list[Any]]) -> None:
+    text = json.dumps(outputs)
+    assert re.search(r'"\d{4}-\d\d-\d\dT\d\d:\d\d:', text)
+    assert re.search(r'"\d{4}-\d\d-\d\d \d\d:\d\d:[^"]*"', text) is None
+
+
+@pytest.mark.slow
 def test_the_page_of_a_second_rater_is_as_its_schema_says(outputs: dict[str, list[Any]], lab: Path) -> None:
     assert outputs
     words = ["judge", "--second", "Grace", "--port", "0", "--json", "--results", str(lab / "rich")]

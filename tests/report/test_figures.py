@@ -1,7 +1,10 @@
 """Figures: drawn from counted episodes, reproducible, with exact names and readable rare actions."""
 
 import io
+import multiprocessing
+import os
 import re
+import signal
 from pathlib import Path
 
 import PIL.Image
@@ -9,12 +12,14 @@ import pytest
 import shapely
 
 from tests.report.records import Attempt, Lab, step, void
+from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.activity import ActionCount
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.analysis.trajectories import read_tracks
 from vsnbench.report.build import Report, build
+from vsnbench.report.figures import choose
 from vsnbench.report.figures.actions import _names
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
@@ -184,3 +189,16 @@ def test_actions_of_robots_come_before_the_model_s_own() -> None:
     used = [("LOOK_UP", "MOVE_BACKWARD"), ("LOOK_DOWN", "MOVE_FORWARD"), ("ZOOM", "NOOP"), ("STOP", "STOP")]
     counts = [ActionCount(1, raw, action, False, 1) for raw, action in used]
     assert _names(counts) == ["STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "NOOP", "LOOK_DOWN", "LOOK_UP", "ZOOM"]
+
+
+def test_a_killed_worker_is_an_error_of_its_own(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    def kill_worker(*_: object) -> tuple[()]:
+        for worker in multiprocessing.active_children():
+            os.kill(worker.pid or 0, signal.SIGKILL)
+        return ()
+
+    lab.write([Attempt(steps=[step(1, Action.STOP)])])
+    monkeypatch.setattr(choose, "_charts", kill_worker)
+    with pytest.raises(VsnbenchError) as killed:
+        build_and_draw(lab.url, Selection())
+    assert killed.value.code == "drawing-killed"

@@ -55,3 +55,13 @@ def test_a_container_limits_cores_and_memory(tmp_path: Path, monkeypatch: pytest
     for name, text in {"cpu.max": "50000 100000", "memory.max": f"{2**20}", "memory.current": f"{2**19}"}.items():
         (tmp_path / name).write_text(f"{text}\n")
     assert (resources.granted_cores(), resources.total_memory(), resources.available_memory()) == (1, 2**20, 2**19)
+
+
+def test_a_broken_pytorch_uses_no_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "nvidia-smi").write_text("#!/bin/sh\necho 'NVIDIA H100, 81559, 550.54.15'\n")
+    (tmp_path / "nvidia-smi").chmod(0o755)
+    (tmp_path / "torch.py").write_text("raise OSError('libcudnn.so.9: cannot open shared object file')\n")
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "torch", raising=False)
+    assert gather_machine_facts().torch_uses_gpu is False

@@ -22,7 +22,7 @@ from vsnbench.cli.support.help_text import HELP_OPTIONS, hide_flag_types
 from vsnbench.cli.support.output import WITHOUT_RESULT, LogFile, Verbose, join_long_lines, with_output_options
 from vsnbench.cli.support.parser_errors import RootGroup
 from vsnbench.cli.support.renamed import refuse_renamed
-from vsnbench.cli.support.words import mark_missing_values, refuse_repeated
+from vsnbench.cli.support.words import mark_missing_values, refuse_empty_directories, refuse_repeated
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
 from vsnbench.text.log_output import LogOutput, log_more, opened_log
@@ -133,13 +133,13 @@ def build_app(name: str | None) -> typer.Typer:
             for command in module.app.registered_commands:
                 add_completion(name, command.callback)
                 own_name = command.name or command.callback.__name__
-                if (name, own_name) not in WITHOUT_RESULT:
-                    command.callback = with_output_options(command.callback)
+                has_result = (name, own_name) not in WITHOUT_RESULT
+                command.callback = with_output_options(command.callback, has_result=has_result)
                 command.help = join_long_lines(command.help or command.callback.__doc__)
             root.add_typer(module.app, name=name, help=join_long_lines(module.app.info.help) or summary)
         else:
             add_completion(name, module.command)
-            command = module.command if (name,) in WITHOUT_RESULT else with_output_options(module.command)
+            command = with_output_options(module.command, has_result=(name,) not in WITHOUT_RESULT)
             root.command(name, help=join_long_lines(module.command.__doc__))(command)
     return root
 
@@ -178,11 +178,12 @@ def _run_command(loaded: Callable[[], object]) -> None:
     name = _verb()
     warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
     if not completing:
-        refuse_renamed(sys.argv[1:])
+        refuse_renamed(_without_global_options(sys.argv[1:], name))
     applied = [] if name == "config" or completing else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)
     words = mark_missing_values(sys.argv[1:])
+    refuse_empty_directories(words)
     refuse_repeated(command, words)
     _print_defaults(name, applied)
     loaded()
@@ -224,6 +225,11 @@ def _verb() -> str | None:
     words = _words()
     values = {place + 1 for place, word in enumerate(words) if word == "--log-file"}
     return next((word for place, word in enumerate(words) if word in VERBS and place not in values), None)
+
+
+def _without_global_options(words: Sequence[str], name: str | None) -> Sequence[str]:
+    """Return the words from the command on."""
+    return words[words.index(name) :] if name is not None else words
 
 
 def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:

@@ -28,20 +28,20 @@ app = typer.Typer(
 @app.command("list")
 def list_protocols(as_json: Json = False) -> None:
     """List the named protocols."""
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
     from vsnbench.protocol.named import NAMED
 
     if as_json:
         print_json([_content(named.parameters) | {"summary": named.summary} for named in NAMED.values()])
         return
-    numbers = [ListColumn(heading, right=True) for heading in ("actions", "time", "path", "success under")]
+    numbers = [ListColumn(heading, right=True) for heading in ("actions", "time", "path", "success")]
     rows = []
     for name, each in NAMED.items():
         parameters = each.parameters
         limits = (_limit(parameters.max_time_s, "s"), _limit(parameters.max_path_m, "m"))
-        success = f"{parameters.success_distance_m:g} m"
+        success = f"under {parameters.success_distance_m:g} m"
         rows.append((name, str(parameters.max_actions), *limits, success, each.summary))
-    print_list((name_column("name"), *numbers, prose_column("description")), rows)
+    print_list((ListColumn("name"), *numbers, prose_column("description")), rows)
 
 
 @app.command()
@@ -53,7 +53,7 @@ def show(
 
     vsnbench protocol show onsite-instruction
     """
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
     from vsnbench.cli.support.terminal import safe
     from vsnbench.protocol.named import NAMED, load_protocol, parameter_rows
 
@@ -63,7 +63,7 @@ def show(
         print_json(_content(parameters) | {"parameters": [asdict(row) for row in rows]})
         return
     columns = (
-        name_column("parameter", 20),
+        ListColumn("parameter"),
         ListColumn("value", right=True),
         ListColumn("unit"),
         ListColumn("default", right=True, rank=2),

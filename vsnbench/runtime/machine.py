@@ -178,6 +178,8 @@ def _gpus() -> tuple[Gpu, ...]:
 def _torch_uses_gpu() -> bool | None:
     if not _has_module("torch"):
         return None
-    import torch
-
+    try:
+        import torch
+    except (ImportError, OSError):  # a library that it needs is missing
+        return False
     return bool(torch.cuda.is_available())

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, wrap_angle
 
 FLOOR_REGION = -2 * math.log(0.045)
 HEADING_REGION = 2.807**2
@@ -268,7 +268,11 @@ class MeasuredPlacement:
         off = self.offset
         return {
             "start": self.start,
-            "pose": {"x_m": self.pose.x_m, "y_m": self.pose.y_m, "heading_deg": self.pose.heading_deg},
+            "pose": {
+                "x_m": self.pose.x_m,
+                "y_m": self.pose.y_m,
+                "heading_deg": math.degrees(wrap_angle(self.pose.heading_rad)),
+            },
             "covariance": list(self.covariance.values),
             "offset": {"ahead_m": off.x_m, "left_m": off.y_m, "heading_deg": off.heading_deg},
             "offset_covariance": list(self.offset_covariance.values),

@@ -149,6 +149,12 @@ def open_copy(results: Path, scratch: Path) -> Iterator[VerifiedRecord]:
     source, copy = results / DATABASE_NAME, scratch / DATABASE_NAME
     if source.is_symlink():
         raise RecordError(f"{source} is a link", advice="name the results directory with the file itself")
+    if not source.is_file():
+        raise RecordError(
+            f"no record at {source}",
+            advice="name a results directory, or a bundle of `vsnbench bundle`",
+            code="no-record",
+        )
     backup(sqlite_url(source), copy)
     url = sqlite_url(copy)
     engine = open_engine(url)

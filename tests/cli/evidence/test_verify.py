@@ -74,6 +74,7 @@ def test_what_is_not_a_record_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     answer = typed(*words)
     assert (answer.code, answer.out, answer.err.count("\n")) == (1, "", 1)
+    assert "back up" not in answer.err
 
 
 def test_an_invalid_number_of_replays_is_a_usage_error(place: Path, typed) -> None:

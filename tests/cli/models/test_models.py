@@ -127,6 +127,7 @@ def test_fetched_weights_are_found_by_the_check(
         (["models", "check", "vlv", "--weights", "embedded"], 1, "vlv has no embedded weights"),
         (["models", "check", "pirlnav", "--weights", "/nowhere.ckpt"], 1, "no weights at /nowhere.ckpt"),
         (["models", "check", "oracle"], 2, "receives the site"),
+        (["models", "fetch", "pirlnav"], 2, "fetch pirlnav-il or pirlnav-rl"),
         (["models", "show", "pirlnaf"], 2, "no model 'pirlnaf'"),
         (["models", "fetch", "random", "http://127.0.0.1:9/x", "--sha256", "0" * 64], 2, "no weights to fetch"),
         (["models", "fetch", "pirlnav", "ftp://x", "--sha256", "0" * 64], 2, "not an http or https address"),

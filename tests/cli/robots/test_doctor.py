@@ -183,6 +183,7 @@ def test_move_without_a_robot_is_a_usage_error(tmp_path) -> None:
 
 def test_a_results_directory_that_cannot_be_written_is_named(tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
-    done = doctor("--robot", "simulated", "--results", str(tmp_path / "file" / "results"))
+    words = ("--robot", "simulated", "--results", str(tmp_path / "file" / "results"))
+    done = doctor(*words, environment=os.environ | {"HOME": str(tmp_path)})
     assert done.returncode == 1
-    assert "cannot write the results directory" in " ".join(done.stdout.split())
+    assert "cannot write the results directory ~/file/results" in " ".join(done.stdout.split())

@@ -35,3 +35,14 @@ def test_a_model_or_a_name_given_twice_is_refused(
     assert answer.code == 2
     assert says in answer.err
     assert not file.exists()
+
+
+def test_the_next_command_can_be_pasted_and_names_the_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ("study", "new", "our study.yaml", "--arm", "random,forward", "--goal", "chair")
+    assert "vsnbench study check 'our study.yaml'\n" in vsnbench(monkeypatch, capsys, *words).err
+    unlocked = vsnbench(monkeypatch, capsys, "study", "run", "our study.yaml", "--results", "elsewhere")
+    assert unlocked.code == 2
+    assert "`vsnbench study lock 'our study.yaml' --results elsewhere`" in unlocked.err

@@ -82,9 +82,24 @@ def test_campaigns_that_differ_in_their_seed_alone_say_it(
     assert [re.search(r" (\d+) +0 of 4", line)[1] for line in lines[-2:]] == ["7", "8"]  # type: ignore[index]
 
 
+def test_the_long_seed_of_an_import_leaves_the_headings_whole(
+    tmp_path: Path, typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        for seed in (7, 2**62):
+            journal.find_or_create_campaign(plan(seed=seed))
+    out = typed("db", "status", "--results", str(tmp_path)).out
+    assert str(2**62) in out
+    assert "…" not in out
+
+
 @pytest.mark.parametrize(
     "words",
-    ["judge --pending", "models list", "robots list", "sites list", "sites show apartment", "config show"],
+    [
+        *("judge --pending", "models list", "robots list", "sites list", "sites show apartment", "config show"),
+        *("protocol list", "protocol show ros4vsn", "protocol show onsite-instruction"),
+    ],
 )
 def test_other_lists_fit_too(shown: Callable[..., Answer], words: str) -> None:
     assert "…" not in shown(*words.split()).out

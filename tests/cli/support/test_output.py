@@ -49,6 +49,12 @@ def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]
     assert {"--json", "--quiet"} <= options
 
 
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_every_command_can_log_more(words: tuple[str, ...]) -> None:
+    options = {option for parameter in ALL[words].params for option in parameter.opts}
+    assert {"--verbose", "--log-file"} <= options
+
+
 COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--help"}
 MAX_OPTIONS = 24
 

@@ -51,6 +51,7 @@ def names(*facts: Mapping[str, Any]) -> list[str]:
         ([{}, {"model": "oracle"}], ["vlv", "oracle"]),
         ([{}, {"simulated": False, "robot": "lola2", "kind": "ros1"}], ["vlv simulated", "vlv real"]),
         ([{}, {"conditions": {"noise": {"depth": 1.0}}}], ["vlv without noise", "vlv with noise"]),
+        ([{}, {"conditions": {"pretends_to_be_real": True}}], ["vlv not in rehearsal", "vlv in rehearsal"]),
         (
             [{"settings": {"a": 1, "recall": 0.85}}, {"settings": {"a": 1, "recall": 0.4}}],
             ["vlv recall=0.85", "vlv recall=0.4"],

@@ -1,5 +1,6 @@
 """`vsnbench bundle`: results in one file that another person can check."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -78,7 +79,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     typer.echo(str(file))
     content = f"{counted(done.episodes, 'episode')}, {counted(done.files, 'file')}, {done.size_bytes / 1e6:.1f} MB"
     typer.echo(f"{content}, manifest {done.manifest_sha256[:16]}{', signed' if done.signed else ''}", err=True)
-    typer.echo(f"next: vsnbench verify {file}", err=True)
+    typer.echo(f"next: vsnbench verify {shlex.quote(str(file))}", err=True)
 
 
 def _selection(

@@ -119,7 +119,7 @@ def _print(found: "Verification") -> None:
         for note in check.notes:
             console.print(safe(note), soft_wrap=True)
         for reason, count in sorted(check.not_checked.items()):
-            console.print(f"[dim]not checked: {count:,} {check.name}: {safe(reason)}[/dim]", soft_wrap=True)
+            console.print(f"[dim]{check.name}: {count:,} not checked: {safe(reason)}[/dim]", soft_wrap=True)
     for author, count in sorted(found.people.items()):
         console.print(f"judged by a person: {counted(count, 'verdict')} of {safe(author)}", soft_wrap=True)
     findings = [finding for check in found.checks for finding in check.findings]

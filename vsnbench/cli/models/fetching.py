@@ -91,7 +91,9 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
     address = url or (published.url if published is not None else "")
     known = sha256 or (published.sha256 if published is not None else "")
     if not address:
-        raise UsageError(f"no address is published for {name}", advice="give URL", code="address-missing")
+        named = [other for other, file in PUBLISHED.items() if (file.model, file.file_name) == (name, file_name)]
+        advice = f"fetch {' or '.join(named)}, or give URL" if named else "give URL"
+        raise UsageError(f"no address is published for {name}", advice=advice, code="address-missing")
     if not known:
         raise UsageError(
             f"no hash is published for {name}",

@@ -10,6 +10,9 @@ from vsnbench.cli.support.output import Json, print_files, print_json
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
+_LONG_SEED = 10**8
+"""Imports have seeds of up to 19 digits."""
+
 
 @app.command()
 def path(results: Results = None, db: Database = None, as_json: Json = False) -> None:
@@ -79,10 +82,11 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     typer.echo(f"episodes  {sum(episodes.values())}" + (f" ({counts})" if counts else ""))
     if not campaigns:
         return
+    seeds = {campaign.seed for campaign in campaigns}
     columns = (
         ListColumn("campaign", right=True),
-        ListColumn("name", min_width=44, wraps=True),
-        ListColumn("seed", right=True, rank=0 if len({campaign.seed for campaign in campaigns}) > 1 else 3),
+        ListColumn("name", min_width=44 if max(seeds) < _LONG_SEED else 32, wraps=True),
+        ListColumn("seed", right=True, rank=0 if len(seeds) > 1 else 3),
         ListColumn("robot", rank=2),
         ListColumn("trials done", right=True),
         ListColumn("begun (UTC)", rank=1),

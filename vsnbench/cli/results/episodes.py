@@ -125,14 +125,16 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
 
 
 def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
-    """Refuse models and goals that are neither in the record nor known.
+    """Refuse models and goals that are neither in the record nor known, and campaigns that do not exist.
 
     Raises:
         UsageError: there is one.
     """
     from vsnbench.errors import UsageError
     from vsnbench.models.names import known_models
+    from vsnbench.results.reading.queries import campaign_states, count_episodes
     from vsnbench.results.reading.recorded_names import recorded_goals, recorded_models
+    from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.sites.categories import GOAL_CATEGORIES
     from vsnbench.text.suggestions import unknown_name
 
@@ -143,6 +145,14 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
         for name in names:
             if name not in recorded and name not in others:
                 raise UsageError(unknown_name(kind, name, recorded, "this record"), code=f"unknown-{kind}")
+    campaign = selected.campaign
+    known = {name for state in campaign_states(engine) for name in (str(state.id), state.name)}
+    if campaign and campaign not in known and not count_episodes(engine, EpisodeFilter(campaign=campaign)):
+        raise UsageError(
+            f"campaign {campaign!r} does not exist",
+            advice="`vsnbench db status` lists the campaigns",
+            code="unknown-campaign",
+        )
 
 
 @app.command()

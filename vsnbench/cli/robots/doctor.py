@@ -54,15 +54,10 @@ def command(
     [bold]Examples[/bold]
 
         vsnbench doctor
-
         vsnbench doctor --json
-
         vsnbench doctor --robot turtlebot2
-
         vsnbench doctor --robot lola2 --move
-
         vsnbench doctor --robot turtlebot4@robot1
-
         vsnbench doctor --robot turtlebot2 --model pirlnav
     """
     from dataclasses import asdict

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 
 from vsnbench.errors import RecordError, StudyError
 from vsnbench.results.files.directory import ResultsDirectory
@@ -75,7 +76,8 @@ def open_study(file: Path, results: Path | None, db: str | None) -> OpenedStudy:
     note = read_note(file)
     place = ResultsDirectory.locate(results, db)
     elsewhere = f"{file} is locked in another record, {note.database}: give it with --results or --db" if note else ""
-    unlocked = f"{file} is not locked in {place.database_label}: lock it with `vsnbench study lock {file}`"
+    lock = f"vsnbench study lock {quote(str(file))}{place.options}"
+    unlocked = f"{file} is not locked in {place.database_label}: lock it with `{lock}`"
     try:
         with open_record(place.database_url) as engine:
             known = studies(engine)

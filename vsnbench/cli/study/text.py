@@ -144,4 +144,5 @@ def duration_line(place: "StudyPlace", results: "ResultsDirectory", seconds: flo
         if not episodes:
             return f"{trials} trials; the record has no episodes of this robot: give their duration, --seconds 180"
         seconds, source = median_s, f"median of {episodes} in the record"
-    return f"{trials} trials at {seconds:.3g} s ({source}): {duration_text(trials * seconds)} in total"
+    each = f"{seconds:.3g}" if seconds < 100 else f"{seconds:.0f}"
+    return f"{trials} trials at {each} s ({source}): {duration_text(trials * seconds)} in total"

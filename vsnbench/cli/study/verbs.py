@@ -3,6 +3,7 @@
 import sys
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -131,7 +132,7 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
     parse_study(text, str(file))
     write_atomic(file, text.encode())
     print_files([file], as_json=as_json)
-    typer.echo(f"next: edit it, then vsnbench study check {file}", err=True)
+    typer.echo(f"next: edit it, then vsnbench study check {quote(str(file))}", err=True)
 
 
 def _arm_name(model: str) -> str:
@@ -180,7 +181,8 @@ def check(file: File = _DEFAULT, as_json: Json = False) -> None:
     )
     for warning in warnings:
         typer.echo(f"warning: {warning}", err=True)
-    typer.echo(f"next: vsnbench study plan {file}, then vsnbench study lock {file}", err=True)
+    typed = quote(str(file))
+    typer.echo(f"next: vsnbench study plan {typed}, then vsnbench study lock {typed}", err=True)
 
 
 @app.command()
@@ -250,7 +252,9 @@ def lock(
 
     text = read_text(file)
     if read_note(file) is not None:
-        raise StudyError(f"{file} is already locked ({note_path(file)})", advice=f"run it: vsnbench study run {file}")
+        raise StudyError(
+            f"{file} is already locked ({note_path(file)})", advice=f"run it: vsnbench study run {quote(str(file))}"
+        )
     study = parse_study(text, str(file))
     where = ResultsDirectory.locate(results, db)
     if known := study_of_file(text, where):
@@ -276,7 +280,7 @@ def lock(
     typer.echo(f"trials  {len(place.schedule.trials)}, schedule {recorded.schedule_sha256[:12]}")
     if codes:
         typer.echo(f"blind   operators see arm {', arm '.join(codes)}")
-    typer.echo(f"next: vsnbench study run {file}{where.options}", err=True)
+    typer.echo(f"next: vsnbench study run {quote(str(file))}{where.options}", err=True)
 
 
 locked.add_to(app)

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +29,7 @@ LogFile = Annotated[
     typer.Option(
         "--log-file",
         metavar="FILE",
-        help="Append log messages with times and levels to a file, of workers on this machine too.",
+        help="File to append log messages to, with times and levels; also those of workers on this machine.",
     ),
 ]
 
@@ -48,22 +49,23 @@ _TERMINAL_WIDTH = 80
 _quiet_depth = 0
 
 
-def with_output_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options --quiet, --verbose and --log-file."""
+def with_output_options(function: Callable[..., Any], *, has_result: bool = True) -> Callable[..., Any]:
+    """Return a command with the options --verbose and --log-file, and with --quiet if it prints a result."""
     if hasattr(function, "has_output_options"):
         return function
     signature = inspect.signature(function, eval_str=True)
 
     @functools.wraps(function)
-    def command(*arguments: Any, quiet: bool, verbosity: int, log_file: Path | None, **options: Any) -> Any:
+    def command(*arguments: Any, verbosity: int, log_file: Path | None, quiet: bool = False, **options: Any) -> Any:
         if quiet and verbosity:
             raise UsageError("--quiet and --verbose contradict each other", advice="give one of them")
         log_more(verbosity, log_file)
         with silence() if quiet else nullcontext():
             return function(*arguments, **options)
 
+    quiet_option = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
     added = [
-        inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),
+        *([quiet_option] if has_result else []),
         inspect.Parameter("verbosity", inspect.Parameter.KEYWORD_ONLY, default=0, annotation=Verbose),
         inspect.Parameter("log_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=LogFile),
     ]
@@ -124,7 +126,12 @@ def silence() -> Iterator[None]:
 
 def print_json(value: object) -> None:
     """Print a result as JSON."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, default=str))
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, default=_json_text))
+
+
+def _json_text(value: object) -> str:
+    """Return a value that JSON lacks as text: times in ISO 8601."""
+    return value.isoformat() if isinstance(value, date) else str(value)
 
 
 def print_files(files: Iterable[Path | str], *, as_json: bool, **fields: object) -> None:

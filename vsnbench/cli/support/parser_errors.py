@@ -12,6 +12,14 @@ from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import sanitize
 
 _STANDARD_OUTPUT = "-"
+_PLAIN = {
+    "Input should be a valid integer, unable to parse string as an integer": "not an integer",
+    "Input should be a valid number, unable to parse string as a number": "not a number",
+    "Input should be greater than or equal to": "must be at least",
+    "Input should be less than or equal to": "must be at most",
+    "Value error, ": "",
+}
+"""Phrase of pydantic -> phrase for the user."""
 
 
 class RootGroup(TyperGroup):
@@ -38,11 +46,20 @@ class RootGroup(TyperGroup):
 
 
 def _raise_usage_error(error: typer.TyperException, command: str) -> NoReturn:
-    """Raise an error of the parser as a usage error in one line with the help of a command."""
-    message = sanitize(" ".join(error.format_message().split()))
+    """Raise an error of the parser as a usage error in one line with the help of the command that did not parse.
+
+    Args:
+        error: of the parser; a few kinds do not know their command.
+        command: the command, without its subcommand.
+    """
+    message = " ".join(error.format_message().split())
     if not message:  # Typer has printed the help of a command group that was called without arguments.
         raise error
-    raise UsageError(message.rstrip("."), advice=f"see `{command} -h`") from error
+    for text, plain in _PLAIN.items():
+        message = message.replace(text, plain)
+    context: Any = getattr(error, "ctx", None)
+    where = context.command_path if context is not None else command
+    raise UsageError(sanitize(message).rstrip("."), advice=f"see `{where} -h`") from error
 
 
 def _refuse_dashes(command: Any) -> None:

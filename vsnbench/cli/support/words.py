@@ -14,6 +14,7 @@ _OPTIONAL_VALUE: Mapping[str, Callable[[str], bool]] = {
     "--isolate": lambda word: not word.startswith("-"),
 }
 """Option with an optional value -> whether the next word is its value."""
+_DIRECTORIES = ("--results", "--output", "-o", "--website")
 
 
 def mark_missing_values(words: Sequence[str]) -> list[str]:
@@ -27,6 +28,24 @@ def mark_missing_values(words: Sequence[str]) -> list[str]:
         missing = is_value is not None and not (following and is_value(following[0]))
         marked.append(f"{word}=" if missing else word)
     return marked
+
+
+def refuse_empty_directories(words: Sequence[str]) -> None:
+    """Refuse an empty directory, as an unset shell variable gives it: the current directory would be used.
+
+    Args:
+        words: the command line without the name of the program.
+
+    Raises:
+        UsageError: there is one.
+    """
+    typed = list(takewhile(lambda word: word != "--", words))
+    for place, word in enumerate(typed):
+        empty = word.removesuffix("=") if word.endswith("=") else word if typed[place + 1 : place + 2] == [""] else ""
+        if empty in _DIRECTORIES:
+            raise UsageError(
+                f"{empty} is empty", advice="name a directory; an unset shell variable is empty", code="empty-value"
+            )
 
 
 def refuse_repeated(root: Any, words: Sequence[str]) -> None:

@@ -48,7 +48,7 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
             "image": f"{sizes.image_size_px} x {sizes.image_size_px} px",
             "actions": sizes.actions,
             "goals": sizes.goals,
-            "weights": len(checkpoint.weights),
+            "tensors": len(checkpoint.weights),
             "parameters": checkpoint.parameter_count,
             "critic": sizes.critic,
             "trainer": checkpoint.trainer or None,

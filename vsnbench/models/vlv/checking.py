@@ -49,7 +49,7 @@ def check_weights(weights: Path | None, settings: VLVSettings, device: str) -> M
             "image": f"{IMAGE_SIZE_PX} x {IMAGE_SIZE_PX} px",
             "classes": ", ".join(VALUE_CLASSES),
             "actions": ACTIONS,
-            "weights": len(read.tensors),
+            "tensors": len(read.tensors),
             "parameters": sum(
                 tensor.numel()
                 for name, tensor in read.tensors.items()

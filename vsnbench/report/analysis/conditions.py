@@ -15,9 +15,11 @@ from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.values.movement import ActionKind
+from vsnbench.values.robot_identity import REHEARSAL_KEY
 
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m")
 """Parameters of the protocol with a facet of their own."""
+_CONDITIONS_ABOVE = (DISTURBANCES, EDITION, REHEARSAL_KEY)
 _LONGEST_VALUE = 24
 """Maximum length of a setting's value in a name."""
 
@@ -308,6 +310,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
     yield "noise", "with noise" if condition.noisy else "without noise"
     yield "disturbances", f"with {condition.disturbed}" if condition.disturbed else "undisturbed"
+    yield "rehearsal", "in rehearsal" if condition.conditions.get(REHEARSAL_KEY) else "not in rehearsal"
     if condition.protocol_name:
         yield "protocol", f"under {condition.protocol_name}"
     if condition.max_actions is not None:
@@ -320,7 +323,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
         yield "success distance", f"under {condition.success_distance_m:g} m"
     yield "weights", f"weights {condition.weights_sha256[:8]}" if condition.weights_sha256 else "no weights"
     protocol = {name: value for name, value in condition.protocol.items() if name not in _NAMED_ABOVE}
-    conditions = {name: value for name, value in condition.conditions.items() if name not in (DISTURBANCES, EDITION)}
+    conditions = {name: value for name, value in condition.conditions.items() if name not in _CONDITIONS_ABOVE}
     for kind, settings in (("model", condition.settings), ("protocol", protocol), ("robot", conditions)):
         for name, value in _flat(settings):
             yield f"{kind} {name}", f"{name}={value}"

@@ -4,10 +4,12 @@ import gc
 import multiprocessing
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from vsnbench.errors import VsnbenchError
 from vsnbench.report.analysis.conditions import Condition, Selection
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.published import published_results
@@ -71,6 +73,7 @@ def build_and_draw(
     Raises:
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
+        VsnbenchError: the second process was killed.
     """
     can_fork = "fork" in multiprocessing.get_all_start_methods()
     in_worker = WORKER_TRAJECTORIES if can_fork else 0  # matplotlib is not thread-safe
@@ -117,11 +120,22 @@ def _few_collections() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-def _worker(*, can_fork: bool) -> Executor:
-    if can_fork:
+@contextmanager
+def _worker(*, can_fork: bool) -> Iterator[Executor]:
+    if not can_fork:
+        with ThreadPoolExecutor(1) as thread:
+            yield thread
+        return
+    try:
         # Fork instead of spawn, because importing everything again would cancel the gain. No thread is running yet.
-        return ProcessPoolExecutor(1, multiprocessing.get_context("fork"), end_with_parent)
-    return ThreadPoolExecutor(1)
+        with ProcessPoolExecutor(1, multiprocessing.get_context("fork"), end_with_parent) as process:
+            yield process
+    except BrokenProcessPool as error:
+        raise VsnbenchError(
+            "the process that draws figures was killed",
+            advice="if memory is short, end other programs; then run the command again",
+            code="drawing-killed",
+        ) from error
 
 
 def _charts(report: Report) -> Iterator[Drawing]:

@@ -41,7 +41,10 @@ def check_results(results: ResultsDirectory) -> Iterator[CheckResult]:
         speed = write_speed(results.path)
     except VsnbenchError as error:
         yield CheckResult(
-            "results", Health.FAILED, error.statement, error.advice or "choose another directory with --results"
+            "results",
+            Health.FAILED,
+            error.statement.replace(str(results.path), _shortened(results.path)),
+            error.advice or "choose another directory with --results",
         )
         return
     except OSError as error:

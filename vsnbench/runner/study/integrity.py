@@ -222,7 +222,7 @@ class _Check:
         if self.evidence.missing_numbers:
             missing = self.evidence.missing_numbers
             which = "episode {} of this record is" if len(missing) == 1 else "episodes {} of this record are"
-            yield f"{which.format(as_ranges(missing))} missing: vsnbench deletes no episode that has begun"
+            yield f"{which.format(as_ranges(missing))} missing: deleted with `vsnbench db delete` or another program"
 
 
 def _content(event: LogEvent) -> Mapping[str, Any]:
