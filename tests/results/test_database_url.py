@@ -3,7 +3,13 @@
 import pytest
 
 from vsnbench.errors import UsageError
-from vsnbench.results.database_url import libpq_connection, parse_url, redacted_url, without_passwords
+from vsnbench.results.database_url import (
+    command_without_passwords,
+    libpq_connection,
+    parse_url,
+    redacted_url,
+    without_passwords,
+)
 
 DRIVERS = ["postgresql", "postgresql+psycopg", "postgresql+psycopg2", "postgresql+asyncpg", "postgresql+pg8000"]
 
@@ -45,6 +51,12 @@ def test_another_kind_of_database_has_no_backup_of_ours() -> None:
 )
 def test_a_command_line_is_kept_without_passwords(typed: str, kept: str) -> None:
     assert without_passwords(typed) == kept
+
+
+def test_a_password_with_a_blank_is_hidden_in_a_command() -> None:
+    words = ["run", "--db", "postgresql://lab:my secret@h/d?sslmode=require", "--note", "a b"]
+    assert command_without_passwords(words) == "run --db 'postgresql://lab:***@h/d?sslmode=require' --note 'a b'"
+    assert "secret" not in command_without_passwords(["--db", "postgresql://h/d?password=my secret&sslmode=require"])
 
 
 @pytest.mark.parametrize("url", ["postgresql://lab:secret@h:port/d", "postgresql+a+b://lab:secret@h/d"])

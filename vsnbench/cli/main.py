@@ -6,7 +6,6 @@ import importlib
 import logging
 import os
 import platform
-import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -192,9 +191,9 @@ def _run_command(loaded: Callable[[], object]) -> None:
 
 def _describe_command() -> str:
     """Return the first message of a log file."""
-    from vsnbench.results.database_url import without_passwords
+    from vsnbench.results.database_url import command_without_passwords
 
-    return f"vsnbench {__version__}, Python {platform.python_version()}: {without_passwords(shlex.join(sys.argv[1:]))}"
+    return f"vsnbench {__version__}, Python {platform.python_version()}: {command_without_passwords(sys.argv[1:])}"
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Database URLs: SQLite paths, redaction of passwords and connection parameters."""
 
 import re
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sqlalchemy.engine import URL, make_url
@@ -10,10 +11,13 @@ from sqlalchemy.exc import ArgumentError
 from vsnbench.errors import UsageError
 
 HIDDEN = "***"
+_KEPT = rf"\g<before>{HIDDEN}"
 _KIND = re.compile(r"\w+(\+\w+)?")
 _SECRET_PARAMETER = re.compile(r"pass(word|wd)?$|secret|token", re.IGNORECASE)
 _PASSWORD_IN_TEXT = re.compile(r"(?P<before>[a-z][\w+.-]*://[^/\s:@]*:)[^\s]*(?=@)", re.IGNORECASE)
 _PARAMETER_IN_TEXT = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=)[^&\s]*", re.IGNORECASE)
+_PASSWORD_IN_ARGUMENT = re.compile(_PASSWORD_IN_TEXT.pattern.replace(r"[^\s]*", r"[\s\S]*"), re.IGNORECASE)
+_PARAMETER_IN_ARGUMENT = re.compile(_PARAMETER_IN_TEXT.pattern.replace(r"[^&\s]*", "[^&]*"), re.IGNORECASE)
 
 
 def sqlite_url(path: Path) -> str:
@@ -44,8 +48,13 @@ def typed_url(url: str) -> str:
 
 def without_passwords(text: str) -> str:
     """Return a text, such as a command line, with the passwords of all URLs hidden."""
-    text = _PASSWORD_IN_TEXT.sub(rf"\g<before>{HIDDEN}", text)
-    return _PARAMETER_IN_TEXT.sub(rf"\g<before>{HIDDEN}", text)
+    text = _PASSWORD_IN_TEXT.sub(_KEPT, text)
+    return _PARAMETER_IN_TEXT.sub(_KEPT, text)
+
+
+def command_without_passwords(arguments: Sequence[str]) -> str:
+    """Return a command line with the passwords of all URLs hidden, also of those with blanks."""
+    return shlex.join(_PARAMETER_IN_ARGUMENT.sub(_KEPT, _PASSWORD_IN_ARGUMENT.sub(_KEPT, word)) for word in arguments)
 
 
 def libpq_connection(url: str) -> tuple[str, Mapping[str, str]]:

@@ -5,7 +5,6 @@ import hashlib
 import os
 import platform
 import re
-import shlex
 import socket
 import sys
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from typing import Any
 import psutil
 
 from vsnbench import __version__
-from vsnbench.results.database_url import without_passwords
+from vsnbench.results.database_url import command_without_passwords
 from vsnbench.runtime.git import checkout_of
 from vsnbench.runtime.resources import processor
 
@@ -80,7 +79,7 @@ def gather_provenance(operator: str | None = None, *, of_run: bool = False) -> P
         identity=this_process(),
         started_at=datetime.now(UTC),
         operator=operator or os.environ.get("VSNBENCH_OPERATOR") or login_name(),
-        command=without_passwords(shlex.join(sys.argv)),
+        command=command_without_passwords(sys.argv),
         vsnbench_version=__version__,
         git_commit=code.commit,
         git_dirty=code.dirty,

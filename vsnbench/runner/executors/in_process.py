@@ -22,6 +22,7 @@ from vsnbench.runner.loop.contract import EpisodeFinished, LoopEvent, ScheduledT
 from vsnbench.runner.loop.recorded_operator import RecordedOperator
 from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import EndedEpisode, TrialSkippedError, Upcoming
+from vsnbench.text.sanitize import counted
 
 logger = logging.getLogger(__name__)
 
@@ -131,7 +132,8 @@ class InProcessExecutor(TrialExecutor):
             context.stop_requests.episode_is_over()
             recorder.close()
             context.journal.release(claim.id)
-        logger.info("episode %d: ended after %d actions: %s", claim.id, outcome.actions, outcome.verdict.end_reason)
+        actions = counted(outcome.actions, "action")
+        logger.info("episode %d: ended after %s: %s", claim.id, actions, outcome.verdict.end_reason)
         self._operator.episode_ended(EndedEpisode(claim.id, plan, outcome))
         return outcome
 

@@ -14,7 +14,7 @@ LOOK, TURN, MOVED = "look", "turn", "moved"
 """Actions that the operator can request while a robot is placed."""
 _IN_PLACE = "Enter when it is in place (skip / end; Ctrl-C ends at once): "
 _QUESTION = "Enter to go; or c check it (again), t turn around and check, m moved it: "
-_PROPOSE_TURN = "t to turn around and check; Enter to go all the same; or c check it again, m moved it: "
+_PROPOSE_TURN = "t to turn around and check; Enter to go anyway; or c check it again, m moved it: "
 """Asked where one look does not determine the pose."""
 _ACTIONS = {"c": LOOK, "check": LOOK, "t": TURN, "turn": TURN, "m": MOVED, "moved": MOVED}
 _CHOICES = {TypedAnswer.GO: Choice.GO, TypedAnswer.LATER: Choice.SKIP, TypedAnswer.END: Choice.END}
