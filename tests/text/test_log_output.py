@@ -75,7 +75,7 @@ def test_worker_processes_log_to_the_same_file(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-m", "vsnbench", *words.split()], cwd=tmp_path, check=True, timeout=200)
     lines = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert all(map(LINE.fullmatch, lines)), lines
-    processes = {line.split()[2] for line in lines if "ended after 1 actions" in line}
+    processes = {line.split()[2] for line in lines if "ended after 1 action:" in line}
     assert processes
     assert lines[0].split()[2] not in processes
 
