@@ -124,6 +124,20 @@ def test_the_footnote_says_weights_and_every_setting_that_differs() -> None:
     assert "same" not in first
 
 
+def test_footnotes_name_the_simulator_if_other_models_had_another_version() -> None:
+    old, new = ({"simulator": f"{edition} (mujoco 4.0.1)"} for edition in (1, 2))
+    first, second, real = footnotes(
+        name_apart(
+            [condition(1, conditions=old), condition(2, model="oracle", conditions=new), condition(3, model="a")]
+        )
+    )
+    assert "simulator=1 (mujoco 4.0.1)" in first
+    assert "simulator=2 (mujoco 4.0.1)" in second
+    assert "simulator=" not in real
+    alike = name_apart([condition(1, conditions=new), condition(2, model="oracle", conditions=new)])
+    assert not any("simulator=" in footnote for footnote in footnotes(alike))
+
+
 def test_a_setting_handed_on_under_its_own_name_is_said_once() -> None:
     settings = [{"recall": one, "detector": {"recall": one, "range_m": far}} for one, far in ((0.85, 5), (0.4, 3))]
     first, _ = footnotes(name_apart([condition(n, settings=each) for n, each in enumerate(settings, start=1)]))

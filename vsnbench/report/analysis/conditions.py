@@ -20,9 +20,9 @@ from vsnbench.values.robot_identity import REHEARSAL_KEY
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m")
 """Parameters of the protocol with a facet of their own."""
 _CONDITIONS_ABOVE = (DISTURBANCES, EDITION, REHEARSAL_KEY)
+_SIMULATOR = "robot simulator"
 _LONGEST_VALUE = 24
 """Maximum length of a setting's value in a name."""
-
 _DISCRETE = (ActionKind.DISCRETE.value,)
 
 
@@ -240,14 +240,16 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     """Give each condition a unique name with as few settings as possible.
 
     A model with one condition keeps its name. With several conditions none has the bare name, so that a command that
-    uses it asks for the exact condition.
+    uses it asks for the exact condition. A footnote names the simulator if another model was tried in another version.
     """
     names: dict[int, str] = {}
     differing: dict[int, tuple[str, ...]] = {}
+    all_facets = [dict(_facets(condition)) for condition in conditions]
     for model in dict.fromkeys(condition.model for condition in conditions):
         places = [place for place, condition in enumerate(conditions) if condition.model == model]
-        facets = [dict(_facets(conditions[place])) for place in places]
-        readable = [{facet: text for facet, text in own.items() if not _is_code(facet)} for own in facets]
+        facets = [all_facets[place] for place in places]
+        # A hash of the code appears only in the footnote.
+        readable = [{facet: text for facet, text in own.items() if facet != "model code"} for own in facets]
         distinguishing = _distinguishing(readable)
         for place, own in zip(places, facets, strict=True):
             words = ", ".join(own[facet] for facet in distinguishing if facet in own)
@@ -256,7 +258,9 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
                 word
                 for facet, word in own.items()
                 # For noise settings that the others do not have, `sensor noise on` is sufficient.
-                if "=" in word and facet != "disturbances" and any(_differs(facet, word, other) for other in facets)
+                if "=" in word
+                and facet != "disturbances"
+                and any(_differs(facet, word, other) for other in (all_facets if facet == _SIMULATOR else facets))
             ]
             differing[place] = tuple(word for word in apart if not _is_repeated(word, apart))
     taken = list(names.values())
@@ -276,13 +280,8 @@ def _is_repeated(word: str, others: Sequence[str]) -> bool:
     return "." in path and f"{path.rpartition('.')[2]}={value}" in others
 
 
-def _is_code(facet: str) -> bool:
-    """Whether the facet is a source hash, which only appears in the footnote."""
-    return facet.startswith("model code")
-
-
 def _differs(facet: str, word: str, other: Mapping[str, str]) -> bool:
-    return word != other.get(facet) and (facet in other or not facet.startswith("robot noise."))
+    return word != other.get(facet) and (facet in other or not facet.startswith(("robot noise.", _SIMULATOR)))
 
 
 def _distinguishing(facets: Sequence[Mapping[str, str]]) -> list[str]:

@@ -9,7 +9,7 @@ _GREENS = ("#3f7d35", "#4f9140", "#2f6a30", "#64a04a")
 
 
 def plant(c: Canvas) -> None:
-    """A pot of earth with a rubber plant, a palm or a rosette of blades up to the top of the box."""
+    """A pot of earth with a rubber plant, a palm or a rosette of blades, at least 0.8 of the box high."""
     reach = min(c.depth, c.width) / 2
     pot = min(0.32 * c.height, 0.42)
     wide = min(0.62 * reach, 0.55 * pot + 0.03)
