@@ -16,6 +16,8 @@ from scripts import command_outputs  # noqa: E402 - importable only after the li
 from scripts.api_page import api_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
 from scripts.schema_page import schema_page  # noqa: E402
+from vsnbench.files.package_data import resource_directory  # noqa: E402
+from vsnbench.results.schema.migrate import NEWEST, newest_sql  # noqa: E402
 
 MISTAKES_PAGE = ROOT / "tests" / "site_checks" / "mistakes.md"
 LOOK_WIDTH_PX = 1400
@@ -70,6 +72,7 @@ def main(docs: Path) -> None:
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
+    (resource_directory("migrations") / NEWEST).write_text(newest_sql(), encoding="utf-8")
     MISTAKES_PAGE.write_text(mistakes_page(), encoding="utf-8")
     draw_figures(docs / "figures")
     command_outputs.main()

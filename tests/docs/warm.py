@@ -79,10 +79,13 @@ def serve(name: str) -> None:
     """Fork for every command until killed; returns in the process that runs the command."""
     import importlib
 
+    from vsnbench.runner.executors import fork_server
+
     # One core: automatic worker counts stay at 1, and imports start no threads.
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     for module in _HEAVY:
         importlib.import_module(module)
+    fork_server._load()
     if len([*Path("/proc/self/task").iterdir()]) > 1:
         sys.exit("cold")  # a fork would lose the threads and keep their locks
     gc.freeze()  # later collections skip the imports

@@ -28,8 +28,8 @@ from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
-SAMPLE = [*range(10), *range(1_000, 1_010), *range(10_000, 10_010)]
-"""Ten seeds of every split."""
+SAMPLE = [*range(5), *range(1_000, 1_005), *range(10_000, 10_005)]
+"""Five seeds of every split."""
 
 
 @cache
@@ -50,7 +50,7 @@ def test_every_twin_passes_sites_check_and_has_what_the_protocol_asks_for(seed: 
 
 def test_nothing_hangs_over_a_doorway() -> None:
     hanging = [(site, thing) for site in map(twin, SAMPLE) for thing in site.objects if thing.elevation_m > 1.2]
-    assert len(hanging) > 30
+    assert len(hanging) > 15
     for site, thing in hanging:
         assert all(thing.shape.distance(door.centre_line) > 0.15 for door in site.doors), (site.name, thing.id)
 
@@ -62,12 +62,12 @@ def test_no_two_seeds_give_the_same_flat() -> None:
 
 def test_twins_differ_in_rooms_instances_models_and_colours() -> None:
     sites = [twin(seed) for seed in SAMPLE]
-    assert len({tuple(sorted(room.name for room in site.rooms)) for site in sites}) >= 5
+    assert len({tuple(sorted(room.name for room in site.rooms)) for site in sites}) >= 4
     for goal in ("chair", "table", "monitor", "plant"):
         assert len({len(site.instances(goal)) for site in sites}) >= 2, goal
     models = {thing.model for site in sites for thing in site.instances("chair")}
     assert models == {"dining_chair", "office_chair", "armchair"}
-    assert len({thing.color for site in sites for thing in site.instances("sofa")}) >= 25
+    assert len({thing.color for site in sites for thing in site.instances("sofa")}) >= 13
 
 
 def test_a_seed_always_gives_the_same_flat() -> None:

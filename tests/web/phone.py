@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import Browser, Error, Page, Request, Response, sync_playwright
 
-from tests.cli.chromium import EXECUTABLE
+from tests.cli.chromium import EXECUTABLE, FLAGS, WITHOUT_WEBGL
 from tests.web.tcp_relay import TcpRelay
 
 SIZE = {"width": 390, "height": 844}
@@ -202,8 +202,8 @@ def chromium_of_phones(*routes: tuple[str, TcpRelay, int]) -> Iterator[Browser]:
     rules = [f"MAP {host}:{port} 127.0.0.1:{relay.port}" for host, relay, port in routes]
     flags = [
         f"--host-resolver-rules={','.join([*rules, 'MAP * ~NOTFOUND'])}",
-        "--no-sandbox",
-        "--disable-dev-shm-usage",
+        *FLAGS,
+        *WITHOUT_WEBGL,
     ]
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=EXECUTABLE, args=flags)

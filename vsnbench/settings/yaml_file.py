@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -197,9 +199,20 @@ def _name_around(content: Any, path: tuple[int | str, ...]) -> str:
     return f" ({name})" if name.isprintable() and name else ""
 
 
-def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
-    """Return the node tree, which has the lines, and the plain values."""
+_KEPT_CHARACTERS = 100_000
+"""Length up to which the values of a text are kept in memory."""
 
+
+def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
+    """Return the node tree, which has the lines, and the plain values.
+
+    The last texts are kept: a command reads its site several times, and the apartment takes 30 ms.
+    """
+    tree, content = (_parse_kept if len(text) <= _KEPT_CHARACTERS else _parse_yaml)(text, origin)
+    return tree, deepcopy(content)
+
+
+def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
     def invalid(problem: str, line: int | None = None) -> _InvalidFileError:
         return _InvalidFileError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
 
@@ -237,6 +250,9 @@ def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
         # A date with 99 days, a number of 5,000 digits, a key that is a list, a tag for another type.
         reason = (str(problem).splitlines() or [type(problem).__name__])[0]
         raise invalid(f"not valid YAML: {reason}") from problem
+
+
+_parse_kept = lru_cache(maxsize=8)(_parse_yaml)
 
 
 def _count_values(node: Node, known: dict[int, int]) -> int:

@@ -16,7 +16,7 @@ import psutil
 import pytest
 from playwright.sync_api import Page
 
-from tests.cli.chromium import chromium_page
+from tests.cli.chromium import chromium
 from tests.processes import has_ended, wait_until
 from tests.viewer.synthetic_episode import record
 from vsnbench.results.files.directory import ResultsDirectory
@@ -132,7 +132,8 @@ def test_the_web_viewer_shows_every_panel_and_contacts_no_other_host(results: Pa
         assert listeners_of(server.pid) == {"127.0.0.1"}, "on the loopback interface only"
         requested: set[str | None] = set()
         answered: set[str | None] = set()
-        with chromium_page(WIDTH, HEIGHT) as page:
+        with chromium(webgl=True) as browser:
+            page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
             page.on("request", lambda request: requested.add(urlsplit(request.url).hostname))
             page.on("response", lambda response: answered.add(urlsplit(response.url).hostname))
             page.goto(f"{address}&renderer=webgl", timeout=DRAWN_WITHIN_S * 1000)

@@ -42,7 +42,8 @@ def rows(results: Path, query: str) -> list[tuple[object, ...]]:
 def running(results: Path, *words: str) -> Iterator["subprocess.Popen[str]"]:
     """Start `vsnbench run` in a separate process; end it and its workers with the block."""
     command = [sys.executable, "-m", "vsnbench.cli.main", "run", *words, "--results", str(results)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "200"})
+    environment = os.environ | {"COLUMNS": "200", "VSNBENCH_ROBOT": "simulated:turtlebot2@160x120"}
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
     try:
         yield process
     finally:
@@ -148,7 +149,7 @@ def test_killed_workers_and_drivers_lose_no_trial_and_leave_no_files(tmp_path: P
 def test_trials_of_a_killed_fork_server_run_again(
     tmp_path: Path,
 ) -> None:
-    words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-2", "--max-steps", "150")
+    words = ("--model", "tests.cli.turning:Turning", "--goal", "chair", "--starts", "1-2", "--max-steps", "60")
     with running(tmp_path, *words, "--workers", "2") as process:
         workers = workers_at_a_trial(process, tmp_path, 2)
         parent = workers[0].parent()

@@ -1,6 +1,7 @@
 """An operator's answer gives the same verdict and checks in every interface."""
 
 import io
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -115,12 +116,13 @@ def at_the_page(session: PageSession, given: Given) -> Outcome:
         said |= {"question": question.number, "episode": 1}
         answer = pool.submit(anna.post, "/judge", **said)
         while question.reply is None and not answer.done():
-            pass
+            time.sleep(0.001)
         asked_back = answer.done() and answer.result().json.get("needs_confirmation") is True
         if asked_back:
             answer = pool.submit(anna.post, "/judge", **said, confirmed=True)
             while question.reply is None:
                 assert not answer.done(), answer.result()
+                time.sleep(0.001)
         if question.reply is None:
             return Outcome(asked_back)
         judgement = question.reply.answer
