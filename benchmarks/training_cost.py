@@ -13,11 +13,11 @@ import numpy as np
 import torch
 
 from training.cloning import Episodes, Lanes
+from training.flat_world import FlatWorld
 from training.networks import Describer, NetworkStudent, compressed, new_network, recall
 from training.recipe import load_recipe
 from training.rollout import demonstrate
 from training.shards import write_shard
-from training.twin_world import TwinWorld
 
 
 def main() -> None:
@@ -26,10 +26,10 @@ def main() -> None:
     plan, sizes = recipe.demonstrations, recipe.network
     network = new_network(sizes.architecture, 0)
     seed = recipe.training_seeds(0).start
-    demonstrate(TwinWorld(recipe, seed), plan.model_copy(update={"episodes": 1}), np.random.default_rng(0))  # compiles
+    demonstrate(FlatWorld(recipe, seed), plan.model_copy(update={"episodes": 1}), np.random.default_rng(0))  # compiles
 
     began = time.process_time()
-    world = TwinWorld(recipe, seed + 1)
+    world = FlatWorld(recipe, seed + 1)
     world_s = time.process_time() - began
     began = time.process_time()
     shard = demonstrate(world, plan, np.random.default_rng(0)).shard
@@ -63,12 +63,12 @@ def main() -> None:
             logits.square().mean().backward()
         cloning_s = (time.process_time() - began) / 4
 
-    frames = plan.twins * len(shard)
-    dagger_flats = plan.dagger_rounds * plan.dagger_twins
+    frames = plan.flats * len(shard)
+    dagger_flats = plan.dagger_rounds * plan.dagger_flats
     dagger_frames = dagger_flats * plan.dagger_episodes * len(driven) / few.episodes
     cloning_updates = sum(recipe.cloning_updates(number) for number in range(plan.dagger_rounds + 1))
     hours = {
-        "demonstrations": plan.twins * world_s + frames * demonstration_s,
+        "demonstrations": plan.flats * world_s + frames * demonstration_s,
         "DAgger episodes": dagger_flats * world_s + dagger_frames * dagger_s,
         "encoder": recipe.seeing.updates * seeing_s,
         "features": frames * feature_s,

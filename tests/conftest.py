@@ -87,7 +87,7 @@ SLOW = frozenset(
         "runner/judging/test_faces.py",
         "runner/setup/test_trial_setup.py",
         "runtime/test_numba_cache.py",
-        "simulator/test_twins.py",
+        "simulator/generated_sites/test_generate.py",
         "site_checks/test_check.py",
         "site_checks/test_mistakes.py",
         "statistics/test_power_independent.py",

@@ -8,9 +8,9 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from training.flat_world import View
 from training.rollout import INDEX, Lane
 from training.shards import LABELS
-from training.twin_world import View
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.network import Bottleneck, PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import GOALS

@@ -40,8 +40,8 @@ class NetworkSizes(_Strict):
 class Demonstrations(_Strict):
     """Data of one round; a shard is one site with one camera."""
 
-    twins: Count = Field(default=220, description="shards of the first round")
-    dagger_twins: int = Field(default=50, ge=0, description="shards of each later round")
+    flats: Count = Field(default=220, description="shards of the first round")
+    dagger_flats: int = Field(default=50, ge=0, description="shards of each later round")
     dagger_rounds: int = Field(default=2, ge=0)
     episodes: Count = Field(default=24, description="per shard of the first round")
     dagger_episodes: Count = Field(default=24, description="per shard of a later round")
@@ -98,7 +98,7 @@ class Cloning(_Strict):
 class Validation(_Strict):
     """Episodes on validation sites, without physics."""
 
-    twins: Count = 3
+    flats: Count = 3
     episodes: Count = 24
     every_updates: Count = 1000
 
@@ -111,7 +111,7 @@ class Calibration(_Strict):
     """
 
     stop_biases: tuple[float, ...] = Field(default=(0.0, -1.0, -2.0, -2.5, -3.0, -3.5, -4.0), min_length=1)
-    twins: Count = 4
+    flats: Count = 4
     episodes: Count = 24
 
 
@@ -152,8 +152,8 @@ class Recipe(_Strict):
         """Return the sites of a round; rounds do not share sites with each other, validation or test."""
         plan = self.demonstrations
         first = SEEDS[Split.TRAINING].start + 10_000 * self.seed
-        first += 0 if round_number == 0 else plan.twins + (round_number - 1) * plan.dagger_twins
-        seeds = range(first, first + (plan.twins if round_number == 0 else plan.dagger_twins))
+        first += 0 if round_number == 0 else plan.flats + (round_number - 1) * plan.dagger_flats
+        seeds = range(first, first + (plan.flats if round_number == 0 else plan.dagger_flats))
         if seeds and seeds[-1] not in SEEDS[Split.TRAINING]:
             raise UsageError(f"recipe {self.name}: seed {self.seed} leads outside the training split")
         return seeds
@@ -161,13 +161,13 @@ class Recipe(_Strict):
     @property
     def validation_seeds(self) -> range:
         """Sites that measure success between rounds."""
-        return SEEDS[Split.VALIDATION][: self.validation.twins]
+        return SEEDS[Split.VALIDATION][: self.validation.flats]
 
     @property
     def calibration_seeds(self) -> range:
         """Sites for the choice of STOP's bias."""
-        first = self.validation.twins
-        return SEEDS[Split.VALIDATION][first : first + self.calibration.twins]
+        first = self.validation.flats
+        return SEEDS[Split.VALIDATION][first : first + self.calibration.flats]
 
 
 RECIPES: Final = Path(__file__).parent / "recipes"

@@ -7,9 +7,9 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from training.flat_world import SUCCESS_DISTANCE_M, FlatWorld, View
 from training.recipe import Demonstrations
 from training.shards import UNLABELLED, Shard, encode
-from training.twin_world import SUCCESS_DISTANCE_M, TwinWorld, View
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
@@ -79,7 +79,7 @@ class Demonstration:
 
 
 def demonstrate(
-    world: TwinWorld, plan: Demonstrations, rng: np.random.Generator, student: Student | None = None
+    world: FlatWorld, plan: Demonstrations, rng: np.random.Generator, student: Student | None = None
 ) -> Demonstration:
     """Run `plan.episodes` episodes and label every step with the demonstrator's action."""
     collected: list[_Steps] = []
@@ -128,7 +128,7 @@ def _students_turn(lane: Lane, plan: Demonstrations, rng: np.random.Generator) -
 
 
 def _advance(
-    world: TwinWorld,
+    world: FlatWorld,
     plan: Demonstrations,
     lane: Lane,
     expert: Action | None,
@@ -148,7 +148,7 @@ def _advance(
     lane.stopped = lane.steps >= plan.max_actions
 
 
-def move(world: TwinWorld, lane: Lane, action: Action) -> None:
+def move(world: FlatWorld, lane: Lane, action: Action) -> None:
     """Execute an action in a lane."""
     lane.pose = world.lattice.after(lane.pose, action)
     lane.previous = 1 + INDEX[action]
@@ -203,7 +203,7 @@ class Outcome:
         return self.successes / max(self.episodes, 1)
 
 
-def evaluate(world: TwinWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:
+def evaluate(world: FlatWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:
     """Run episodes of a student alone and judge them by the protocol's distance and step limit."""
     goals = list(GOALS)
     wave = [goals[k % len(goals)] for k in range(episodes)]

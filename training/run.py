@@ -16,13 +16,13 @@ from training.calibration import calibrate_stop
 from training.cloning import Episodes, train_cloning
 from training.curves import draw_curves
 from training.export import write_checkpoint
+from training.flat_world import FlatWorld
 from training.networks import NetworkStudent, new_network
 from training.recipe import Recipe
 from training.rollout import Student, demonstrate
 from training.seeing import store_features, train_seeing, write_features
 from training.shards import read_shard, write_shard
 from training.stage import Row
-from training.twin_world import TwinWorld
 from training.validation import Validator
 from vsnbench.files.atomic import sweep_parts
 from vsnbench.models.checkpoints.weights import file_sha256
@@ -116,7 +116,7 @@ def _claim(recipe: Recipe, output: Path) -> None:
 def make_shard(recipe: Recipe, number: int, seed: int, path: Path, student: Path | None) -> int:
     """Run the episodes of one site and write the student's features and the shard; return the number of steps."""
     torch.set_num_threads(1)
-    world = TwinWorld(recipe, seed)
+    world = FlatWorld(recipe, seed)
     driver: Student | None = None
     if student is not None:
         network = new_network(recipe.network.architecture, recipe.seed)

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from training.flat_world import FlatWorld
 from training.networks import NetworkStudent
 from training.recipe import Recipe
 from training.rollout import evaluate
 from training.stage import Row
-from training.twin_world import TwinWorld
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
@@ -18,7 +18,7 @@ class Validator:
     def __init__(self, recipe: Recipe, seeds: Sequence[int], episodes: int) -> None:
         """Prepare the sites of some seeds, with a number of episodes in each."""
         self._recipe, self._seeds, self._episodes = recipe, seeds, episodes
-        self._worlds: dict[int, TwinWorld] = {}
+        self._worlds: dict[int, FlatWorld] = {}
 
     def examine(self, network: PIRLNavNetwork) -> Row:
         """Run the episodes with sampled actions; return successes and stops over all of them."""
@@ -26,7 +26,7 @@ class Validator:
         outcomes = []
         for seed in self._seeds:
             if seed not in self._worlds:
-                self._worlds[seed] = TwinWorld(self._recipe, seed)
+                self._worlds[seed] = FlatWorld(self._recipe, seed)
             rng = np.random.default_rng([self._recipe.seed, seed, 2])
             student = NetworkStudent(network, seed)
             limit = self._recipe.demonstrations.max_actions

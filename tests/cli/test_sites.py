@@ -57,9 +57,9 @@ def test_show_as_json_gives_the_whole_site() -> None:
 
 def test_a_generated_flat_is_shown_checked_and_drawn_by_its_seed(tmp_path: Path) -> None:
     flat = json.loads(call("show", "flat:0", "--json")[1])
-    assert flat["name"] == "twin-0"
+    assert flat["name"] == "flat-0"
     code, out = call("check", "flat:0")
-    assert (code, out.splitlines()[-1].startswith("twin-0 for turtlebot2: 0 errors")) == (0, True)
+    assert (code, out.splitlines()[-1].startswith("flat-0 for turtlebot2: 0 errors")) == (0, True)
     assert call("draw", "flat:0", "-o", str(tmp_path / "plan.svg"))[0] == 0
     with pytest.raises(UsageError):
         call("show", "flat:x")

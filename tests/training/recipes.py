@@ -13,8 +13,8 @@ TINY = Recipe.model_validate(
             "recurrent_layers": 1,
         },
         "demonstrations": {
-            "twins": 2,
-            "dagger_twins": 1,
+            "flats": 2,
+            "dagger_flats": 1,
             "dagger_rounds": 1,
             "episodes": 4,
             "dagger_episodes": 4,
@@ -22,9 +22,9 @@ TINY = Recipe.model_validate(
             "max_actions": 30,
         },
         "seeing": {"updates": 4, "batch": 4},
-        "calibration": {"stop_biases": [0.0, -2.0], "twins": 1, "episodes": 2},
+        "calibration": {"stop_biases": [0.0, -2.0], "flats": 1, "episodes": 2},
         "cloning": {"updates": [12], "lanes": 2, "steps": 8},
-        "validation": {"twins": 1, "episodes": 2, "every_updates": 1000},
+        "validation": {"flats": 1, "episodes": 2, "every_updates": 1000},
         "save_every_updates": 2,
     }
 )

@@ -5,17 +5,17 @@ import pytest
 
 from tests.training.recipes import TINY
 from training.explorer import Search
-from training.twin_world import TwinWorld
+from training.flat_world import FlatWorld
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 
 @pytest.fixture(scope="module")
-def world() -> TwinWorld:
-    return TwinWorld(TINY, 10_001)
+def world() -> FlatWorld:
+    return FlatWorld(TINY, 10_001)
 
 
-def follow(world: TwinWorld, search: Search, pose: Pose, until: int = 150) -> tuple[Pose, list[Action], list[bool]]:
+def follow(world: FlatWorld, search: Search, pose: Pose, until: int = 150) -> tuple[Pose, list[Action], list[bool]]:
     """Let the demonstrator drive; return where it ends, its actions, and whether the goal was found before each."""
     actions, found = [], []
     while len(actions) < until:
@@ -31,7 +31,7 @@ def follow(world: TwinWorld, search: Search, pose: Pose, until: int = 150) -> tu
 
 
 @pytest.mark.parametrize("goal", ["sofa", "bed", "toilet"])
-def test_it_finds_goals_that_are_not_in_view_at_the_start(world: TwinWorld, goal: str) -> None:
+def test_it_finds_goals_that_are_not_in_view_at_the_start(world: FlatWorld, goal: str) -> None:
     rng, hidden = np.random.default_rng(4), 0
     for _ in range(4):
         pose, actions, found = follow(world, world.search(goal), world.draw_start(goal, rng))
@@ -41,7 +41,7 @@ def test_it_finds_goals_that_are_not_in_view_at_the_start(world: TwinWorld, goal
     assert hidden
 
 
-def test_before_the_goal_is_in_view_its_whereabouts_change_nothing(world: TwinWorld) -> None:
+def test_before_the_goal_is_in_view_its_whereabouts_change_nothing(world: FlatWorld) -> None:
     start = world.draw_start("toilet", np.random.default_rng(7))
     _, one, found = follow(world, world.search("toilet"), start, until=40)
     blind = Search(world.search("toilet").survey, frozenset({-1}), world.search("toilet").half_view_rad)
@@ -51,14 +51,14 @@ def test_before_the_goal_is_in_view_its_whereabouts_change_nothing(world: TwinWo
     assert one[:searched] == other[:searched]
 
 
-def test_it_begins_by_turning_until_it_has_looked_around(world: TwinWorld) -> None:
+def test_it_begins_by_turning_until_it_has_looked_around(world: FlatWorld) -> None:
     start = world.draw_start("toilet", np.random.default_rng(7))
     _, actions, found = follow(world, world.search("toilet"), start, until=14)
     assert not any(found[:6])
     assert actions[:6] == [Action.TURN_LEFT] * 6
 
 
-def test_patches_behind_the_robot_or_behind_a_wall_are_not_seen(world: TwinWorld) -> None:
+def test_patches_behind_the_robot_or_behind_a_wall_are_not_seen(world: FlatWorld) -> None:
     survey = world.search("bed").survey
     search = Search(survey, frozenset(), world.search("bed").half_view_rad)
     pose = world.draw_start("bed", np.random.default_rng(1))
@@ -73,7 +73,7 @@ def test_patches_behind_the_robot_or_behind_a_wall_are_not_seen(world: TwinWorld
     assert not search.seen[behind].any()
 
 
-def test_the_lookouts_together_overlook_nearly_all_of_the_floor(world: TwinWorld) -> None:
+def test_the_lookouts_together_overlook_nearly_all_of_the_floor(world: FlatWorld) -> None:
     survey = world.search("bed").survey
     assert survey.around[survey.lookouts].any(axis=0).mean() > 0.9
     assert len(survey.lookouts) < 20

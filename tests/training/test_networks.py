@@ -105,14 +105,14 @@ def test_steps_where_the_oracle_changes_its_action_weigh_more(tmp_path: Path) ->
     assert torch.equal(batch.weights[~changes], torch.ones(int((~changes).sum())))
 
 
-def test_no_round_shares_a_twin_with_another_or_with_validation() -> None:
+def test_no_round_shares_a_flat_with_another_or_with_validation() -> None:
     recipe = load_recipe("full")
     rounds = [recipe.training_seeds(k) for k in range(recipe.demonstrations.dagger_rounds + 1)]
     seeds = [seed for seeds in rounds for seed in seeds]
     assert len(set(seeds)) == len(seeds)
     assert set(seeds) <= set(SEEDS[Split.TRAINING])
     held_out = [*recipe.validation_seeds, *recipe.calibration_seeds]
-    assert len(set(held_out)) == recipe.validation.twins + recipe.calibration.twins
+    assert len(set(held_out)) == recipe.validation.flats + recipe.calibration.flats
     assert set(held_out) <= set(SEEDS[Split.VALIDATION])
 
 

@@ -8,18 +8,18 @@ import numpy.typing as npt
 import pytest
 
 from tests.training.recipes import TINY
+from training.flat_world import FlatWorld, View
 from training.recipe import Recipe
 from training.rollout import INDEX, Lane, _students_turn, demonstrate, evaluate
 from training.shards import STRIPS, UNLABELLED, mirrored
-from training.twin_world import TwinWorld, View
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 
 @pytest.fixture(scope="module")
-def world() -> TwinWorld:
-    return TwinWorld(TINY, 10_001)
+def world() -> FlatWorld:
+    return FlatWorld(TINY, 10_001)
 
 
 class Only:
@@ -32,7 +32,7 @@ class Only:
         return [self.action] * len(lanes), np.arange(len(lanes), dtype=np.float16)[:, None]
 
 
-def test_demonstrations_are_knocked_off_their_way_and_still_end_with_stop(world: TwinWorld) -> None:
+def test_demonstrations_are_knocked_off_their_way_and_still_end_with_stop(world: FlatWorld) -> None:
     plan = Recipe(name="r").demonstrations.model_copy(update={"episodes": 6, "lanes": 6, "perturbed_share": 0.1})
     shard = demonstrate(world, plan, np.random.default_rng(3)).shard
     last = np.append(np.flatnonzero(shard.begins)[1:] - 1, len(shard) - 1)
@@ -44,7 +44,7 @@ def test_demonstrations_are_knocked_off_their_way_and_still_end_with_stop(world:
     assert sorted(set(shard.goals.tolist())) == sorted(GOALS.values())
 
 
-def test_what_is_in_view_is_told_with_its_nearness(world: TwinWorld) -> None:
+def test_what_is_in_view_is_told_with_its_nearness(world: FlatWorld) -> None:
     goal, number = "bed", GOALS["bed"]
     pose, search = world.draw_start(goal, np.random.default_rng(1)), world.search(goal)
     while True:
@@ -60,7 +60,7 @@ def test_what_is_in_view_is_told_with_its_nearness(world: TwinWorld) -> None:
     assert view.labels[STRIPS * len(GOALS) + number] > 1 / (1 + 1.5)
 
 
-def test_a_mirror_swaps_left_and_right(world: TwinWorld) -> None:
+def test_a_mirror_swaps_left_and_right(world: FlatWorld) -> None:
     view = world.look(world.draw_start("bed", np.random.default_rng(1)))
     labels = view.labels.astype(np.float32)
     image, turned = mirrored(view.rgb, labels)
@@ -72,14 +72,14 @@ def test_a_mirror_swaps_left_and_right(world: TwinWorld) -> None:
     assert np.array_equal(again[1], labels)
 
 
-def test_the_same_seed_gives_the_same_demonstrations(world: TwinWorld) -> None:
+def test_the_same_seed_gives_the_same_demonstrations(world: FlatWorld) -> None:
     plan = TINY.demonstrations.model_copy(update={"max_actions": 6})
     one, other = (demonstrate(world, plan, np.random.default_rng(9)).shard for _ in range(2))
     assert np.array_equal(one.images, other.images)
     assert np.array_equal(one.expert, other.expert)
 
 
-def test_a_student_drives_by_turns_and_its_features_are_kept(world: TwinWorld) -> None:
+def test_a_student_drives_by_turns_and_its_features_are_kept(world: FlatWorld) -> None:
     whole = {"student_actions": 30, "expert_actions": 1, "perturbed_share": 0.0, "max_actions": 30}
     plan = TINY.demonstrations.model_copy(update=whole)
     given = demonstrate(world, plan, np.random.default_rng(3), Only(Action.TURN_LEFT))
@@ -92,7 +92,7 @@ def test_a_student_drives_by_turns_and_its_features_are_kept(world: TwinWorld) -
     assert given.shard.images.size == 0
 
 
-def test_a_student_that_stops_at_once_is_driven_on_by_the_demonstrator(world: TwinWorld) -> None:
+def test_a_student_that_stops_at_once_is_driven_on_by_the_demonstrator(world: FlatWorld) -> None:
     plan = TINY.demonstrations.model_copy(update={"max_actions": 150})
     shard = demonstrate(world, plan, np.random.default_rng(3), Only(Action.STOP)).shard
     last = np.append(np.flatnonzero(shard.begins)[1:] - 1, len(shard) - 1)
@@ -101,7 +101,7 @@ def test_a_student_that_stops_at_once_is_driven_on_by_the_demonstrator(world: Tw
     assert (outcome.stops, outcome.actions) == (6, 6)
 
 
-def test_student_and_demonstrator_change_places(world: TwinWorld) -> None:
+def test_student_and_demonstrator_change_places(world: FlatWorld) -> None:
     plan = TINY.demonstrations.model_copy(update={"student_actions": 4, "expert_actions": 4, "max_actions": 60})
     lane, rng, turns = Lane("bed", Pose(0, 0), Pose(0, 0)), np.random.default_rng(0), []
     for _ in range(60):

@@ -248,7 +248,7 @@ def generate(
     output: Annotated[
         str,
         typer.Option(
-            "--output", "-o", show_default="twin-SEED.yaml", help="Path of the site file (.yaml); - for stdout."
+            "--output", "-o", show_default="flat-SEED.yaml", help="Path of the site file (.yaml); - for stdout."
         ),
     ] = "",
     as_json: Json = False,
@@ -256,13 +256,13 @@ def generate(
     """Generate a furnished flat of 50 to 100 m² with all goal categories; `--site flat:SEED` is the same.
 
     vsnbench sites generate --seed 7
-    vsnbench run --model oracle --goal chair --site twin-7.yaml
+    vsnbench run --model oracle --goal chair --site flat-7.yaml
     """
     from vsnbench.errors import UsageError
     from vsnbench.interop.site_file import site_yaml, write_site
     from vsnbench.simulator.generated_sites.generate import generate_site
 
-    path = Path(output or f"twin-{seed}.yaml")
+    path = Path(output or f"flat-{seed}.yaml")
     if output != "-" and path.suffix not in (".yaml", ".yml"):
         raise UsageError(f"cannot write a site to {path}", advice="name a file that ends in .yaml")
     site = generate_site(seed)

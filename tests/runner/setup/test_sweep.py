@@ -45,12 +45,12 @@ def test_a_sweep_has_every_combination_and_seeds_vary_slowest() -> None:
         for site in ("apartment", "flat:3", "flat:4", "flat:9")
         for model in ("forward", "random")
     ]
-    assert set(sweep.site_names) == {"apartment", "twin-3", "twin-4", "twin-9"}
+    assert set(sweep.site_names) == {"apartment", "flat-3", "flat-4", "flat-9"}
     assert all(15 <= trials <= 18 for trials in sweep.trials)
 
 
 def test_a_generated_site_has_its_own_name() -> None:
-    assert named_site("flat:3").name == "twin-3"
+    assert named_site("flat:3").name == "flat-3"
     assert named_site("apartment").name == "apartment"
 
 

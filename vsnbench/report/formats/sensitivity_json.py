@@ -114,19 +114,19 @@ def judgement_fields(judgements: Judgements | None) -> dict[str, Any] | None:
     }
 
 
-def sim_vs_real_fields(twin: SimRealPair) -> dict[str, Any]:
+def sim_vs_real_fields(pair: SimRealPair) -> dict[str, Any]:
     """Return the comparison of real and simulated results; null if unknown."""
-    like, ranks, gain = twin.agreement, twin.ranks, twin.powered
+    like, ranks, gain = pair.agreement, pair.ranks, pair.powered
     return {
-        "real": twin.real.name,
-        "simulated": twin.simulated.name,
-        "goals": list(twin.goals),
-        "successes_real": twin.first.successes,
-        "episodes_real": twin.first.episodes,
-        "successes_simulated": twin.second.successes,
-        "episodes_simulated": twin.second.episodes,
-        "difference": finite(twin.difference),
-        **_ends("ci", twin.interval),
+        "real": pair.real.name,
+        "simulated": pair.simulated.name,
+        "goals": list(pair.goals),
+        "successes_real": pair.first.successes,
+        "episodes_real": pair.first.episodes,
+        "successes_simulated": pair.second.successes,
+        "episodes_simulated": pair.second.episodes,
+        "difference": finite(pair.difference),
+        **_ends("ci", pair.interval),
         "shared_cells": like.cells if like else 0,
         "agreement": {name: finite(getattr(like, name)) for name in ("bias", "error", "same", "kappa")}
         if like

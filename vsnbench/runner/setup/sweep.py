@@ -104,7 +104,7 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
     for place in sites:
         if place.startswith(FLAT) and sample is not None:
             site = sample  # an estimate: each site is generated when its campaign begins
-            site_names[place] = f"twin-{place.removeprefix(FLAT)}"
+            site_names[place] = f"flat-{place.removeprefix(FLAT)}"
         else:
             site = named_site(place)
             sample = site if place.startswith(FLAT) else sample

@@ -113,7 +113,7 @@ def _draw(seed: int, rng: Generator) -> Site | None:
     if not furnish_rooms(placer):
         return None
     site = Site(
-        name=f"twin-{seed}",
+        name=f"flat-{seed}",
         title=f"Generated flat, seed {seed}",
         ceiling_height_m=round(float(rng.uniform(2.4, 2.7)), 2),
         rooms=[_room(room, rng) for room in rooms],

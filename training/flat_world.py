@@ -35,7 +35,7 @@ class View:
     """Indices of the site's objects that are large enough in the image to be recognized."""
 
 
-class TwinWorld:
+class FlatWorld:
     """A generated flat with one camera and one lighting."""
 
     def __init__(self, recipe: Recipe, seed: int) -> None:

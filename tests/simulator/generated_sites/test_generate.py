@@ -33,13 +33,13 @@ SAMPLE = [*range(5), *range(1_000, 1_005), *range(10_000, 10_005)]
 
 
 @cache
-def twin(seed: int) -> Site:
+def generated(seed: int) -> Site:
     return generate_site(seed)
 
 
 @pytest.mark.parametrize("seed", SAMPLE)
-def test_every_twin_passes_sites_check_and_has_what_the_protocol_asks_for(seed: int) -> None:
-    site = twin(seed)
+def test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for(seed: int) -> None:
+    site = generated(seed)
     assert check_site(site, ROBOT_RADIUS_M) == []
     assert 50 <= site.area_m2 <= 100
     assert set(GOAL_CATEGORIES) <= site.categories
@@ -49,19 +49,19 @@ def test_every_twin_passes_sites_check_and_has_what_the_protocol_asks_for(seed: 
 
 
 def test_nothing_hangs_over_a_doorway() -> None:
-    hanging = [(site, thing) for site in map(twin, SAMPLE) for thing in site.objects if thing.elevation_m > 1.2]
+    hanging = [(site, thing) for site in map(generated, SAMPLE) for thing in site.objects if thing.elevation_m > 1.2]
     assert len(hanging) > 15
     for site, thing in hanging:
         assert all(thing.shape.distance(door.centre_line) > 0.15 for door in site.doors), (site.name, thing.id)
 
 
 def test_no_two_seeds_give_the_same_flat() -> None:
-    assert len({twin(seed).sha256 for seed in SAMPLE}) == len(SAMPLE)
-    assert len({plan_of(twin(seed)) for seed in SAMPLE}) == len(SAMPLE)
+    assert len({generated(seed).sha256 for seed in SAMPLE}) == len(SAMPLE)
+    assert len({plan_of(generated(seed)) for seed in SAMPLE}) == len(SAMPLE)
 
 
-def test_twins_differ_in_rooms_instances_models_and_colours() -> None:
-    sites = [twin(seed) for seed in SAMPLE]
+def test_flats_differ_in_rooms_instances_models_and_colours() -> None:
+    sites = [generated(seed) for seed in SAMPLE]
     assert len({tuple(sorted(room.name for room in site.rooms)) for site in sites}) >= 4
     for goal in ("chair", "table", "monitor", "plant"):
         assert len({len(site.instances(goal)) for site in sites}) >= 2, goal
@@ -71,7 +71,7 @@ def test_twins_differ_in_rooms_instances_models_and_colours() -> None:
 
 
 def test_a_seed_always_gives_the_same_flat() -> None:
-    assert generate_site(10_003).sha256 == twin(10_003).sha256
+    assert generate_site(10_003).sha256 == generated(10_003).sha256
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def test_no_generated_site_has_the_apartments_plan() -> None:
     own = plan_of(apartment)
     starts = {start.position for start in apartment.starts}
     for seed in SAMPLE:
-        site = twin(seed)
+        site = generated(seed)
         plan = plan_of(site)
         assert site.sha256 != apartment.sha256
         assert plan.rooms != own.rooms
@@ -112,7 +112,7 @@ def test_a_seed_belongs_to_one_split_at_most() -> None:
 
 @pytest.mark.parametrize("seed", [2, 1_001, 10_000])
 def test_the_oracle_reaches_every_goal(seed: int) -> None:
-    site = twin(seed)
+    site = generated(seed)
     oracle = Oracle()
     for goal, start in zip(GOAL_CATEGORIES, site.starts, strict=False):
         end, last = walk(oracle, site, goal, start.pose)
@@ -135,17 +135,17 @@ def walk(oracle: Oracle, site: Site, goal: str, start: Pose) -> tuple[Pose, Acti
 
 
 def test_the_simulated_robot_touches_nothing_at_any_start() -> None:
-    site = twin(10_001)
+    site = generated(10_001)
     physics = Physics(build_scene(site), load_profile("turtlebot2").base)
     for start in site.starts:
         physics.place(start.pose)
         assert physics.touch() is None, start.number
 
 
-def test_a_written_twin_is_read_back_to_the_same_content(tmp_path: Path) -> None:
+def test_a_written_flat_is_read_back_to_the_same_content(tmp_path: Path) -> None:
     path = tmp_path / "flat.yaml"
-    write_site(twin(2), path)
-    assert load_site(path).sha256 == twin(2).sha256
+    write_site(generated(2), path)
+    assert load_site(path).sha256 == generated(2).sha256
     assert [file.name for file in tmp_path.iterdir()] == ["flat.yaml"]
 
 
@@ -162,7 +162,7 @@ def test_a_site_that_fails_the_check_is_never_returned(monkeypatch: pytest.Monke
     from vsnbench.errors import SiteError
     from vsnbench.simulator.generated_sites import generate
 
-    bad = twin(2).model_copy(update={"objects": []})
+    bad = generated(2).model_copy(update={"objects": []})
     monkeypatch.setattr(generate, "_draw", lambda seed, rng: bad)
     with pytest.raises(SiteError, match="seed 2 gave no valid site"):
         generate_site(2)
