@@ -10,7 +10,7 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import create_engine, inspect, text
+from sqlalchemy import create_engine, event, inspect, text
 
 from tests.results.records_of_a_lab import begun, forward, plan, run, running_elsewhere, stopped
 from vsnbench.errors import RecordError
@@ -288,6 +288,19 @@ def test_a_backup_taken_while_steps_are_written_is_whole(sqlite: str, tmp_path: 
     assert len(numbers) <= written
     assert len(episode_steps(copy, 1)) == 3
     assert not [path.name for path in tmp_path.iterdir() if path.name.endswith(".part")]
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_a_record_created_between_two_queries_of_its_state_is_no_foreign_database(postgresql: str, number: int) -> None:
+    engine = open_engine(postgresql)
+    count = iter(range(1000))
+
+    def create(*_: object) -> None:
+        if next(count) == number:
+            migrate.upgrade(open_engine(postgresql))
+
+    event.listen(engine, "before_cursor_execute", create)
+    assert migrate.schema_state(engine).current in {None, migrate.HEAD}
 
 
 def test_a_backup_of_postgresql_is_an_archive(postgresql: str, tmp_path: Path) -> None:

@@ -259,6 +259,8 @@ def _state(connection: Connection) -> SchemaState:
     scripts = ScriptDirectory.from_config(_config())
     head = scripts.get_current_head() or ""
     order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
+    # Read before the revision: another process may create the record between the two queries.
+    tables = inspect(connection).get_table_names()
     try:
         current = MigrationContext.configure(connection).get_current_revision()
     except CommandError as error:  # several revisions
@@ -267,7 +269,6 @@ def _state(connection: Connection) -> SchemaState:
             advice="restore a backup",
         ) from error
     if current is None:
-        tables = inspect(connection).get_table_names()
         if tables:
             raise RecordError(
                 f"the database {database_label(connection.engine)} holds other "
