@@ -96,4 +96,6 @@ def suggest_category(name: str, known: Collection[str] = CATEGORIES) -> str:
     if general in known:
         return f"write {general}, and use the field model for the variant"
     near = get_close_matches(name, sorted(known), n=1, cutoff=0.75)
+    if not near and plain != name and CATEGORY_WORD.fullmatch(plain):
+        return f"write {plain}"
     return f"did you mean {near[0]}?" if near else f"known categories: {', '.join(sorted(known))}"

@@ -135,7 +135,7 @@ def check_goal_starts(goals: Sequence[str], starts: Sequence[int], site: Site) -
 
 
 def _resolved(name: str, site: Site) -> str:
-    if name == "all" or site.goal(name) is not None:
+    if name == "all" or site.goal(name) is not None or name in site.categories:
         return name
     category = canonical_category(name)
     if category in site.categories:
