@@ -16,7 +16,7 @@ from vsnbench.runtime.resources import available_memory, granted_cores, processo
 from vsnbench.runtime.ros_version import RosGeneration
 
 EXTRAS: Mapping[str, str] = {
-    "neural": "the models pirlnav and vlv, detectors for vlv and frontier",
+    "neural": "the model vlv, Mask R-CNN, pirlnav on a GPU",
     "viewer": "vsnbench view, run --live",
     "postgresql": "--db postgresql+psycopg://...",
     "bags": "vsnbench export bag, export mcap",

@@ -1,6 +1,7 @@
 """A file from a hostile hand, or a broken one, is refused in one line; nothing in it runs and memory stays bounded."""
 
 import contextlib
+import gzip
 import io
 import os
 import pickle
@@ -19,11 +20,19 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.models.pirlnav.checkpoints import SMALL, weights, write_archive, write_checkpoint, write_forged
+from tests.models.pirlnav.checkpoints import (
+    SMALL,
+    configuration,
+    weights,
+    write_archive,
+    write_checkpoint,
+    write_forged,
+)
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.pickle_reader import read_pickle
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES, read_checkpoint
+from vsnbench.models.pirlnav.policy import describe_weights
 
 MARKER = "was-run"
 
@@ -285,3 +294,67 @@ def test_a_nested_value_in_the_configuration_is_refused_without_printing_it(tmp_
         nest = [nest, nest]
     config = OrderedDict(POLICY=OrderedDict(RGB_ENCODER=OrderedDict(backbone=nest)))
     assert "POLICY.RGB_ENCODER.backbone is a list" in refusal(write_checkpoint(tmp_path / "nest.ckpt", config=config))
+
+
+_HUGE = b"\x8a\xff" + b"\x7f" * 255
+"""The integer 2**2039 and more."""
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize(
+    ("pickled", "what"),
+    [
+        (
+            b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((X\x07\x00\x00\x00storagectorch\nFloatStorage\n"
+            b"X\x01\x00\x00\x000X\x03\x00\x00\x00cpuK\x01tQK\x00("
+            + _HUGE
+            + b"q\x05"
+            + b"h\x05" * 4_000
+            + b"tq\x06h\x06tR.",
+            "a tensor of 4001 dimensions",
+        ),
+        (
+            b"\x80\x02}("
+            + b"".join(
+                b"\x8a\x0a" + (number * (2**61 - 1)).to_bytes(10, "little") + b"N" for number in range(1, 10_000)
+            )
+            + b"u.",
+            "a huge integer as a key",
+        ),
+        (
+            b"\x80\x02((" + b"K\x01" * 2_000 + b"tq\x05ctorch\nSize\nq\x06" + b"h\x06h\x05\x85R" * 2_000 + b"t.",
+            "more items than the pickle has",
+        ),
+    ],
+    ids=["product of dimensions", "equal hashes", "copies"],
+)
+def test_a_small_pickle_that_would_take_hours_or_gigabytes_is_refused(
+    tmp_path: Path, pickled: bytes, what: str
+) -> None:
+    assert what in refusal(write_archive(tmp_path / "slow.ckpt", pickled))
+
+
+def test_a_compressed_tar_is_not_unpacked_to_name_it(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.ckpt"
+    header = tarfile.TarInfo("x")
+    header.type, header.size = tarfile.XHDTYPE, 400 * 2**20
+    with gzip.open(path, "wb", compresslevel=1) as file:
+        file.write(header.tobuf(tarfile.USTAR_FORMAT))
+        for _ in range(25):
+            file.write(bytes(16 * 2**20))
+    assert "not a PyTorch checkpoint" in refusal(path)
+
+
+def test_a_nested_name_of_the_trainer_is_not_printed(tmp_path: Path) -> None:
+    nest: list[Any] = []
+    for _ in range(16):
+        nest = [nest, nest]
+    config = configuration(SMALL) | {"TRAINER_NAME": nest}
+    assert read_checkpoint(write_checkpoint(tmp_path / "nest.ckpt", config=config)).trainer == ""
+
+
+@pytest.mark.parametrize("step", [float("nan"), float("inf"), -1, 10**400], ids=["nan", "inf", "negative", "huge"])
+def test_an_impossible_number_of_training_steps_is_unknown(tmp_path: Path, step: Any) -> None:
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "step.ckpt", step=step))
+    assert checkpoint.training_step is None
+    assert "steps" not in describe_weights(checkpoint)

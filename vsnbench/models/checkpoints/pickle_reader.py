@@ -40,6 +40,10 @@ _DTYPES: Final[dict[str, np.dtype[Any]]] = {
 
 _MAX_TUPLE_DEPTH = 16
 _MAX_TENSORS = 100_000
+_MAX_DIMENSIONS = 64
+"""numpy's limit."""
+_MAX_KEY = 2**61 - 2
+"""Larger integers, which no checkpoint has as keys, can all have the same hash."""
 _VALUES = {
     "BININT",
     "BININT1",
@@ -111,7 +115,7 @@ def read_pickle(
         ModelError: the pickle refers to another name, has an instruction that PyTorch does not write, is damaged, or
             has a tensor larger than its storage.
     """
-    machine = _Machine(allowed_classes, origin, stored)
+    machine = _Machine(allowed_classes, origin, stored, max_copies=len(pickle_bytes))
     try:
         for opcode, argument, _ in pickletools.genops(io.BytesIO(pickle_bytes)):
             machine.step(opcode.name, argument)
@@ -128,7 +132,9 @@ class _Machine:
         allowed_classes: frozenset[str],
         origin: str,
         stored: Callable[[DeclaredStorage], npt.NDArray[Any]],
+        max_copies: int,
     ) -> None:
+        self.copies_left = max_copies
         self.classes = _DICTIONARIES | allowed_classes
         self.allowed = _FUNCTIONS | _DTYPES.keys() | self.classes
         self.origin = origin
@@ -238,7 +244,10 @@ class _Machine:
             return self._tensor(arguments)
         if function.text == _REBUILD_PARAMETER:
             return arguments[0]
-        items = list(arguments[0]) if arguments else []
+        items = arguments[0] if arguments else ()
+        self.copies_left -= len(items)  # a program can copy the same items many times
+        if self.copies_left < 0:
+            raise ValueError("more items than the pickle has")
         if function.text == "torch.Size":
             return _tuple(tuple(items))
         if function.text in self.classes:
@@ -246,10 +255,12 @@ class _Machine:
         return {*map(_key, items)}
 
     def _tensor(self, arguments: Any) -> npt.NDArray[Any]:
-        (storage, numbers), offset, shape, stride, *_ = arguments
+        (storage, numbers), offset, shape, stride = arguments[:4]
         self.tensors += 1
         if self.tensors > _MAX_TENSORS:
             raise ValueError(f"more than {_MAX_TENSORS} tensors")
+        if len(shape) > _MAX_DIMENSIONS:
+            raise ValueError(f"a tensor of {len(shape)} dimensions")
         if len(shape) != len(stride) or not all(isinstance(n, int) and n >= 0 for n in (offset, *shape, *stride)):
             raise ValueError("a tensor with an impossible shape")
         reach = sum((size - 1) * step for size, step in zip(shape, stride, strict=True))
@@ -285,9 +296,11 @@ def _tuple(items: tuple[Any, ...]) -> _Tuple:
 
 
 def _key(value: Any) -> Any:
-    """Return a key of a dictionary or element of a set; hashing a nested tuple could take for ever."""
+    """Return a key of a dictionary or element of a set that is hashed quickly; a nested tuple could take for ever."""
     if value is not None and not isinstance(value, str | int | float):
         raise TypeError(f"a {type(value).__name__} as a key")
+    if isinstance(value, int) and abs(value) > _MAX_KEY:
+        raise ValueError("a huge integer as a key")
     return value
 
 

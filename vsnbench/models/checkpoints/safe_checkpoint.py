@@ -5,7 +5,6 @@ bounded by the file's size.
 """
 
 import struct
-import tarfile
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -37,7 +36,7 @@ def load_checkpoint(path: Path, allowed_classes: frozenset[str] = frozenset()) -
         with path.open("rb") as file:
             head = file.read(512)
         if not head.startswith(b"PK") or not _is_archive(path):
-            raise ModelError(f"{origin}: {_describe_file(path, head)}")
+            raise ModelError(f"{origin}: {_describe_file(head)}")
         with zipfile.ZipFile(path) as archive:
             return _load(archive, path.stat().st_size, allowed_classes, origin)
     except OSError as error:
@@ -93,7 +92,7 @@ def _load(archive: zipfile.ZipFile, file_bytes: int, allowed_classes: frozenset[
     return read_pickle(archive.read(pickled), allowed_classes, origin, stored)
 
 
-def _describe_file(path: Path, head: bytes) -> str:
+def _describe_file(head: bytes) -> str:
     """Return what kind of file it is if it is not a complete zip archive."""
     if not head:
         return "empty; download it again"
@@ -105,7 +104,7 @@ def _describe_file(path: Path, head: bytes) -> str:
         return "a Git LFS pointer, not the weights themselves; run `git lfs pull` in its repository"
     if _LEGACY_MAGIC in head[:16]:
         return f"a checkpoint in PyTorch's legacy format; {_SAVE_AGAIN}"
-    if tarfile.is_tarfile(path):
+    if head[257:262] == b"ustar":
         return f"a tar archive, PyTorch's oldest format; {_SAVE_AGAIN}"
     if head.startswith(b"\x80") or head[:1] in b"c(]}":
         return f"a bare pickle, not a PyTorch checkpoint; {_SAVE_AGAIN}"

@@ -25,6 +25,7 @@ _GOAL_EMBEDDING = "net.obj_categories_embedding.weight"
 _CRITIC = "critic."
 _LINEAR_CRITIC = frozenset({"critic.fc.weight", "critic.fc.bias"})
 _STATISTICS = "running_mean_and_var."
+_MAX_STEPS = 2**63
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,14 +87,15 @@ def read_checkpoint(path: Path) -> Checkpoint:
     weights, architecture = _fitting(named, config, str(path))
     extra = content.get("extra_state")
     step = extra.get("step") if isinstance(extra, Mapping) else None
+    trainer = config.get("TRAINER_NAME", "")
     return Checkpoint(
         path=path,
         sha256=file_sha256(path),
         architecture=architecture,
         weights=weights,
         prefix=prefix,
-        trainer=str(config.get("TRAINER_NAME", "")),
-        training_step=int(step) if isinstance(step, int | float) else None,
+        trainer=trainer if isinstance(trainer, str) else "",
+        training_step=int(step) if isinstance(step, int | float) and 0 <= step < _MAX_STEPS else None,
     )
 
 
