@@ -32,6 +32,10 @@ def test_stops_at_the_second_look_at_a_near_goal_and_not_at_the_first() -> None:
     assert vlv.act(look(NEAR_SOFA)).action is Action.STOP
 
 
+def test_the_card_names_the_device_of_the_networks_and_not_the_requested_one() -> None:
+    assert VLV(model_config=PERFECT, device="auto").card.runs_on == {"device": "cpu"}
+
+
 def test_looks_in_a_row_are_meant() -> None:
     vlv = policy()
     for seen in (look(NEAR_SOFA), look(wall_m=0.8), look(NEAR_SOFA)):

@@ -69,7 +69,7 @@ class ModularPolicy(Policy):
             forward_m=self.settings.forward_m,
             turn_deg=self.settings.turn_deg,
             camera=self.default_card.camera,
-            runs_on={"device": device},
+            runs_on={"device": self._value.device if self._value.device != "cpu" else self._detector.device},
         )
 
     def reset(self, goal: str, seed: int) -> None:

@@ -67,6 +67,8 @@ class Detector(ABC):
     """JSON-serializable."""
     threshold: float
     """Minimum score of a detection, for classes whose reliability is not measured."""
+    device: str = "cpu"
+    """Device of its network, such as `cpu` or `cuda`."""
 
     def begin(self, seed: int) -> None:
         """Start an episode. All randomness follows from `seed`. Does nothing by default."""

@@ -33,7 +33,7 @@ class MaskRCNNDetector(Detector):
         self.weights_sha256 = weights.sha256
         self.settings: Mapping[str, Any] = {"device": device, "threshold": threshold}
         self.threshold = threshold
-        self._device = device
+        self.device = device
         self._network = MaskRCNN(weights.classes)
         self._network.load_state_dict(dict(weights.tensors))
         self._network.eval().to(device)
@@ -58,6 +58,6 @@ class MaskRCNNDetector(Detector):
     @torch.inference_mode()
     def run(self, observation: Observation) -> Objects:
         """Return all objects that the network found."""
-        image = torch.from_numpy(np.ascontiguousarray(observation.rgb.transpose(2, 0, 1))).to(self._device)
+        image = torch.from_numpy(np.ascontiguousarray(observation.rgb.transpose(2, 0, 1))).to(self.device)
         objects: Objects = self._network(image.to(torch.float32) / 255)
         return objects

@@ -29,6 +29,8 @@ class Value(ABC):
     """Description for records and reports."""
     sha256: str
     """Hash of its weights; empty without weights."""
+    device: str = "cpu"
+    """Device of its network, such as `cpu` or `cuda`."""
 
     @abstractmethod
     def of(self, rgb: npt.NDArray[np.uint8], name: str) -> float:
@@ -56,6 +58,7 @@ class LearnedValue(Value):
 
         self.label = f"{weights.path.name} (ResNet-18 value network)"
         self.sha256 = weights.sha256
+        self.device = device
         self._network = build_value_network(weights.tensors, device)
 
     def of(self, rgb: npt.NDArray[np.uint8], name: str) -> float:
