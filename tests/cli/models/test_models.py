@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import json
+import re
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -61,6 +62,15 @@ def test_showing_a_model_documents_every_setting(
     for setting in PIRLNavSettings.model_fields:
         assert setting in out
     assert str(tmp_path / "weights" / "pirlnav.ckpt") in out.replace("\n", "")
+
+
+def test_a_default_of_one_is_shown_as_a_number(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert vsnbench(monkeypatch, "models", "show", "vlv") == 0
+    out = capsys.readouterr().out
+    assert re.search(r"novelty_weight +1\.0 ", out)
+    assert re.search(r"scan_ends_on_goal +true ", out)
 
 
 def test_only_what_the_command_line_has_is_shown_as_an_option(

@@ -231,7 +231,7 @@ def _settings_of(model: "ModelDescription") -> list[tuple[str, str, str]]:
     rows = []
     for field, info in model.settings_class.model_fields.items():
         default = getattr(info.default, "value", info.default)
-        text = {None: "not set", True: "true", False: "false"}.get(default, str(default))
+        text = str(default).lower() if isinstance(default, bool) else "not set" if default is None else str(default)
         rows.append((field, text, info.description or ""))
     return rows
 
