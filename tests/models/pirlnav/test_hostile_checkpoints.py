@@ -8,6 +8,7 @@ import resource
 import subprocess
 import tarfile
 import zipfile
+import zlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -19,11 +20,19 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.models.pirlnav.checkpoints import SMALL, weights, write_archive, write_checkpoint, write_forged
+from tests.models.pirlnav.checkpoints import (
+    SMALL,
+    configuration,
+    weights,
+    write_archive,
+    write_checkpoint,
+    write_forged,
+)
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.pickle_reader import read_pickle
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES, read_checkpoint
+from vsnbench.models.pirlnav.policy import describe_weights
 
 MARKER = "was-run"
 
@@ -237,6 +246,83 @@ def test_one_flipped_bit_in_the_weights_is_noticed(small_checkpoint: Path, tmp_p
     whole[whole.index(content) + len(content) // 2] ^= 1 << bit
     (tmp_path / "flipped.ckpt").write_bytes(whole)
     assert "differs from its checksum" in refusal(tmp_path / "flipped.ckpt")
+
+
+def forged_tensor(storage: bytes, elements: int) -> bytes:
+    """Return the instructions that make a tensor of a storage."""
+    size = b"J" + elements.to_bytes(4, "little") + b"\x85"
+    return b"ctorch._utils\n_rebuild_tensor_v2\n(" + storage + b"K\x00" + size + b"K\x01\x85\x89}tR"
+
+
+def forged_storage(kind: bytes, key: bytes, elements: int) -> bytes:
+    """Return the instructions that declare a storage."""
+    size = b"J" + elements.to_bytes(4, "little")
+    return b"(U\x07storagectorch\n" + kind + b"\nU\x01" + key + b"U\x03cpu" + size + b"tQ"
+
+
+def test_a_large_storage_cannot_be_combined_with_the_numbers_of_a_small_one(tmp_path: Path) -> None:
+    large, small = forged_storage(b"ByteStorage", b"0", 1000), forged_storage(b"DoubleStorage", b"1", 1)
+    declared = b"ctorch._utils\n_rebuild_parameter\n" + large + b"R"
+    pickled = b"\x80\x02" + forged_tensor(declared + forged_tensor(small, 1) + b"\x86", 1000) + b"."
+    path = write_archive(tmp_path / "combined.ckpt", pickled)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(1000))
+        archive.writestr("ckpt/data/1", bytes(8))
+    assert "damaged or forged" in refusal(path)
+
+
+def test_a_record_that_ends_before_its_declared_size_is_not_read_beyond(tmp_path: Path) -> None:
+    pickled = b"\x80\x02" + forged_tensor(forged_storage(b"FloatStorage", b"0", 250), 250) + b"."
+    path = write_archive(tmp_path / "short.ckpt", pickled)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(1000))
+    whole = bytearray(path.read_bytes())
+    entry = whole.rindex(b"ckpt/data/0") - 46
+    whole[entry + 16 : entry + 24] = zlib.crc32(bytes(8)).to_bytes(4, "little") + (8).to_bytes(4, "little")
+    path.write_bytes(whole)
+    assert "declared over 2 stored numbers" in refusal(path)
+
+
+def test_a_list_that_is_copied_many_times_is_refused(tmp_path: Path) -> None:
+    pickled = b"\x80\x02(]q\x00(" + b"N" * 60_000 + b"ectorch\nSize\nq\x01" + b"h\x01h\x00\x85R" * 300 + b"t."
+    assert "items in calls" in refusal(write_archive(tmp_path / "copies.ckpt", pickled))
+
+
+def test_a_shape_of_many_large_dimensions_is_refused_before_it_is_multiplied(tmp_path: Path) -> None:
+    shape = b"(" + b"h\x05" * 100 + b"tq\x06h\x06"
+    huge = b"\x8a\xff" + b"\xff" * 254 + b"\x7fq\x05"
+    tensor = b"ctorch._utils\n_rebuild_tensor_v2\n(" + forged_storage(b"FloatStorage", b"0", 1) + b"K\x00" + shape
+    path = write_archive(tmp_path / "shape.ckpt", b"\x80\x02(" + huge + tensor + b"\x89}tRt.")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(4))
+    assert "impossible shape" in refusal(path)
+
+
+def test_integers_of_equal_hash_are_refused_as_keys(tmp_path: Path) -> None:
+    same = (2**61 - 1) * 5
+    pickled = b"\x80\x02}\x8a\x0a" + same.to_bytes(10, "little") + b"Ns."
+    assert "more than 64 bits" in refusal(write_archive(tmp_path / "hashes.ckpt", pickled))
+
+
+@pytest.mark.parametrize("step", [float("nan"), float("inf"), 10**400, -5], ids=["nan", "inf", "huge", "negative"])
+def test_an_impossible_training_step_is_left_out(tmp_path: Path, step: Any) -> None:
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "step.ckpt", step=step))
+    assert describe_weights(checkpoint) == "step.ckpt, RL fine-tuned"
+
+
+def test_a_trainer_that_is_not_a_name_is_left_out_without_printing_it(tmp_path: Path) -> None:
+    nest: list[Any] = []
+    for _ in range(60):
+        nest = [nest, nest]
+    config = configuration(SMALL) | {"TRAINER_NAME": nest}
+    assert read_checkpoint(write_checkpoint(tmp_path / "trainer.ckpt", config=config)).trainer == ""
+
+
+def test_a_long_name_is_shortened(tmp_path: Path) -> None:
+    state = weights(SMALL) | {"B" * 10_000: torch.zeros(1)}
+    assert len(refusal(write_checkpoint(tmp_path / "name.ckpt", state=state))) < 500
+    long = SMALL.model_copy(update={"backbone": "B" * 10_000})
+    assert len(refusal(write_checkpoint(tmp_path / "backbone.ckpt", long, state=weights(SMALL)))) < 500
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
