@@ -115,17 +115,6 @@ class Requests:
 
     def _well_formed(self, path: str) -> bytes:
         """Return a request as the page's own script sends it, with invalid content, or with a forged token."""
-        is_change = path in self._page.changes
-        method = self._chance.choice(["GET", "POST"])
-        body = self._body() if method == "POST" else b""
-        token = "0" * 64 if is_change else self._browser.csrf_token
-        lines = [f"{method} {path} HTTP/1.1", f"Host: {self._host}", f"Cookie: {self._browser.cookie}"]
-        lines += [f"Origin: http://{self._host}", f"X-CSRF-Token: {token}", "Content-Type: application/json"]
-        lines += [f"Content-Length: {len(body)}", "Connection: close"]
-        return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
-
-    def _well_formed(self, path: str) -> bytes:
-        """Return a request as the page's own script sends it, with invalid content, or with a forged token."""
         method = self._chance.choice(["GET", "POST"])
         body = self._body() if method == "POST" else b""
         token = "0" * 64 if path in self._page.changes else self._browser.csrf_token
