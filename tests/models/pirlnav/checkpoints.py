@@ -135,5 +135,4 @@ def write_archive(path: Path, pickled: bytes, compression: int = zipfile.ZIP_STO
     with zipfile.ZipFile(path, "w", compression) as archive:
         archive.writestr("ckpt/data.pkl", pickled)
         archive.writestr("ckpt/version", b"3\n")
-        archive.writestr("ckpt/data/0", bytes(4))
     return path

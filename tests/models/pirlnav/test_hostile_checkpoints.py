@@ -9,6 +9,7 @@ import resource
 import subprocess
 import tarfile
 import zipfile
+import zlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -248,6 +249,83 @@ def test_one_flipped_bit_in_the_weights_is_noticed(small_checkpoint: Path, tmp_p
     assert "differs from its checksum" in refusal(tmp_path / "flipped.ckpt")
 
 
+def forged_tensor(storage: bytes, elements: int) -> bytes:
+    """Return the instructions that make a tensor of a storage."""
+    size = b"J" + elements.to_bytes(4, "little") + b"\x85"
+    return b"ctorch._utils\n_rebuild_tensor_v2\n(" + storage + b"K\x00" + size + b"K\x01\x85\x89}tR"
+
+
+def forged_storage(kind: bytes, key: bytes, elements: int) -> bytes:
+    """Return the instructions that declare a storage."""
+    size = b"J" + elements.to_bytes(4, "little")
+    return b"(U\x07storagectorch\n" + kind + b"\nU\x01" + key + b"U\x03cpu" + size + b"tQ"
+
+
+def test_a_large_storage_cannot_be_combined_with_the_numbers_of_a_small_one(tmp_path: Path) -> None:
+    large, small = forged_storage(b"ByteStorage", b"0", 1000), forged_storage(b"DoubleStorage", b"1", 1)
+    declared = b"ctorch._utils\n_rebuild_parameter\n" + large + b"R"
+    pickled = b"\x80\x02" + forged_tensor(declared + forged_tensor(small, 1) + b"\x86", 1000) + b"."
+    path = write_archive(tmp_path / "combined.ckpt", pickled)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(1000))
+        archive.writestr("ckpt/data/1", bytes(8))
+    assert "damaged or forged" in refusal(path)
+
+
+def test_a_record_that_ends_before_its_declared_size_is_not_read_beyond(tmp_path: Path) -> None:
+    pickled = b"\x80\x02" + forged_tensor(forged_storage(b"FloatStorage", b"0", 250), 250) + b"."
+    path = write_archive(tmp_path / "short.ckpt", pickled)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(1000))
+    whole = bytearray(path.read_bytes())
+    entry = whole.rindex(b"ckpt/data/0") - 46
+    whole[entry + 16 : entry + 24] = zlib.crc32(bytes(8)).to_bytes(4, "little") + (8).to_bytes(4, "little")
+    path.write_bytes(whole)
+    assert "declared over 2 stored numbers" in refusal(path)
+
+
+def test_a_list_that_is_copied_many_times_is_refused(tmp_path: Path) -> None:
+    pickled = b"\x80\x02(]q\x00(" + b"N" * 60_000 + b"ectorch\nSize\nq\x01" + b"h\x01h\x00\x85R" * 300 + b"t."
+    assert "items in calls" in refusal(write_archive(tmp_path / "copies.ckpt", pickled))
+
+
+def test_a_shape_of_many_large_dimensions_is_refused_before_it_is_multiplied(tmp_path: Path) -> None:
+    shape = b"(" + b"h\x05" * 100 + b"tq\x06h\x06"
+    huge = b"\x8a\xff" + b"\xff" * 254 + b"\x7fq\x05"
+    tensor = b"ctorch._utils\n_rebuild_tensor_v2\n(" + forged_storage(b"FloatStorage", b"0", 1) + b"K\x00" + shape
+    path = write_archive(tmp_path / "shape.ckpt", b"\x80\x02(" + huge + tensor + b"\x89}tRt.")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ckpt/data/0", bytes(4))
+    assert "impossible shape" in refusal(path)
+
+
+def test_integers_of_equal_hash_are_refused_as_keys(tmp_path: Path) -> None:
+    same = (2**61 - 1) * 5
+    pickled = b"\x80\x02}\x8a\x0a" + same.to_bytes(10, "little") + b"Ns."
+    assert "more than 64 bits" in refusal(write_archive(tmp_path / "hashes.ckpt", pickled))
+
+
+@pytest.mark.parametrize("step", [float("nan"), float("inf"), 10**400, -5], ids=["nan", "inf", "huge", "negative"])
+def test_an_impossible_training_step_is_left_out(tmp_path: Path, step: Any) -> None:
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "step.ckpt", step=step))
+    assert describe_weights(checkpoint) == "step.ckpt, RL fine-tuned"
+
+
+def test_a_trainer_that_is_not_a_name_is_left_out_without_printing_it(tmp_path: Path) -> None:
+    nest: list[Any] = []
+    for _ in range(60):
+        nest = [nest, nest]
+    config = configuration(SMALL) | {"TRAINER_NAME": nest}
+    assert read_checkpoint(write_checkpoint(tmp_path / "trainer.ckpt", config=config)).trainer == ""
+
+
+def test_a_long_name_is_shortened(tmp_path: Path) -> None:
+    state = weights(SMALL) | {"B" * 10_000: torch.zeros(1)}
+    assert len(refusal(write_checkpoint(tmp_path / "name.ckpt", state=state))) < 500
+    long = SMALL.model_copy(update={"backbone": "B" * 10_000})
+    assert len(refusal(write_checkpoint(tmp_path / "backbone.ckpt", long, state=weights(SMALL)))) < 500
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
@@ -296,44 +374,6 @@ def test_a_nested_value_in_the_configuration_is_refused_without_printing_it(tmp_
     assert "POLICY.RGB_ENCODER.backbone is a list" in refusal(write_checkpoint(tmp_path / "nest.ckpt", config=config))
 
 
-_HUGE = b"\x8a\xff" + b"\x7f" * 255
-"""The integer 2**2039 and more."""
-
-
-@pytest.mark.timeout(20)
-@pytest.mark.parametrize(
-    ("pickled", "what"),
-    [
-        (
-            b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((X\x07\x00\x00\x00storagectorch\nFloatStorage\n"
-            b"X\x01\x00\x00\x000X\x03\x00\x00\x00cpuK\x01tQK\x00("
-            + _HUGE
-            + b"q\x05"
-            + b"h\x05" * 4_000
-            + b"tq\x06h\x06tR.",
-            "a tensor of 4001 dimensions",
-        ),
-        (
-            b"\x80\x02}("
-            + b"".join(
-                b"\x8a\x0a" + (number * (2**61 - 1)).to_bytes(10, "little") + b"N" for number in range(1, 10_000)
-            )
-            + b"u.",
-            "a huge integer as a key",
-        ),
-        (
-            b"\x80\x02((" + b"K\x01" * 2_000 + b"tq\x05ctorch\nSize\nq\x06" + b"h\x06h\x05\x85R" * 2_000 + b"t.",
-            "more items than the pickle has",
-        ),
-    ],
-    ids=["product of dimensions", "equal hashes", "copies"],
-)
-def test_a_small_pickle_that_would_take_hours_or_gigabytes_is_refused(
-    tmp_path: Path, pickled: bytes, what: str
-) -> None:
-    assert what in refusal(write_archive(tmp_path / "slow.ckpt", pickled))
-
-
 def test_a_compressed_tar_is_not_unpacked_to_name_it(tmp_path: Path) -> None:
     path = tmp_path / "bomb.ckpt"
     header = tarfile.TarInfo("x")
@@ -343,18 +383,3 @@ def test_a_compressed_tar_is_not_unpacked_to_name_it(tmp_path: Path) -> None:
         for _ in range(25):
             file.write(bytes(16 * 2**20))
     assert "not a PyTorch checkpoint" in refusal(path)
-
-
-def test_a_nested_name_of_the_trainer_is_not_printed(tmp_path: Path) -> None:
-    nest: list[Any] = []
-    for _ in range(16):
-        nest = [nest, nest]
-    config = configuration(SMALL) | {"TRAINER_NAME": nest}
-    assert read_checkpoint(write_checkpoint(tmp_path / "nest.ckpt", config=config)).trainer == ""
-
-
-@pytest.mark.parametrize("step", [float("nan"), float("inf"), -1, 10**400], ids=["nan", "inf", "negative", "huge"])
-def test_an_impossible_number_of_training_steps_is_unknown(tmp_path: Path, step: Any) -> None:
-    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "step.ckpt", step=step))
-    assert checkpoint.training_step is None
-    assert "steps" not in describe_weights(checkpoint)

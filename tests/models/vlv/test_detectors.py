@@ -137,7 +137,15 @@ def test_a_minimum_score_in_the_settings_replaces_the_file_s(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["{", "[]", '{"couch": {}}', '{"couch": {"threshold": 0.3, "precision": 1.0, "recall": 0.3}}']
+    "text",
+    [
+        "{",
+        "[]",
+        '{"couch": {}}',
+        '{"couch": {"threshold": 0.3, "precision": 1.0, "recall": 0.3}}',
+        f'{{"couch": {{"threshold": 1{"0" * 400}, "precision": 0.5, "recall": 0.3}}}}',
+    ],
+    ids=["not JSON", "list", "empty", "certain", "huge"],
 )
 def test_a_reliability_that_cannot_be_read_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(ModelError, match="reliability"):

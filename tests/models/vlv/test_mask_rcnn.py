@@ -109,6 +109,13 @@ def test_refuses_weights_for_other_classes(stand_in: Mapping[str, Tensor], tmp_p
         read_mask_rcnn_weights(tmp_path / "voc.pth", 91)
 
 
+def test_refuses_numbers_that_float32_does_not_have(stand_in: Mapping[str, Tensor], tmp_path: Path) -> None:
+    name = "roi_heads.box_predictor.cls_score.bias"
+    torch.save(dict(stand_in) | {name: torch.full((91,), 1e300, dtype=torch.float64)}, tmp_path / "large.pth")
+    with pytest.raises(ModelError, match=f"{name} contains NaN or infinite numbers"):
+        read_mask_rcnn_weights(tmp_path / "large.pth", 91)
+
+
 def test_refuses_the_value_network_in_its_place(value_file: Path) -> None:
     with pytest.raises(ModelError, match="VLV's value network, not a detector"):
         VLV(model_config=VLVSettings(detector_weights=str(value_file)))

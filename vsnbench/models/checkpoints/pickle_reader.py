@@ -40,10 +40,9 @@ _DTYPES: Final[dict[str, np.dtype[Any]]] = {
 
 _MAX_TUPLE_DEPTH = 16
 _MAX_TENSORS = 100_000
-_MAX_DIMENSIONS = 64
-"""numpy's limit."""
-_MAX_KEY = 2**61 - 2
-"""Larger integers, which no checkpoint has as keys, can all have the same hash."""
+_MAX_DIMENSIONS = 32
+_MAX_PASSED = 100_000
+"""Items passed to calls in the whole file. A call copies them, and a list that is written once can be passed often."""
 _VALUES = {
     "BININT",
     "BININT1",
@@ -93,6 +92,14 @@ class _Tuple(tuple[Any, ...]):
     depth: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Storage:
+    """A storage with its numbers. Not a tuple: a pickle could take that apart and combine it with other numbers."""
+
+    declared: DeclaredStorage
+    numbers: npt.NDArray[Any]
+
+
 class _Mark:
     """The marker to which some instructions collect."""
 
@@ -115,7 +122,7 @@ def read_pickle(
         ModelError: the pickle refers to another name, has an instruction that PyTorch does not write, is damaged, or
             has a tensor larger than its storage.
     """
-    machine = _Machine(allowed_classes, origin, stored, max_copies=len(pickle_bytes))
+    machine = _Machine(allowed_classes, origin, stored)
     try:
         for opcode, argument, _ in pickletools.genops(io.BytesIO(pickle_bytes)):
             machine.step(opcode.name, argument)
@@ -132,17 +139,16 @@ class _Machine:
         allowed_classes: frozenset[str],
         origin: str,
         stored: Callable[[DeclaredStorage], npt.NDArray[Any]],
-        max_copies: int,
     ) -> None:
-        self.copies_left = max_copies
         self.classes = _DICTIONARIES | allowed_classes
         self.allowed = _FUNCTIONS | _DTYPES.keys() | self.classes
         self.origin = origin
         self.stored = stored
         self.stack: list[Any] = []
         self.memo: dict[int, Any] = {}
-        self.storages: dict[str, tuple[DeclaredStorage, npt.NDArray[Any]]] = {}
+        self.storages: dict[str, _Storage] = {}
         self.tensors = 0
+        self.passed = 0
 
     def result(self) -> Any:
         """Return the content after the last instruction."""
@@ -226,16 +232,16 @@ class _Machine:
             )
         self.stack.append(_Name(name))
 
-    def _storage(self, identity: Any) -> tuple[DeclaredStorage, npt.NDArray[Any]]:
+    def _storage(self, identity: Any) -> _Storage:
         kind, storage_type, key, _location, elements = identity
         if kind != "storage" or not isinstance(elements, int) or elements < 0:
             raise ValueError("a storage without a size")
-        storage = DeclaredStorage(_text(key), elements, storage_type.text)
-        if storage.key not in self.storages:
-            self.storages[storage.key] = storage, self.stored(storage)
-        if self.storages[storage.key][0] != storage:
-            raise ValueError(f"storage {storage.key} is declared twice, differently")
-        return self.storages[storage.key]
+        declared = DeclaredStorage(_text(key), elements, storage_type.text)
+        if declared.key not in self.storages:
+            self.storages[declared.key] = _Storage(declared, self.stored(declared))
+        if self.storages[declared.key].declared != declared:
+            raise ValueError(f"storage {declared.key} is declared twice, differently")
+        return self.storages[declared.key]
 
     def _make(self, function: Any, arguments: Any) -> Any:
         if not isinstance(function, _Name) or not isinstance(arguments, tuple):
@@ -244,10 +250,10 @@ class _Machine:
             return self._tensor(arguments)
         if function.text == _REBUILD_PARAMETER:
             return arguments[0]
-        items = arguments[0] if arguments else ()
-        self.copies_left -= len(items)  # a program can copy the same items many times
-        if self.copies_left < 0:
-            raise ValueError("more items than the pickle has")
+        self.passed += len(arguments[0]) if arguments else 0
+        if self.passed > _MAX_PASSED:
+            raise ValueError(f"more than {_MAX_PASSED} items in calls")
+        items = list(arguments[0]) if arguments else []
         if function.text == "torch.Size":
             return _tuple(tuple(items))
         if function.text in self.classes:
@@ -255,20 +261,23 @@ class _Machine:
         return {*map(_key, items)}
 
     def _tensor(self, arguments: Any) -> npt.NDArray[Any]:
-        (storage, numbers), offset, shape, stride = arguments[:4]
+        storage, offset, shape, stride, *_ = arguments
+        if not isinstance(storage, _Storage):
+            raise TypeError("a tensor without a storage")
+        numbers = storage.numbers
         self.tensors += 1
         if self.tensors > _MAX_TENSORS:
             raise ValueError(f"more than {_MAX_TENSORS} tensors")
-        if len(shape) > _MAX_DIMENSIONS:
-            raise ValueError(f"a tensor of {len(shape)} dimensions")
-        if len(shape) != len(stride) or not all(isinstance(n, int) and n >= 0 for n in (offset, *shape, *stride)):
+        if not len(shape) == len(stride) <= _MAX_DIMENSIONS or not all(
+            isinstance(n, int) and n >= 0 for n in (offset, *shape, *stride)
+        ):
             raise ValueError("a tensor with an impossible shape")
         reach = sum((size - 1) * step for size, step in zip(shape, stride, strict=True))
         count = prod(shape)
-        if count and (count > storage.elements or offset + reach >= storage.elements):
+        if count and (count > numbers.size or offset + reach >= numbers.size):
             shape_text = "x".join(map(str, shape))[:60]
             raise ModelError(
-                f"{self.origin}: a tensor of shape {shape_text} is declared over {storage.elements} stored numbers; "
+                f"{self.origin}: a tensor of shape {shape_text} is declared over {numbers.size} stored numbers; "
                 "damaged or forged, nothing was loaded"
             )
         if not count:
@@ -296,11 +305,14 @@ def _tuple(items: tuple[Any, ...]) -> _Tuple:
 
 
 def _key(value: Any) -> Any:
-    """Return a key of a dictionary or element of a set that is hashed quickly; a nested tuple could take for ever."""
+    """Return a key of a dictionary or element of a set; hashing a nested tuple could take for ever.
+
+    Longer integers can all have the same hash, which makes a dictionary quadratic.
+    """
     if value is not None and not isinstance(value, str | int | float):
         raise TypeError(f"a {type(value).__name__} as a key")
-    if isinstance(value, int) and abs(value) > _MAX_KEY:
-        raise ValueError("a huge integer as a key")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError("an integer of more than 64 bits as a key")
     return value
 
 

@@ -108,5 +108,5 @@ def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, crit
         field = str(first["loc"][0])
         name = "POLICY." + ".".join(_FIELDS[field]) if field in _FIELDS else field
         raise ModelError(
-            f"{origin}: {name} is {first['input']!r}, which this network does not support: {first['msg']}"
+            f"{origin}: {name} is {first['input']!r:.80}, which this network does not support: {first['msg']}"
         ) from error

@@ -25,7 +25,7 @@ _GOAL_EMBEDDING = "net.obj_categories_embedding.weight"
 _CRITIC = "critic."
 _LINEAR_CRITIC = frozenset({"critic.fc.weight", "critic.fc.bias"})
 _STATISTICS = "running_mean_and_var."
-_MAX_STEPS = 2**63
+_LONGEST_NAME = 80
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,15 +87,15 @@ def read_checkpoint(path: Path) -> Checkpoint:
     weights, architecture = _fitting(named, config, str(path))
     extra = content.get("extra_state")
     step = extra.get("step") if isinstance(extra, Mapping) else None
-    trainer = config.get("TRAINER_NAME", "")
+    trainer = config.get("TRAINER_NAME")
     return Checkpoint(
         path=path,
         sha256=file_sha256(path),
         architecture=architecture,
         weights=weights,
         prefix=prefix,
-        trainer=trainer if isinstance(trainer, str) else "",
-        training_step=int(step) if isinstance(step, int | float) and 0 <= step < _MAX_STEPS else None,
+        trainer=trainer[:_LONGEST_NAME] if isinstance(trainer, str) else "",
+        training_step=int(step) if isinstance(step, int | float) and 0 <= step < 2**63 else None,
     )
 
 
@@ -105,7 +105,7 @@ def _fitting(
     """Return the weights as float32 and the architecture they fill exactly."""
     broken = next((name for name, weight in named.items() if not isinstance(weight, np.ndarray)), None)
     if broken is not None:
-        raise ModelError(f"{origin}: {broken} is not a tensor")
+        raise ModelError(f"{origin}: {broken[:_LONGEST_NAME]} is not a tensor")
     critic = named.keys() >= _LINEAR_CRITIC
     if not critic:  # another kind of critic: no decision depends on it
         named = {name: weight for name, weight in named.items() if not name.startswith(_CRITIC)}
@@ -117,7 +117,9 @@ def _fitting(
     if missing:
         raise ModelError(f"{origin}: {len(missing)} of {len(shapes)} weights are missing, first {missing[0]}")
     if surplus:
-        raise ModelError(f"{origin}: {len(surplus)} weights do not belong to this network, first {surplus[0]}")
+        raise ModelError(
+            f"{origin}: {len(surplus)} weights do not belong to this network, first {surplus[0][:_LONGEST_NAME]}"
+        )
     for name, shape in shapes.items():
         if tuple(named[name].shape) != shape:
             raise ModelError(

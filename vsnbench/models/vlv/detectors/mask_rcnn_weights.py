@@ -67,9 +67,12 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     for name, shape in shapes.items():
         if tuple(named[name].shape) != shape:
             raise ModelError(f"{path}: {name} has shape {tuple(named[name].shape)}, Mask R-CNN needs {shape}")
-        if not np.isfinite(named[name]).all():
-            raise ModelError(f"{path}: {name} contains NaN or infinite numbers; the file is damaged")
-    tensors = {name: torch.from_numpy(named[name].astype(np.float32)) for name in shapes}
+    with np.errstate(over="ignore"):
+        arrays = {name: named[name].astype(np.float32) for name in shapes}
+    invalid = next((name for name, array in arrays.items() if not np.isfinite(array).all()), None)
+    if invalid is not None:
+        raise ModelError(f"{path}: {invalid} contains NaN or infinite numbers; the file is damaged")
+    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
     return MaskRCNNWeights(path, file_sha256(path), tensors, classes)
 
 

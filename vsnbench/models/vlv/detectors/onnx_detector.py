@@ -213,7 +213,7 @@ def _reliability_of(metadata: Mapping[str, str], path: Path, threshold: float | 
             str(name): tuple(float(item[key]) for key in ("threshold", "precision", "recall"))
             for name, item in json.loads(text).items()
         }
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ModelError(f"{path}: its metadata `{_RELIABILITY_KEY}` cannot be read ({error})") from error
     if not all(0 < share < 1 for item in shares.values() for share in item):
         raise ModelError(f"{path}: its metadata `{_RELIABILITY_KEY}` has a number that is not between 0 and 1")
