@@ -74,8 +74,10 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
 def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str, sensor_lost: bool) -> None:
     future = driving(rig, IN_FLIGHT[movement])
     fault_s = send_line(rig.robot, fault)
-    result = end(rig, f"{movement}: {fault}", future, fault_s, IN_FLIGHT[movement])
-    rig.put_right()
+    try:
+        result = end(rig, f"{movement}: {fault}", future, fault_s, IN_FLIGHT[movement])
+    finally:
+        rig.put_right()
     assert result["failure"]
     assert result["sensor_lost"] is sensor_lost
 
@@ -84,8 +86,10 @@ def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str,
 def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -> None:
     future = driving(rig, IN_FLIGHT[movement])
     fault_s = send_line(rig.robot, "blind")
-    result = end(rig, f"{movement}: camera silent", future, fault_s, IN_FLIGHT[movement])
-    rig.put_right()
+    try:
+        result = end(rig, f"{movement}: camera silent", future, fault_s, IN_FLIGHT[movement])
+    finally:
+        rig.put_right()
     assert result["blocked"]
 
 

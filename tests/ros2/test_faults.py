@@ -68,12 +68,14 @@ def test_a_fault_in_a_movement_stops_the_base(rig, fault, said, sensor_lost) -> 
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
     fault_s = send_line(rig.robot, fault)
-    stood_s = rig.stood_after(fault_s)
-    result = future.result(PATIENCE_S)
-    times = rig.zeroed_after(fault_s), stood_s
-    second = rig.second("execute", "MOVE_FORWARD")
-    row(rig, fault, times, ended(result), second)
-    rig.put_right()
+    try:
+        stood_s = rig.stood_after(fault_s)
+        result = future.result(PATIENCE_S)
+        times = rig.zeroed_after(fault_s), stood_s
+        second = rig.second("execute", "MOVE_FORWARD")
+        row(rig, fault, times, ended(result), second)
+    finally:
+        rig.put_right()
     assert not second.started
     assert times[0] is not None
     assert times[0] < (1.2 if fault == "stuck" else AT_REST_S)
@@ -117,14 +119,16 @@ def test_a_camera_that_fails_is_a_lost_sensor(rig, fault, code) -> None:
     rig.client("begin")
     assert rig.client("observe")["rgb"] == [48, 64, 3]
     send_line(rig.robot, fault)
-    # Only images from after the last motion count, so there has to be a motion.
-    assert rig.client("execute", "TURN_LEFT")["failure"] == ""
-    with pytest.raises(ClientError, match="SensorLostError") as lost:
-        rig.client("observe")
+    try:
+        # Only images from after the last motion count, so there has to be a motion.
+        assert rig.client("execute", "TURN_LEFT")["failure"] == ""
+        with pytest.raises(ClientError, match="SensorLostError") as lost:
+            rig.client("observe")
+        second = rig.second("step", "TURN_LEFT")
+        row(rig, f"camera {fault}", (None, None), (lost.value.end_reason, str(lost.value).partition(": ")[2]), second)
+    finally:
+        rig.put_right()
     assert lost.value.code == code
-    second = rig.second("step", "TURN_LEFT")
-    row(rig, f"camera {fault}", (None, None), (lost.value.end_reason, str(lost.value).partition(": ")[2]), second)
-    rig.put_right()
     assert not second.started
     assert stands_since(rig.robot) is not None or "moves" not in rig.robot.output
 
