@@ -106,11 +106,11 @@ def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str
         stood_at = true_pose(rig.robot)
     finally:
         rig.client.popen.send_signal(signal.SIGCONT)
+        send_line(rig.robot, "timeout 1000")
     result = future.result(PATIENCE_S)
     why = result["failure"] or result["blocked"]
     row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
     rig.table.rows.append(row)
-    send_line(rig.robot, "timeout 1000")
     assert result["completed"] is False
     assert true_pose(rig.robot) == stood_at
     assert stood_s < AT_REST_S
@@ -123,9 +123,11 @@ def test_a_stopped_node_next_to_the_base_stops_it(rig: Rig2, movement: str) -> N
     future = driving(rig, IN_FLIGHT[movement])
     lost_s = time.monotonic()
     rig.node.signal(signal.SIGSTOP)
-    end(rig, f"{movement}: discrete_move stopped", future, lost_s, IN_FLIGHT[movement])
-    stood_at = true_pose(rig.robot)
-    rig.node.signal(signal.SIGCONT)
+    try:
+        end(rig, f"{movement}: discrete_move stopped", future, lost_s, IN_FLIGHT[movement])
+        stood_at = true_pose(rig.robot)
+    finally:
+        rig.node.signal(signal.SIGCONT)
     resumed_s = time.monotonic()
     wait_until(lambda: time.monotonic() - resumed_s > 1.0, "the resumed node could act on the old requests")
     assert true_pose(rig.robot) == stood_at

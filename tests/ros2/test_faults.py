@@ -164,15 +164,17 @@ def test_a_killed_discrete_move_is_detected_and_a_restarted_one_moves(rig) -> No
     future = rig.moving("MOVE_FORWARD")
     kill_s = time.monotonic()
     rig.node.popen.kill()
-    stood_s = rig.stood_after(kill_s)
-    result = future.result(PATIENCE_S)
-    times = rig.zeroed_after(kill_s), stood_s
-    second = rig.second("execute", "TURN_LEFT")
-    row(rig, "discrete_move killed", times, ended(result), second)
+    try:
+        stood_s = rig.stood_after(kill_s)
+        result = future.result(PATIENCE_S)
+        times = rig.zeroed_after(kill_s), stood_s
+        second = rig.second("execute", "TURN_LEFT")
+        row(rig, "discrete_move killed", times, ended(result), second)
+    finally:
+        rig.node = start_discrete_move(rig.graph)
     assert not second.started
     assert "has not steered for 3 s" in result["failure"]
     assert stood_s < AT_REST_S
-    rig.node = start_discrete_move(rig.graph)
     rig.client("begin")
     assert rig.client("execute", "TURN_LEFT")["failure"] == ""
 
