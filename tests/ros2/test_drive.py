@@ -97,20 +97,22 @@ def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -
 def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str) -> None:
     """The node next to the base, or the base's own limit, stops it; the resumed workstation does not continue."""
     send_line(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
-    future = driving(rig, IN_FLIGHT[movement])
-    stop_s = time.monotonic()
-    rig.client.popen.send_signal(signal.SIGSTOP)
     try:
-        stood_s = rig.stood_after(stop_s)
-        wait_until(lambda: time.monotonic() - stop_s > 1.5, "the workstation was stopped for a while")
-        stood_at = true_pose(rig.robot)
+        future = driving(rig, IN_FLIGHT[movement])
+        stop_s = time.monotonic()
+        rig.client.popen.send_signal(signal.SIGSTOP)
+        try:
+            stood_s = rig.stood_after(stop_s)
+            wait_until(lambda: time.monotonic() - stop_s > 1.5, "the workstation was stopped for a while")
+            stood_at = true_pose(rig.robot)
+        finally:
+            rig.client.popen.send_signal(signal.SIGCONT)
+        result = future.result(PATIENCE_S)
+        why = result["failure"] or result["blocked"]
+        row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
+        rig.table.rows.append(row)
     finally:
-        rig.client.popen.send_signal(signal.SIGCONT)
         send_line(rig.robot, "timeout 1000")
-    result = future.result(PATIENCE_S)
-    why = result["failure"] or result["blocked"]
-    row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
-    rig.table.rows.append(row)
     assert result["completed"] is False
     assert true_pose(rig.robot) == stood_at
     assert stood_s < AT_REST_S
