@@ -29,7 +29,7 @@ from vsnbench.text.sanitize import sanitize
 from vsnbench.text.streams import sanitized_output
 
 _ALLOCATIONS = 10_000
-"""Allocations between garbage collections; with Python's 700, collections while modules load take 0.3 s of a run."""
+"""Allocations between garbage collections; at Python's default, collections while modules load take 0.3 s of a run."""
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
     "stress": ("vsnbench.cli.running.stress", "Measure what disturbances of camera and odometry cost a model."),

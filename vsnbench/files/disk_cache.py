@@ -115,7 +115,7 @@ def found_array(kind: str, key: str, dtype: npt.DTypeLike, shape: tuple[int, ...
 
 @contextmanager
 def _one_at_a_time(path: Path) -> Iterator[None]:
-    """Lock a result of the cache, with a limited wait; without a writable directory there is no lock.
+    """Lock a result of the cache, with a limited wait. If the directory is not writable, nothing is locked.
 
     Results whose keys begin alike share a lock, so that there are 16 lock files per kind.
     """

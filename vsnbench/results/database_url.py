@@ -14,10 +14,8 @@ HIDDEN = "***"
 _KEPT = rf"\g<before>{HIDDEN}"
 _KIND = re.compile(r"\w+(\+\w+)?")
 _SECRET_PARAMETER = re.compile(r"pass(word|wd)?$|secret|token", re.IGNORECASE)
-_PASSWORD_IN_TEXT = re.compile(r"(?P<before>[a-z][\w+.-]*://[^/\s:@]*:)[^\s]*(?=@)", re.IGNORECASE)
-_PARAMETER_IN_TEXT = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=)[^&\s]*", re.IGNORECASE)
-_PASSWORD_IN_ARGUMENT = re.compile(_PASSWORD_IN_TEXT.pattern.replace(r"[^\s]*", r"[\s\S]*"), re.IGNORECASE)
-_PARAMETER_IN_ARGUMENT = re.compile(_PARAMETER_IN_TEXT.pattern.replace(r"[^&\s]*", "[^&]*"), re.IGNORECASE)
+_PASSWORD = re.compile(r"(?P<before>[a-z][\w+.-]*://[^/\s:@]*:).*(?=@)", re.IGNORECASE | re.DOTALL)
+_PARAMETER = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=)[^&]*", re.IGNORECASE)
 
 
 def sqlite_url(path: Path) -> str:
@@ -47,14 +45,13 @@ def typed_url(url: str) -> str:
 
 
 def without_passwords(text: str) -> str:
-    """Return a text, such as a command line, with the passwords of all URLs hidden."""
-    text = _PASSWORD_IN_TEXT.sub(_KEPT, text)
-    return _PARAMETER_IN_TEXT.sub(_KEPT, text)
+    """Return a URL, or an argument that may contain one, with its password hidden, which may contain blanks."""
+    return _PARAMETER.sub(_KEPT, _PASSWORD.sub(_KEPT, text))
 
 
 def command_without_passwords(arguments: Sequence[str]) -> str:
-    """Return a command line with the passwords of all URLs hidden, also of those with blanks."""
-    return shlex.join(_PARAMETER_IN_ARGUMENT.sub(_KEPT, _PASSWORD_IN_ARGUMENT.sub(_KEPT, word)) for word in arguments)
+    """Return a command line with the passwords of all URLs hidden."""
+    return shlex.join(map(without_passwords, arguments))
 
 
 def libpq_connection(url: str) -> tuple[str, Mapping[str, str]]:

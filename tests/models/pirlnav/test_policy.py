@@ -295,6 +295,7 @@ def test_a_device_that_is_not_there_is_refused(small_checkpoint: Path, monkeypat
         PIRLNav(small_checkpoint, None, "cuda")
 
 
+# Most machines have no GPU. Other tests of this file choose between engines that only claim to run on one.
 @pytest.mark.skipif("not __import__('torch').cuda.is_available()", reason="needs a CUDA device")
 def test_on_a_gpu_it_answers_as_on_the_cpu_and_the_same_each_time(recording: Recording, small_checkpoint: Path) -> None:
     assert PIRLNav(small_checkpoint, None, "cuda").chosen.agreement is not None, "it was refused"

@@ -45,7 +45,7 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Environments:
         if major not in made:
             try:
                 made[major] = environment(major, tmp_path_factory.mktemp(f"websockets-{major}"))
-            except NotOfferedError as error:
+            except NotOfferedError as error:  # the package index is out of reach, or no longer has this version
                 pytest.skip(f"websockets {major}: {error}")
         return made[major]
 

@@ -36,6 +36,7 @@ from vsnbench.models.pirlnav.engine import (
 )
 from vsnbench.models.pirlnav.onnx_engine import OnnxEngine
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Precision, Runtime
+from vsnbench.runtime.resources import granted_cores
 
 logger = logging.getLogger(__name__)
 
@@ -193,7 +194,7 @@ def limit_threads(requested: int | None) -> int:
 
     The default is PyTorch's, or else $OMP_NUM_THREADS or the number of cores, up to a limit.
     """
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    available = granted_cores()
     if not torch_is_installed():
         usual = os.environ.get("OMP_NUM_THREADS", "")
         default = int(usual) if usual.isdecimal() else psutil.cpu_count(logical=False) or available
