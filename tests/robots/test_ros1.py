@@ -235,11 +235,13 @@ def test_a_killed_client_leaves_a_base_at_rest(rig) -> None:
     rig.moving("TURN_LEFT")
     rig.client.popen.kill()
     killed_s = time.monotonic()
-    assert rig.stands_still_within(1.0, killed_s)
-    zero_s, rest_s = rig.zero_s(killed_s), rig.rest_s(killed_s)
-    rig.table.rows.append(FaultRow("vsnbench killed", zero_s, rest_s, "interrupted", "", rig.doctor()))
-    rig.client.close()
-    rig.client = client_of(rig.network)
+    try:
+        assert rig.stands_still_within(1.0, killed_s)
+        zero_s, rest_s = rig.zero_s(killed_s), rig.rest_s(killed_s)
+        rig.table.rows.append(FaultRow("vsnbench killed", zero_s, rest_s, "interrupted", "", rig.doctor()))
+    finally:
+        rig.client.close()
+        rig.client = client_of(rig.network)
 
 
 def test_a_second_client_is_refused_and_names_the_first(rig) -> None:

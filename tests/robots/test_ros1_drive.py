@@ -114,11 +114,13 @@ def test_a_killed_client_leaves_a_base_at_rest(rig: Rig, movement: str) -> None:
     driving(rig, IN_FLIGHT[movement])
     rig.client.popen.kill()
     killed_s = time.monotonic()
-    times = rig.times(killed_s)
-    rig.table.rows.append(FaultRow(f"{movement}: vsnbench killed", *times, "interrupted", ""))
-    assert max(times) < AT_REST_S
-    rig.client.close()
-    rig.client = client_of(rig.network)
+    try:
+        times = rig.times(killed_s)
+        rig.table.rows.append(FaultRow(f"{movement}: vsnbench killed", *times, "interrupted", ""))
+        assert max(times) < AT_REST_S
+    finally:
+        rig.client.close()
+        rig.client = client_of(rig.network)
 
 
 def test_a_server_like_upstreams_executes_discrete_actions_only(rig: Rig) -> None:

@@ -180,17 +180,20 @@ def test_a_killed_discrete_move_is_detected_and_a_restarted_one_moves(rig) -> No
 
 
 def test_a_base_stops_when_the_workstation_is_killed(rig) -> None:
-    """Must be the last test, because it kills the client."""
     rig.client("begin")
     future = rig.moving("MOVE_FORWARD")
     kill_s = time.monotonic()
     rig.client.popen.kill()
-    stood_s = rig.stood_after(kill_s)
-    assert future.exception(PATIENCE_S) is not None
-    before = true_pose(rig.robot)
-    row(rig, "workstation killed", (rig.zeroed_after(kill_s), stood_s), ("interrupted", ""))
-    assert true_pose(rig.robot) == before
-    assert stood_s < AT_REST_S
+    try:
+        stood_s = rig.stood_after(kill_s)
+        assert future.exception(PATIENCE_S) is not None
+        before = true_pose(rig.robot)
+        row(rig, "workstation killed", (rig.zeroed_after(kill_s), stood_s), ("interrupted", ""))
+        assert true_pose(rig.robot) == before
+        assert stood_s < AT_REST_S
+    finally:
+        rig.client.close()
+        rig.client = client_of(rig.graph)
 
 
 def test_a_base_with_noise_at_rest_moves_accurately(tmp_path) -> None:
