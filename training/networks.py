@@ -11,8 +11,9 @@ from torch import Tensor, nn
 from training.flat_world import View
 from training.rollout import INDEX, Lane
 from training.shards import LABELS
+from vsnbench.models.checkpoints.residual_network import Bottleneck
 from vsnbench.models.pirlnav.architecture import Architecture
-from vsnbench.models.pirlnav.network import Bottleneck, PIRLNavNetwork
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.values.action import Action
 

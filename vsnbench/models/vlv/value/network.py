@@ -11,8 +11,8 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from vsnbench.models.checkpoints.residual_network import BasicBlock, ResidualNetwork
 from vsnbench.models.vlv.goals import VALUE_CLASSES
-from vsnbench.models.vlv.residual_network import BasicBlock, ResidualNetwork
 
 IMAGE_SIZE_PX: Final = 224
 ACTIONS: Final = 3
