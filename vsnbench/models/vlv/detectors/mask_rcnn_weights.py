@@ -10,6 +10,7 @@ import numpy as np
 
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
+from vsnbench.models.checkpoints.state_dict import fitting_weights
 from vsnbench.models.checkpoints.weights import file_sha256
 
 if TYPE_CHECKING:
@@ -59,20 +60,8 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
         raise ModelError(f"{path}: trained for {found} classes including the background, COCO has {classes}")
     with torch.device("meta"):
         shapes = {name: tuple(tensor.shape) for name, tensor in MaskRCNN(classes).state_dict().items()}
-    missing, surplus = sorted(shapes.keys() - named.keys()), sorted(named.keys() - shapes.keys())
-    if missing:
-        raise ModelError(f"{path}: {len(missing)} of {len(shapes)} weights are missing, first {missing[0]}")
-    if surplus:
-        raise ModelError(f"{path}: {len(surplus)} weights do not belong to Mask R-CNN R50-FPN, first {surplus[0]}")
-    for name, shape in shapes.items():
-        if tuple(named[name].shape) != shape:
-            raise ModelError(f"{path}: {name} has shape {tuple(named[name].shape)}, Mask R-CNN needs {shape}")
-    with np.errstate(over="ignore"):
-        arrays = {name: named[name].astype(np.float32) for name in shapes}
-    invalid = next((name for name, array in arrays.items() if not np.isfinite(array).all()), None)
-    if invalid is not None:
-        raise ModelError(f"{path}: {invalid} contains NaN or infinite numbers; the file is damaged")
-    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    weights = fitting_weights(named, shapes, str(path))
+    tensors = {name: torch.from_numpy(weight) for name, weight in weights.items()}
     return MaskRCNNWeights(path, file_sha256(path), tensors, classes)
 
 
