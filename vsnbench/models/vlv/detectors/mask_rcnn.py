@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from vsnbench.models.vlv.detectors.coco import CLASSES_91
+from vsnbench.models.checkpoints.weights import file_sha256
+from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN, Objects
@@ -25,18 +26,18 @@ class MaskRCNNDetector(Detector):
         Raises:
             ModelError: the weights cannot be used.
         """
-        weights = read_mask_rcnn_weights(path, len(CLASSES_91))
+        weights = read_mask_rcnn_weights(path)
+        self._network = MaskRCNN(len(CLASSES_91))
+        self._network.load_state_dict(weights)
+        self._network.eval().to(device)
         self.kind = DetectorKind.MASK_RCNN
         self.name = f"Mask R-CNN R50-FPN ({path.name})"
-        self.classes = frozenset(CLASSES_91[1:]) - {"N/A"}
+        self.classes = frozenset(CLASSES_80)
         self.sensors = frozenset({Sensor.RGB})
-        self.weights_sha256 = weights.sha256
+        self.weights_sha256 = file_sha256(path)
         self.settings: Mapping[str, Any] = {"device": device, "threshold": threshold}
         self.threshold = threshold
         self.device = device
-        self._network = MaskRCNN(weights.classes)
-        self._network.load_state_dict(dict(weights.tensors))
-        self._network.eval().to(device)
 
     def detect(self, observation: Observation) -> tuple[Detection, ...]:
         """Return the objects above the threshold, best first."""

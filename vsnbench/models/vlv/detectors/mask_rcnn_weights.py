@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,7 +10,7 @@ import numpy as np
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
 from vsnbench.models.checkpoints.state_dict import fitting_weights
-from vsnbench.models.checkpoints.weights import file_sha256
+from vsnbench.models.vlv.detectors.coco import CLASSES_91
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -24,19 +23,8 @@ _OLDER_NAMES: Final = (
 _OLDER_MASK: Final = re.compile(r"^roi_heads\.mask_head\.mask_fcn(\d)\.(weight|bias)$")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MaskRCNNWeights:
-    """Contents of the file, by the names of `MaskRCNN`."""
-
-    path: Path
-    sha256: str
-    tensors: "Mapping[str, Tensor]"
-    classes: int
-    """Number of classes, including the background."""
-
-
-def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
-    """Read and check the weights of a Mask R-CNN R50-FPN.
+def read_mask_rcnn_weights(path: Path) -> "dict[str, Tensor]":
+    """Return the checked weights of a Mask R-CNN R50-FPN for COCO, by the names of `MaskRCNN`.
 
     Raises:
         ModelError: the file cannot be read safely, is another model's, or was trained for other classes.
@@ -56,13 +44,11 @@ def read_mask_rcnn_weights(path: Path, classes: int) -> MaskRCNNWeights:
     if _HEAD not in named or not all(isinstance(tensor, np.ndarray) for tensor in named.values()):
         raise ModelError(f"{path}: not the weights of a Mask R-CNN: {_HEAD} is missing among its {len(named)} keys")
     found = int(named[_HEAD].shape[0]) if named[_HEAD].ndim else 0
-    if found != classes:
-        raise ModelError(f"{path}: trained for {found} classes including the background, COCO has {classes}")
+    if found != len(CLASSES_91):
+        raise ModelError(f"{path}: trained for {found} classes including the background, COCO has {len(CLASSES_91)}")
     with torch.device("meta"):
-        shapes = {name: tuple(tensor.shape) for name, tensor in MaskRCNN(classes).state_dict().items()}
-    weights = fitting_weights(named, shapes, str(path))
-    tensors = {name: torch.from_numpy(weight) for name, weight in weights.items()}
-    return MaskRCNNWeights(path, file_sha256(path), tensors, classes)
+        shapes = {name: tuple(tensor.shape) for name, tensor in MaskRCNN(found).state_dict().items()}
+    return {name: torch.from_numpy(weight) for name, weight in fitting_weights(named, shapes, str(path)).items()}
 
 
 def _newest(name: str) -> str:
