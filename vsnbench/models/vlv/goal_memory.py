@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
+from vsnbench.models.vlv.planner import Point
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-
-Point = tuple[float, float]
 
 _SAME_PLACE_M: Final = 1.0
 _SAME_SPOT_M: Final = 0.6

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.models.vlv.planner import BoolGrid, Point
 from vsnbench.sensing.occupancy_map import OccupancyMap
@@ -54,12 +53,6 @@ def frontier_away_from(
     for point in visited:
         frontier &= ~disk(grid, point, radius_m)
     return frontier
-
-
-def value_at(field: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
-    """Return a field's value at a point; infinity outside the map."""
-    cell = grid.cell_at(*point)
-    return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
 def in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:

@@ -70,11 +70,6 @@ class Route:
     field_m: FloatGrid
     """(rows, columns): path cost to the target in metres; infinite if there is no path."""
 
-    def way_m(self, pose: Pose) -> float:
-        """Return the path cost from a pose to the target."""
-        cell = self.terrain.map.cell_at(pose.x_m, pose.y_m)
-        return float(self.field_m[cell.row, cell.column]) if self.terrain.map.holds(cell) else math.inf
-
 
 class Planner:
     """Plans for one robot."""
@@ -122,8 +117,7 @@ class Planner:
         here = terrain.map.cell_at(pose.x_m, pose.y_m)
         wanted = here.row * terrain.map.shape[1] + here.column
         field = self._march(terrain.slowness, sources, wanted, _FIELD_MARGIN_M)
-        route = Route(terrain, field)
-        return route if math.isfinite(route.way_m(pose)) else None
+        return Route(terrain, field) if math.isfinite(value_at(field, terrain.map, pose.position)) else None
 
     def lengths_from(self, terrain: Terrain, pose: Pose) -> FloatGrid:
         """Return (rows, columns): length in metres of the shortest path from `pose` to each cell."""
@@ -180,6 +174,12 @@ class Planner:
         field = np.empty(slowness.shape)
         march(slowness, sources.astype(np.int64), wanted, margin_m, field, self._keys, self._cells)
         return field
+
+
+def value_at(field: FloatGrid, grid: OccupancyMap, point: Point) -> float:
+    """Return a field's value at a point; infinity outside the map."""
+    cell = grid.cell_at(*point)
+    return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
 def path_of(route: Route, pose: Pose) -> tuple[Point, ...]:

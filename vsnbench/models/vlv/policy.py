@@ -115,7 +115,7 @@ class ModularPolicy(Policy):
             map=search.map.grid_map(),
             sub_goal=move.sub_goal,
             path=move.path,
-            nodes=tuple(node.point for node in search.graph.nodes),
+            nodes=tuple(search.graph.nodes),
             scalars={"value": value, "open_candidates": float(len(search.graph.open_candidates))},
             note=f"{move.mode}: {move.note}",
             details={"mode": move.mode.value, "detector": self._detector.name, **search.details()},
@@ -186,8 +186,6 @@ class VLV(ModularPolicy):
 
 
 def _settings_from(given: str | Path | VLVSettings | None) -> VLVSettings:
-    if given is None:
-        return VLVSettings()
-    if isinstance(given, VLVSettings):
-        return given
-    return read_settings(Path(given), VLVSettings, UsageError, "VLV settings")
+    if isinstance(given, str | Path):
+        return read_settings(Path(given), VLVSettings, UsageError, "VLV settings")
+    return given or VLVSettings()

@@ -8,13 +8,13 @@ import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
-from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight, value_at
+from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight
 from vsnbench.models.vlv.move import Mode, Move
-from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
+from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of, value_at
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
-from vsnbench.models.vlv.topological_graph import Candidate, Ranked, TopologicalGraph, View
+from vsnbench.models.vlv.topological_graph import Candidate, TopologicalGraph, View
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.values.action import Action
 from vsnbench.values.observation import Observation
@@ -42,7 +42,7 @@ class Search:
         settings: VLVSettings,
         planner: Planner,
         seed: int,
-        reliability: Reliability | None = None,
+        reliability: Reliability,
         *,
         with_value: bool = False,
     ) -> None:
@@ -51,7 +51,7 @@ class Search:
         self._novelty_weight = 0.0 if with_value else settings.novelty_weight
         self.map = OccupancyMap(settings.mapping)
         self.graph = TopologicalGraph(settings)
-        self.memory = GoalMemory(reliability or Reliability(settings.detector_threshold))
+        self.memory = GoalMemory(reliability)
         self._planner = planner
         self._random = np.random.default_rng(seed)
         self._confirmed = 0
@@ -188,25 +188,14 @@ class Search:
             point = sub_goal_of(pose.position, view.heading_rad, terrain, lengths_m, self.settings, self._random)
             if point is not None and not self.graph.is_visited(point):
                 candidates.append(Candidate(point, node, view, view.score(self.settings)))
-        self.graph.add_node(pose.position, tuple(self._views), tuple(candidates))
+        self.graph.add_node(pose.position, candidates)
         self._choose(pose)
 
     def _choose(self, pose: Pose) -> None:
         """Make the best open candidate the target; None if there is none."""
-        ranked = self._ranked(pose)
-        self._target = ranked[0].candidate if ranked else None
-        if ranked:
-            self.graph.close(ranked[0].candidate)
-            self._set_budget(ranked[0].way_m)
-
-    def _set_budget(self, way_m: float) -> None:
-        self._budget = math.ceil(
-            self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
-        )
-
-    def _ranked(self, pose: Pose) -> list[Ranked]:
+        self._target = None
         if not self.graph.open_candidates:
-            return []
+            return
         terrain = self._planner.terrain(self.map, pose, 0.0)
         lengths_m = self._planner.lengths_from(terrain, pose)
         known, obstacles = self.map.known, terrain.obstacles
@@ -215,7 +204,15 @@ class Search:
             self._novelty_weight * unknown_around(point, self.map, known, obstacles) if self._novelty_weight else 0.0
             for point in points
         ]
-        return self.graph.ranked([value_at(lengths_m, self.map, point) for point in points], novelty)
+        best = self.graph.take_best([value_at(lengths_m, self.map, point) for point in points], novelty)
+        if best is not None:
+            self._target, way_m = best
+            self._set_budget(way_m)
+
+    def _set_budget(self, way_m: float) -> None:
+        self._budget = math.ceil(
+            self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
+        )
 
     def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Drive to the target, or to another one if that fails; scan if there is none."""
@@ -330,7 +327,7 @@ class Search:
                     :_MAX_RECORDED_CANDIDATES
                 ]
             ],
-            "edges": [list(edge) for edge in self.graph.edges],
+            "edges": [[node, node + 1] for node in range(len(self.graph.nodes) - 1)],
             "goal_places": [
                 {"x_m": round(place.centre[0], 3), "y_m": round(place.centre[1], 3)}
                 | {"observations": place.observations, "misses": place.misses}

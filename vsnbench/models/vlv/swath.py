@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.models.vlv.planner import Point
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-
-Point = tuple[float, float]
 
 _SIDE_MARGIN_M: Final = 0.02
 _LOWEST_M, _HIGHEST_M = 0.04, 1.2
