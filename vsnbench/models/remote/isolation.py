@@ -132,7 +132,7 @@ class IsolatedProcess:
         if code is None:
             return None
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        last = f"; last line of stderr: {self._last_lines[-1]}" if self._last_lines else ""
+        last = f"; last line of stderr: {self.last_line}" if self.last_line else ""
         return f"the process of model {self._name} ended with {how}{last}"
 
     @property
@@ -199,7 +199,7 @@ class IsolatedProcess:
         while not socket_file.exists():
             if self._process.poll() is not None:
                 self._reader.join(1.0)
-                last = self._last_lines[-1] if self._last_lines else f"exit code {self._process.returncode}"
+                last = self.last_line or f"exit code {self._process.returncode}"
                 raise ModelError(
                     f"model {self._name} did not start in a separate process: {last}", advice=self._start_advice(last)
                 )
@@ -304,17 +304,8 @@ class IsolatedPolicy(RemotePolicy):
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
     if python is None:
         # -P: the working directory is searched last, and only for a class named by the user
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "vsnbench.cli.main",
-            "models",
-            "serve",
-            model,
-            "--unix-path",
-            str(socket_file),
-        ]
+        command = [sys.executable, "-P", "-m", "vsnbench.cli.main", "models", "serve", model]
+        command += ["--unix-path", str(socket_file)]
         for name, value in options.items():
             command += [f"--{name.replace('_', '-')}", str(value)]
         return command
