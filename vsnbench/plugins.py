@@ -5,13 +5,13 @@ import importlib
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from importlib.metadata import distributions, entry_points
 from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.text.sanitize import error_line
+from vsnbench.text.suggestions import closest
 
 
 def plug_ins(group: str) -> dict[str, str]:
@@ -118,8 +118,8 @@ def file_of_module(module: object) -> Path | None:
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
     """Return the error for a name that does not exist, with the nearest name and all names."""
     names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=0.6)
-    suggestion = f"did you mean {near[0]}? " if near else ""
+    near = closest(name, names)
+    suggestion = f"did you mean {near}? " if near else ""
     return UsageError(
         f"no {kind} {name!r}",
         advice=f"{suggestion}Known: {', '.join(names)}, or your own as package.module:Class",

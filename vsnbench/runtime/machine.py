@@ -98,7 +98,10 @@ def gather_machine_facts() -> MachineFacts:
     """Describe this machine and installation."""
     requirements = _requirements()
     gpus = _gpus()
-    extras = (Extra(name, text, *_installed(requirements.get(name, ()))) for name, text in EXTRAS.items())
+    extras = []
+    for name, purpose in EXTRAS.items():
+        packages = requirements.get(name, ())
+        extras.append(Extra(name, purpose, bool(packages) and all(package.installed for package in packages), packages))
     return MachineFacts(
         vsnbench=__version__,
         python=f"{platform.python_implementation()} {platform.python_version()}",
@@ -149,10 +152,6 @@ def _package(requirement: Requirement) -> Package:
         return Package(requirement.name, str(requirement.specifier), None, fits=False)
     fits = requirement.specifier.contains(version, prereleases=True)
     return Package(requirement.name, str(requirement.specifier), version, fits)
-
-
-def _installed(packages: tuple[Package, ...]) -> tuple[bool, tuple[Package, ...]]:
-    return bool(packages) and all(package.installed for package in packages), packages
 
 
 def _has_module(name: str) -> bool:

@@ -3,12 +3,10 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-_CUTOFF = 0.6
-
 
 def closest(name: str, known: Iterable[str]) -> str:
     """Return the known name closest to a name, or an empty string if none is close."""
-    return next(iter(get_close_matches(name, sorted(set(known)), n=1, cutoff=_CUTOFF)), "")
+    return next(iter(get_close_matches(name, sorted(set(known)), n=1)), "")
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
