@@ -185,7 +185,7 @@ class DetectorTarget(_Checkpoint):
                 raise
 
     def read(self) -> None:
-        from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
+        from vsnbench.models.vlv.detectors.mask_rcnn import read_mask_rcnn_weights
 
         read_mask_rcnn_weights(self.path)
 

@@ -16,9 +16,8 @@ from torch import Tensor
 from tests.models.vlv.conftest import DATA, load_module
 from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
-from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
+from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector, read_mask_rcnn_weights
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN
-from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.camera import Camera

@@ -45,8 +45,7 @@ def _goal_fields(goal: Goal) -> dict[str, Any]:
 
 def _task_fields(task: Task) -> dict[str, Any]:
     """Return the protocol and the robot; goal and seed have keys of their own."""
-    robot = {name: getattr(task.robot, name) for name in task.robot.__dataclass_fields__}
     return {
         "protocol": asdict(task.protocol),
-        "robot": {**robot, "camera": task.robot.camera.model_dump(mode="json")},
+        "robot": {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")},
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
@@ -48,22 +49,9 @@ class ServedPolicy:
             )
         self._policy = policy
         self._sensors = frozenset(card.sensors)
-        self.card = {
-            "name": card.name,
-            "goals": None if card.goals is None else sorted(card.goals),
-            "sensors": sorted(sensor.value for sensor in card.sensors),
-            "weights_sha256": card.weights_sha256,
-            "weights_label": card.weights_label,
-            "settings": dict(card.settings),
-            "stand_in": card.stand_in,
-            "action_kinds": sorted(card.action_kinds),
-            "goal_kinds": sorted(card.goal_kinds),
-            "action_map": {action.value: replaced.value for action, replaced in card.action_map.items()},
-            **{name: size for name in ("forward_m", "turn_deg") if (size := getattr(card, name)) is not None},
-            **({} if card.camera is None else {"camera": card.camera.model_dump(mode="json", exclude_none=True)}),
+        self.card = {item.name: getattr(card, item.name) for item in fields(card)} | {
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
-            "runs_on": dict(card.runs_on),
         }
 
     def reset(self, goal: wire.Goal, seed: int) -> None:

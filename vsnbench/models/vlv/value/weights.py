@@ -56,8 +56,9 @@ def _fitting(named: Mapping[str, npt.NDArray[Any]], origin: str) -> "dict[str, T
 
     from vsnbench.models.vlv.value.network import ACTIONS, ValueNetwork, names_in_file
 
+    in_file = names_in_file()
     with torch.device("meta"):
-        shapes = {names_in_file()[name]: tuple(t.shape) for name, t in ValueNetwork().state_dict().items()}
+        shapes = {in_file[name]: tuple(tensor.shape) for name, tensor in ValueNetwork().state_dict().items()}
     head = named.get(_HEAD)
     outputs = head.shape[0] if head is not None and head.ndim else 0
     if head is not None and outputs != len(VALUE_CLASSES) * ACTIONS:
