@@ -93,13 +93,7 @@ class CroppedPolicy(Policy):
     """A policy that receives cropped images and their camera. Depth guard, judge and record use the robot's images."""
 
     def __init__(self, policy: Policy, camera: Camera, crop: Camera) -> None:
-        """Wrap a policy.
-
-        Args:
-            policy: the policy.
-            camera: the robot's camera.
-            crop: the part of its view that the policy receives.
-        """
+        """Wrap a policy, which receives the part `crop` of the view of the robot's camera."""
         self._policy, self._camera, self._crop = policy, camera, crop
         self.card, self.needs_survey = policy.card, policy.needs_survey
 

@@ -61,12 +61,7 @@ class Engine(ABC):
         """Run one step. The first step of an episode clears the memory."""
 
     def step_together(self, steps: Sequence[StepInput], memories: Sequence[Any]) -> list[tuple[StepOutput, Any]]:
-        """Run a step of several episodes. Returns the output and the memory of each.
-
-        Args:
-            steps: inputs of the episodes.
-            memories: their memories; None at the first step of an episode.
-        """
+        """Run a step of several episodes; a memory is None at the first step. Returns output and memory of each."""
         answers = []
         for step, memory in zip(steps, memories, strict=True):
             if memory is not None:
@@ -95,11 +90,7 @@ class Agreement:
 def compare(reference: Engine, candidate: Engine, architecture: Architecture, tolerance: float) -> Agreement:
     """Run both engines over the same two short synthetic episodes.
 
-    Args:
-        reference: the engine that is correct by definition.
-        candidate: the engine to be compared.
-        architecture: the network's sizes.
-        tolerance: allowed difference of logits, relative to the largest logit if that is over 1.
+    The tolerance is the allowed difference of logits, relative to the largest logit if that is over 1.
     """
     largest, scale, different, previous = 0.0, 1.0, 0, 0
     steps = synthetic_steps(architecture)

@@ -28,11 +28,7 @@ _NOT_IDENTITY = ("runs_on", "forward_m", "turn_deg", "camera")
 
 
 def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
-    """Return the card of a server's first message.
-
-    Args:
-        greeting: the message.
-        lost: lossy encodings of the sensors, which become part of the settings.
+    """Return the card of a server's first message. Lossy encodings of sensors become part of the settings.
 
     Raises:
         ModelError: the card is missing or invalid; the caller puts the model's address in front of the message.

@@ -72,13 +72,7 @@ class IsolatedProcess:
         isolation: Isolation,
         timeout_s: float = START_TIMEOUT_S,
     ) -> Self:
-        """Start a model's server and wait until it listens.
-
-        Args:
-            model: a built-in model or `package.module:Class`.
-            options: arguments of its constructor; none with another interpreter.
-            isolation: interpreter and limits.
-            timeout_s: time to load.
+        """Start a model's server and wait until it listens. Options are the arguments of the model's constructor.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.
@@ -162,11 +156,7 @@ class IsolatedProcess:
         self.kill(started)
 
     def kill(self, started: Sequence[psutil.Process] = ()) -> None:
-        """Kill the process and all processes that it started.
-
-        Args:
-            started: processes that it started, found while it was running.
-        """
+        """Kill the process and all processes that it started; `started` were found while it was running."""
         for process in (*started, *self._started()):
             with contextlib.suppress(psutil.NoSuchProcess):
                 process.kill()
@@ -228,10 +218,7 @@ class IsolatedPolicy(RemotePolicy):
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
 
-        Args:
-            model: a built-in model or `package.module:Class`.
-            options: arguments of its constructor, and `act_timeout` for the connection.
-            isolation: interpreter and limits.
+        Options are the arguments of the model's constructor, and `act_timeout` for the connection.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.

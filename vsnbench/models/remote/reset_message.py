@@ -10,13 +10,9 @@ from vsnbench.values.goal import Goal, GoalKind
 
 
 def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict[str, Any]:
-    """Return a `reset` request without its number.
+    """Return a `reset` request without its number, for the server's version of the protocol.
 
-    Args:
-        goal: the goal.
-        seed: seed of the episode.
-        task: what the policy receives beyond goal and seed.
-        version: version of the protocol that the server speaks; version 1 has neither goal fields nor a task.
+    Version 1 has neither goal fields nor a task.
 
     Raises:
         ModelError: version 1 cannot express the goal.

@@ -24,12 +24,7 @@ class ServedPolicy:
     """A policy in the form that `vsnbench_policy.serve` expects."""
 
     def __init__(self, policy: Policy, name: str = "", options: Mapping[str, Any] = MappingProxyType({})) -> None:
-        """Wrap a policy.
-
-        Args:
-            policy: the policy.
-            name: its name and
-            options: the arguments of its constructor, as for `create_policy`; part of its identity.
+        """Wrap a policy. Name and options are those of `create_policy`; files among them are part of its identity.
 
         Raises:
             UsageError: the policy needs the site or the simulator's labels, which are not transferred.

@@ -30,13 +30,9 @@ def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
 def frontier_away_from(
     grid: OccupancyMap, visited: Iterable[Point], radius_m: float, smallest_cells: int = 1
 ) -> BoolGrid:
-    """Return the free cells next to unknown cells, without those near visited points.
+    """Return the free cells next to unknown cells, without those within a radius of visited points.
 
-    Args:
-        grid: the map.
-        visited: visited points.
-        radius_m: distance from those within which cells are left out.
-        smallest_cells: side of the smallest unknown square that counts.
+    Unknown areas count from a square with a side of `smallest_cells`.
     """
     import cv2
 

@@ -104,12 +104,9 @@ class Planner:
         return Terrain(grid, obstacles, away_m, open_cells, slowness.astype(np.float32))
 
     def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> Route | None:
-        """Return path costs to the nearest target cell, or None if none can be reached from `pose`.
+        """Return path costs to the nearest target cell that is open, or None if none can be reached from `pose`.
 
-        Args:
-            terrain: free space for the robot.
-            targets: (rows, columns): target cells; those that are not open are ignored.
-            pose: pose of the robot; the field is computed only as far as needed.
+        The field is computed only as far as the robot needs it.
         """
         sources = np.flatnonzero(targets & terrain.open_cells)
         if sources.size == 0:

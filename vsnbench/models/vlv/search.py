@@ -65,10 +65,8 @@ class Search:
     def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Move:
         """Return the next action.
 
-        Args:
-            observation: with a depth image.
-            detections: detections of the goal's class above the threshold, best first.
-            value: value of the view; 0 without a value network.
+        Detections are those of the goal's class above the threshold, best first. The value is that of the view; 0
+        without a value network.
         """
         depth_m = observation.depth_m
         if depth_m is None:

@@ -46,10 +46,7 @@ class ONNXDetector(Detector):
     def __init__(self, path: Path, threshold: float, *, threshold_for_all: bool = False) -> None:
         """Load the file.
 
-        Args:
-            path: the file.
-            threshold: minimum score of a detection, for classes without one in the file.
-            threshold_for_all: the threshold is for the other classes, too.
+        The threshold is for classes without one in the file; with `threshold_for_all`, for all classes.
 
         Raises:
             ModelError: the file is not such a detector.
@@ -198,13 +195,7 @@ def _inner(
 
 
 def _reliability_of(metadata: Mapping[str, str], path: Path, threshold: float | None) -> dict[str, Reliability]:
-    """Return the measured reliability of classes.
-
-    Args:
-        metadata: the file's metadata.
-        path: the file, for the message.
-        threshold: minimum score for all classes; None for the file's own.
-    """
+    """Return the measured reliability of classes; none if the user set a threshold for all classes."""
     text = metadata.get(_RELIABILITY_KEY)
     if text is None or threshold is not None:
         return {}
