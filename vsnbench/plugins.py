@@ -84,15 +84,11 @@ def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
     own = file_of_module(sys.modules.get(name))
     if own is None:
         return
-    single = not hasattr(sys.modules.get(top), "__path__")
     installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
+    alone = not installed and not hasattr(sys.modules.get(top), "__path__")
     for other, module in list(sys.modules.items()):
-        if other == "__main__":
-            continue
-        of_package = other == name or other.partition(".")[0] == top
-        neighbour = single and not installed and str(getattr(module, "__file__", None)).startswith(f"{own.parent}/")
-        file = file_of_module(module) if of_package or neighbour else None
-        if file is not None and (of_package or file.parent == own.parent):
+        file = None if other == "__main__" else file_of_module(module)
+        if file is not None and (other.partition(".")[0] == top or (alone and file.parent == own.parent)):
             yield other, file
 
 

@@ -135,10 +135,7 @@ class _Machine:
     """The stack machine. Every instruction moves values or is refused."""
 
     def __init__(
-        self,
-        allowed_classes: frozenset[str],
-        origin: str,
-        stored: Callable[[DeclaredStorage], npt.NDArray[Any]],
+        self, allowed_classes: frozenset[str], origin: str, stored: Callable[[DeclaredStorage], npt.NDArray[Any]]
     ) -> None:
         self.classes = _DICTIONARIES | allowed_classes
         self.allowed = _FUNCTIONS | _DTYPES.keys() | self.classes

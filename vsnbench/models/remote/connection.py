@@ -25,7 +25,7 @@ from vsnbench.models.remote.vsnbench_policy import (
     pack,
     unpack,
 )
-from vsnbench.text.sanitize import sanitize
+from vsnbench.text.sanitize import error_line, sanitize
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -261,7 +261,8 @@ class Connection:
             if passed.is_set():
                 raise TimeoutError from error
             raise ModelLostError(
-                f"{what}: the connection to {self.address} broke: {_text(error)}", code="connection-lost"
+                f"{what}: the connection to {self.address} broke: {error_line(error, named=False)}",
+                code="connection-lost",
             ) from error
         finally:
             timer.cancel()
@@ -299,7 +300,8 @@ def _open(address: Address) -> "ClientConnection":
                 code="not-a-model-server",
             ) from error
         raise ModelError(
-            f"the server at {address} is not a model's server: {_text(error)}", code="not-a-model-server"
+            f"the server at {address} is not a model's server: {error_line(error, named=False)}",
+            code="not-a-model-server",
         ) from error
     except TimeoutError as error:
         raise ModelLostError(
@@ -309,7 +311,7 @@ def _open(address: Address) -> "ClientConnection":
         ) from error
     except OSError as error:
         raise ModelLostError(
-            f"no model at {address}: {error.strerror or _text(error)}",
+            f"no model at {address}: {error.strerror or error_line(error, named=False)}",
             advice="start its server (`vsnbench models serve …` or vsnbench_policy.py), and check host and port",
             code="no-server",
         ) from error
@@ -344,7 +346,3 @@ def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
             code="wrong-protocol-version",
         )
     return int(version)
-
-
-def _text(error: BaseException) -> str:
-    return sanitize(" ".join(str(error).split())[:200]) or type(error).__name__

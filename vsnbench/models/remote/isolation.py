@@ -66,11 +66,7 @@ class IsolatedProcess:
 
     @classmethod
     def start(
-        cls,
-        model: str,
-        options: Mapping[str, Any],
-        isolation: Isolation,
-        timeout_s: float = START_TIMEOUT_S,
+        cls, model: str, options: Mapping[str, Any], isolation: Isolation, timeout_s: float = START_TIMEOUT_S
     ) -> Self:
         """Start a model's server and wait until it listens. Options are the arguments of the model's constructor.
 

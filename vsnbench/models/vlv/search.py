@@ -38,13 +38,7 @@ class Search:
     """The state of an episode, from odometry, depth, detections and the value network only."""
 
     def __init__(
-        self,
-        settings: VLVSettings,
-        planner: Planner,
-        seed: int,
-        reliability: Reliability,
-        *,
-        with_value: bool = False,
+        self, settings: VLVSettings, planner: Planner, seed: int, reliability: Reliability, *, with_value: bool = False
     ) -> None:
         """Start an episode. Without a value network, candidates near unknown space are preferred."""
         self.settings = settings

@@ -27,13 +27,7 @@ from vsnbench.values.decision_check import (
     checked_decision,
     checked_diagnostics,
 )
-from vsnbench.values.encoding.images import (
-    decode_picture,
-    depth_millimetres,
-    encode_jpeg,
-    encode_png,
-    picture_size,
-)
+from vsnbench.values.encoding.images import decode_picture, depth_millimetres, encode_jpeg, encode_png, picture_size
 from vsnbench.values.movement import MAX_PARTS, Chunk, Movement, movement_from_json, movement_to_json
 from vsnbench.values.observation import Observation, Sensor
 
