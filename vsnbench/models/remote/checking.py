@@ -93,11 +93,7 @@ def _second_client(policy: RemotePolicy) -> str:
 
 
 def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, goal: str) -> str:
-    """Run an episode again, with another client's episode at the same time.
-
-    Raises:
-        ModelError: the actions differ although the model is deterministic.
-    """
+    """Run an episode again, with another client's episode at the same time."""
     alone, together = episode(policy, goal, SEED), []
     other = RemotePolicy(url, model_config)
     try:

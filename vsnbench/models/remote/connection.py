@@ -191,11 +191,7 @@ class Connection:
                 early.append(self._socket.recv(timeout=0))
 
     def _check_early(self, early: list[object]) -> None:
-        """Refuse an answer that arrived before its request was sent.
-
-        Raises:
-            ModelError: there is such an answer, or too many old ones.
-        """
+        """Refuse an answer that arrived before its request was sent."""
         for received in early:
             if self._answered(self._received(received)) == self._number:
                 raise ModelError(
@@ -206,11 +202,7 @@ class Connection:
             raise self._flood()
 
     def _answered(self, message: Mapping[str, Any]) -> int:
-        """Return the number of the request that a message answers: this one or an older one.
-
-        Raises:
-            ModelError: the message has no number, or that of a later request.
-        """
+        """Return the number of the request that a message answers: this one or an older one."""
         number = message.get("seq")
         if isinstance(number, bool) or not isinstance(number, int) or number > self._number:
             raise ModelError(
@@ -320,11 +312,7 @@ def _open(address: Address) -> "ClientConnection":
 
 
 def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
-    """Return the version of the protocol that the server chose.
-
-    Raises:
-        ModelError: the greeting is not a card, or has a version that was not offered.
-    """
+    """Return the version of the protocol that the server chose."""
     if greeting.get("type") == "error":
         statement = f"the model at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
         if greeting.get("code") == "busy":

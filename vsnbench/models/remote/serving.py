@@ -96,11 +96,7 @@ def served(policy: Policy, name: str, options: Mapping[str, Any], sessions: int)
 
 @contextmanager
 def _exits_as_errors() -> Iterator[None]:
-    """Convert an attempt to end this process to an error.
-
-    Raises:
-        ModelError: the model called a function that ends the process.
-    """
+    """Convert an attempt to end this process to an error."""
     with suppress(ProcessExitError):
         yield
     if refused_exit := take_refused_exit():
@@ -119,11 +115,7 @@ def _goal(goal: wire.Goal) -> Goal:
 
 
 def _task(given: wire.Task) -> Task:
-    """Return the task of a message; unknown facts of a later client are ignored.
-
-    Raises:
-        WireError: a fact is missing.
-    """
+    """Return the task of a message; unknown facts of a later client are ignored."""
     robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
     protocol = _known(ProtocolFacts, vars(given.protocol))
     try:

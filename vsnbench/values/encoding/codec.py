@@ -56,11 +56,7 @@ def _part_to_json(part: Action | Movement) -> Any:
 
 
 def _answer_of(message: Mapping[str, Any]) -> Action | Movement | Chunk:
-    """Return the action, the movement or the chunk of a message.
-
-    Raises:
-        DecisionError: it has none of them, or one that cannot be read.
-    """
+    """Return the action, the movement or the chunk of a message."""
     try:
         if parts := message.get("parts"):
             if not isinstance(parts, list) or len(parts) > MAX_PARTS:

@@ -134,11 +134,7 @@ class _Outputs:
 
 
 def _checked(named: Mapping[str, Any], name: str) -> _Outputs:
-    """Validate the outputs.
-
-    Raises:
-        ModelError: a shape or number is invalid.
-    """
+    """Validate the outputs."""
     for output in _OUTPUTS[: 4 if "masks" in named else 3]:
         if not isinstance(named[output], np.ndarray) or named[output].dtype.kind not in "fiub":
             raise ModelError(f"{name}: its output {output} is not an array of numbers")
