@@ -65,13 +65,14 @@ def missing_packages(generation: RosGeneration, needed: Sequence[str]) -> list[s
         RobotError: the process uses the other version already.
     """
     select_generation(generation)
-    return [name for name in needed if not _is_there(name)]
+    return [name for name in needed if not has_module(name)]
 
 
-def _is_there(name: str) -> bool:
+def has_module(name: str) -> bool:
+    """Return whether a module can be found, without importing it."""
     try:
         return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
+    except (ImportError, ValueError):
         return False
 
 

@@ -54,7 +54,7 @@ _VALUES = {
     "SHORT_BINSTRING",
     "BINSTRING",
 }
-_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
+_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
 _CONTAINERS: Final[dict[str, type[Any]]] = {"EMPTY_DICT": dict, "EMPTY_LIST": list, "EMPTY_SET": set}
 _FILLED: Final[dict[str, type[Any]]] = {"SETITEMS": dict, "APPENDS": list, "ADDITEMS": set}
 _SHORT_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
@@ -159,7 +159,9 @@ class _Machine:
         if name in _VALUES:
             self.stack.append(argument)
         elif name in _CONSTANTS:
-            self.stack.append(_tuple(()) if name == "EMPTY_TUPLE" else _CONSTANTS[name])
+            self.stack.append(_CONSTANTS[name])
+        elif name == "EMPTY_TUPLE":
+            self.stack.append(_tuple(()))
         elif name in _CONTAINERS:
             self.stack.append(_CONTAINERS[name]())
         elif name == "MARK":
@@ -168,7 +170,7 @@ class _Machine:
             self.stack.append(_tuple(tuple(self._to_mark())))
         elif name in _SHORT_TUPLES:
             self.stack.append(_tuple(tuple(self._pop() for _ in range(_SHORT_TUPLES[name]))[::-1]))
-        elif name in ("APPENDS", "SETITEMS", "ADDITEMS"):
+        elif name in _FILLED:
             self._fill(name, self._to_mark())
         elif name == "APPEND":
             self._fill("APPENDS", [self._pop()])

@@ -18,7 +18,7 @@ def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict
         ModelError: version 1 cannot express the goal.
     """
     opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
-    message = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
+    message: dict[str, Any] = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
     if version == 1:
         if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
             raise ModelError(
@@ -28,7 +28,10 @@ def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict
             )
         return message
     message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
-    return message if task is None else {**message, "task": _task_fields(task)}
+    if task is not None:
+        robot = {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")}
+        message["task"] = {"protocol": asdict(task.protocol), "robot": robot}
+    return message
 
 
 def _goal_fields(goal: Goal) -> dict[str, Any]:
@@ -37,11 +40,3 @@ def _goal_fields(goal: Goal) -> dict[str, Any]:
         height, width = goal.image.shape[:2]
         fields["image"] = {"encoding": "raw", "height": height, "width": width, "data": goal.image.tobytes()}
     return fields
-
-
-def _task_fields(task: Task) -> dict[str, Any]:
-    """Return the protocol and the robot; goal and seed have keys of their own."""
-    return {
-        "protocol": asdict(task.protocol),
-        "robot": {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")},
-    }

@@ -503,6 +503,7 @@ def checked_card(policy: Any) -> dict[str, Any]:
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
     _known(given, _CARD_FIELDS, "fields on the card")
     goals = given.get("goals")
+    own_process = {"host": platform.node(), "python": platform.python_version()}
     return {
         "name": name,
         "goals": None if goals is None else sorted(str(goal) for goal in goals),
@@ -514,7 +515,7 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "stand_in": bool(given.get("stand_in", False)),
         "code": plain(dict(code_of(policy) if given.get("code") is None else given["code"])),
         "files": plain(dict(given.get("files") or {})),
-        "runs_on": dict(_this_process(), **plain(dict(given.get("runs_on") or {}))),
+        "runs_on": dict(own_process, **plain(dict(given.get("runs_on") or {}))),
         "action_kinds": _known(given.get("action_kinds") or ("discrete",), ACTION_KINDS, "action kinds"),
         "goal_kinds": _known(given.get("goal_kinds") or ("category",), GOAL_KINDS, "goal kinds"),
         "action_map": _action_map(given.get("action_map")),
@@ -602,10 +603,6 @@ def _hash_of(files: list[tuple[str, Path]]) -> str:
     for name, file in files:
         digest.update("{}\0{}\n".format(name, hashlib.sha256(file.read_bytes()).hexdigest()).encode())
     return digest.hexdigest()
-
-
-def _this_process() -> dict[str, Any]:
-    return {"host": platform.node(), "python": platform.python_version()}
 
 
 def plain(value: Any, depth: int = 0) -> Any:

@@ -134,7 +134,8 @@ class Search:
 
     def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         believed = self.memory.believed
-        if believed and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
+        may_seek = self._turns_left in (None, 0) or self.settings.scan_ends_on_goal
+        if believed and self.settings.seek_on_sight and may_seek:
             move = self._seek(believed, observation, depth_m)
             if move is not None:
                 self._turns_left = None
@@ -151,9 +152,6 @@ class Search:
                 return self._scan_turn()
             self._finish_scan(observation.pose)
         return self._travel(observation, depth_m)
-
-    def _may_end_scan(self) -> bool:
-        return self.settings.scan_ends_on_goal or self._turns_left == 0
 
     def _begin_scan(self) -> Move:
         self._views = []

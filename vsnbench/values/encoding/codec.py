@@ -41,18 +41,15 @@ def decision_to_message(decision: Decision) -> dict[str, Any]:
     """Return a decision as values for JSON."""
     diagnostics = decision.diagnostics
     details = {"details": dict(diagnostics.details)} if diagnostics.details else {}
+    parts = [part.value if isinstance(part, Action) else movement_to_json(part) for part in decision.parts]
     return {
         "action": decision.action.value,
         "raw_action": decision.raw_action,
         "probabilities": dict(diagnostics.probabilities),
         "diagnostics": _shown(diagnostics) | details,
         **({} if decision.movement is None else {"movement": movement_to_json(decision.movement)}),
-        **({"parts": [_part_to_json(part) for part in decision.parts]} if decision.parts else {}),
+        **({"parts": parts} if parts else {}),
     }
-
-
-def _part_to_json(part: Action | Movement) -> Any:
-    return part.value if isinstance(part, Action) else movement_to_json(part)
 
 
 def _answer_of(message: Mapping[str, Any]) -> Action | Movement | Chunk:
