@@ -14,6 +14,7 @@ from vsnbench.values.pose import Pose
 _NARROW_M = 0.15
 """Moves with less spare width than this on a side cost extra, so that the path passes doors in the middle."""
 _NARROW_COST = 1.5
+_FORBIDDEN_WITHIN_M = 0.10
 _MAX_EXPANSIONS = 200_000
 
 
@@ -79,9 +80,9 @@ class LatticePlanner:
         """Return the angle between a heading and the nearest of the planner's headings."""
         return abs(math.remainder(heading_rad - self._base_heading_rad, self._turn_rad))
 
-    def forbid(self, pose: Pose, within_m: float = 0.10) -> None:
+    def forbid(self, pose: Pose) -> None:
         """Forbid forward moves near this pose, whatever the map shows."""
-        near = np.hypot(self._space.x_m - pose.x_m, self._space.y_m - pose.y_m) <= within_m
+        near = np.hypot(self._space.x_m - pose.x_m, self._space.y_m - pose.y_m) <= _FORBIDDEN_WITHIN_M
         self.allowed_moves[self.nearest_heading(pose.heading_rad)][near] = False
 
     def follow(self, pose: Pose, actions: tuple[Action, ...]) -> tuple[Pose, ...]:

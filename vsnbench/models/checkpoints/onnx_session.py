@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 
-def open_session(network: bytes | Path, threads: int | None = None) -> Any:
+def open_session(network: bytes | Path, threads: int | None) -> Any:
     """Return an `onnxruntime.InferenceSession` of an ONNX file or of its content.
 
     onnxruntime (1.32) stores a device id in the user's cache and uploads usage data unless this is switched off before

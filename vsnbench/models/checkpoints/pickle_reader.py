@@ -287,7 +287,7 @@ class _Machine:
         )
 
 
-def numbers_of(storage: DeclaredStorage, record: bytes, *, big_endian: bool = False) -> npt.NDArray[Any]:
+def numbers_of(storage: DeclaredStorage, record: bytes, *, big_endian: bool) -> npt.NDArray[Any]:
     """Return the numbers of a record; those of bfloat16, which numpy does not have, as float32."""
     numbers = np.frombuffer(record, storage.dtype.newbyteorder(">" if big_endian else "<"))
     if storage.kind == _BFLOAT16:
