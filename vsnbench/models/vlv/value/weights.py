@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+import torch
+from torch import Tensor
 
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
@@ -14,9 +16,7 @@ from vsnbench.models.checkpoints.state_dict import fitting_weights, only_tensors
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES
 from vsnbench.models.vlv.goals import VALUE_CLASSES
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from vsnbench.models.vlv.value.network import ACTIONS, ValueNetwork, names_in_file
 
 _HEAD: Final = "top.4.weight"
 _LANDMARK: Final = "resnet.conv1.weight"
@@ -30,7 +30,7 @@ class ValueWeights:
 
     path: Path
     sha256: str
-    tensors: "Mapping[str, Tensor]"
+    tensors: Mapping[str, Tensor]
     """float32 tensors of the network, by their names in the file."""
 
 
@@ -50,12 +50,8 @@ def read_value_weights(path: Path) -> ValueWeights:
     return ValueWeights(path, file_sha256(path), _fitting(named, str(path)))
 
 
-def _fitting(named: Mapping[str, npt.NDArray[Any]], origin: str) -> "dict[str, Tensor]":
+def _fitting(named: Mapping[str, npt.NDArray[Any]], origin: str) -> dict[str, Tensor]:
     """Return the tensors that the network needs, and check their shapes."""
-    import torch
-
-    from vsnbench.models.vlv.value.network import ACTIONS, ValueNetwork, names_in_file
-
     in_file = names_in_file()
     with torch.device("meta"):
         shapes = {in_file[name]: tuple(tensor.shape) for name, tensor in ValueNetwork().state_dict().items()}
