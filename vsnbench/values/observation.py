@@ -163,6 +163,11 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor], budget
 def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observation:
     """Return an observation with some measurements; access to others raises SensorNotDeclaredError.
 
+    Args:
+        stamp_s: time of the image; seconds on the robot's clock.
+        camera: camera of the robot.
+        measured: values of other fields.
+
     Raises:
         ValueError: an array has the wrong shape or type.
     """
