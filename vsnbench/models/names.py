@@ -17,7 +17,7 @@ BUILT_IN: dict[str, str] = {
 
 
 def known_models() -> list[str]:
-    """Return the names that `create_policy` knows: built-in models, then plug-ins."""
+    """Return the names that `create_policy` accepts: built-in models, then plug-ins."""
     return [*BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(BUILT_IN))]
 
 

@@ -87,7 +87,7 @@ class _Name:
 
 
 class _Tuple(tuple[Any, ...]):
-    """A tuple that knows how deeply tuples are nested in it."""
+    """A tuple with the depth of the tuples nested in it."""
 
     depth: int
 

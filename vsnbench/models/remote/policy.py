@@ -151,7 +151,7 @@ class RemotePolicy(Policy):
         answer = self._ask(connection, {"type": "act", **content}, "decision", self.settings.act_timeout_s)
         if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
             raise ModelError(
-                f"the server at {self._address} speaks version 1 of the protocol, which has no movements",
+                f"the server at {self._address} uses version 1 of the protocol, which has no movements",
                 advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
                 code="wrong-protocol-version",
             )

@@ -22,7 +22,7 @@ def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict
     if version == 1:
         if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
             raise ModelError(
-                f"the model's server speaks version 1 of the protocol, which has no goals of kind {goal.kind}",
+                f"the model's server uses version 1 of the protocol, which has no goals of kind {goal.kind}",
                 advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
                 code="wrong-protocol-version",
             )

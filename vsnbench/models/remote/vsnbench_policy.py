@@ -66,7 +66,7 @@ TOKEN_VARIABLE = "VSNBENCH_TOKEN"  # noqa: S105 - the name of a variable
 ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "NOOP")
 """NOOP counts as an action and does not move the robot."""
 TILTS = ("LOOK_UP", "LOOK_DOWN")
-"""No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, says what replaces them."""
+"""No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel")
 GOAL_KINDS = ("category", "text", "image", "instruction")
