@@ -22,7 +22,6 @@ from vsnbench.models.contract_check import (
     try_each,
     unknown_goal,
 )
-from vsnbench.models.remote.connection import Connection
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -81,14 +80,10 @@ def _unknown_question(policy: RemotePolicy, goal: str) -> str:
 
 
 def _second_client(policy: RemotePolicy) -> str:
-    connection: Connection | None = None
     try:
-        connection = policy.connect()
+        policy.connect().close()
     except ModelError as error:
         return f"a second client is refused: {error.statement.split('refuses: ')[-1]}"
-    finally:
-        if connection is not None:
-            connection.close()
     raise ModelError("a second client is accepted during the first: their episodes would mix")
 
 

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
@@ -102,7 +101,7 @@ class Answer:
 
 
 class Connection:
-    """An open connection; a context manager. Not thread-safe.
+    """An open connection. Not thread-safe.
 
     `greeting` is the server's first message, with the model's card. `version` is the version of the protocol in use.
     """
@@ -135,14 +134,6 @@ class Connection:
             self.close()
             raise
         self.version = _checked_version(self.greeting, address)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def ask(self, request: Mapping[str, Any], timeout_s: float) -> Answer:
         """Send a request and return its answer. Answers to older requests are dropped.
