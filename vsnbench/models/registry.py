@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.duck_typed import DuckTypedPolicy
-from vsnbench.models.names import class_of, known_models
+from vsnbench.models.names import class_of, is_address, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.plugins import import_factory, unknown_name
@@ -143,7 +143,7 @@ def locate(name: str) -> tuple[str, Any]:
         UsageError: the model does not exist.
         ModelError: the class cannot be imported.
     """
-    if name.startswith(("ws://", "wss://")):
+    if is_address(name):
         from vsnbench.models.remote.policy import RemotePolicy
 
         return name, partial(RemotePolicy, name)

@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 MAX_ANSWER_BYTES = 8 * 2**20
 """An answer has an action and diagnostics; the largest of a built-in model, VLV's map, has 40 kB."""
 CONNECT_TIMEOUT_S = 5.0
+REPLACE_STUB = "replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`"
+"""Advice for a server whose version of the protocol is too old."""
 _MAX_LATE_ANSWERS = 100
 _FRAGMENT_BYTES = 120 * 2**10
 """Size of the fragments of a request. The server reads a fragment while the next is masked, and fragments are below the
@@ -321,7 +323,7 @@ def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
         raise ModelError(
             f"the model at {address} uses version {version!r:.20} of the protocol, "
             f"not {OLDEST_WIRE_VERSION} to {WIRE_VERSION}",
-            advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+            advice=REPLACE_STUB,
             code="wrong-protocol-version",
         )
     return int(version)

@@ -25,6 +25,7 @@ import psutil
 
 from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
@@ -220,7 +221,7 @@ class IsolatedPolicy(RemotePolicy):
             UsageError: the interpreter does not exist, or there are options for another interpreter.
             ModelError: the model cannot be started.
         """
-        if model.startswith(("ws://", "wss://")):
+        if is_address(model):
             raise UsageError(f"model {model} already runs in another process", advice="leave --isolate out")
         own = {name: value for name, value in options.items() if name != "act_timeout"}
         self._start = partial(IsolatedProcess.start, model, own, isolation)

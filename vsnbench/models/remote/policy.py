@@ -14,7 +14,7 @@ from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.connection import REPLACE_STUB, Address, Answer, Connection, ModelBusyError
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
@@ -152,7 +152,7 @@ class RemotePolicy(Policy):
         if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
             raise ModelError(
                 f"the server at {self._address} uses version 1 of the protocol, which has no movements",
-                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                advice=REPLACE_STUB,
                 code="wrong-protocol-version",
             )
         return _decision(answer, self.settings.act_timeout_s)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from vsnbench.errors import ModelError
+from vsnbench.models.remote.connection import REPLACE_STUB
 from vsnbench.models.task import Task
 from vsnbench.values.goal import Goal, GoalKind
 
@@ -23,7 +24,7 @@ def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict
         if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
             raise ModelError(
                 f"the model's server uses version 1 of the protocol, which has no goals of kind {goal.kind}",
-                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                advice=REPLACE_STUB,
                 code="wrong-protocol-version",
             )
         return message
