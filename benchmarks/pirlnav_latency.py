@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,9 +102,7 @@ def together_ms(weights: Path, times: int) -> dict[str, float | str]:
 def policy_share_ms(small: Path, times: int) -> dict[str, float]:
     """Time `act` on a camera image with an engine that returns immediately; preprocessing is its largest part."""
     policy = PIRLNav(small, PIRLNavSettings(runtime=Runtime.TORCH), "cpu")
-    policy.chosen = type(policy.chosen)(
-        Instant(), policy.chosen.runtime, "cpu", policy.chosen.precision, policy.chosen.agreement
-    )
+    policy.chosen = replace(policy.chosen, engine=Instant())
     rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8)
     observation = Observation(rgb, None, Pose(0.5, 0.25, 1.0), 0.0, CAMERA)
     policy.reset("chair", seed=1)

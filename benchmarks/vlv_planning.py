@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import skfmm
 
+from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.planner import Planner, Terrain
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
@@ -140,7 +141,7 @@ def scan_ms() -> float:
     rgb = np.zeros((480, 640, 3), np.uint8)
 
     def scan() -> None:
-        search = Search(SETTINGS, Planner(SETTINGS), 1)
+        search = Search(SETTINGS, Planner(SETTINGS), 1, Reliability(SETTINGS.detector_threshold))
         for k in range(13):
             search.step(Observation(rgb, depth, Pose(0, 0, k * math.pi / 6), 0.0, camera), (), 0.0)
 

@@ -11,8 +11,9 @@ from torch import Tensor, nn
 from training.flat_world import View
 from training.rollout import INDEX, Lane
 from training.shards import LABELS
+from vsnbench.models.checkpoints.residual_network import Bottleneck
 from vsnbench.models.pirlnav.architecture import Architecture
-from vsnbench.models.pirlnav.network import Bottleneck, PIRLNavNetwork
+from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import GOALS
 from vsnbench.values.action import Action
 
@@ -31,7 +32,7 @@ def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
         if isinstance(module, nn.Conv2d):
             nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
         if isinstance(module, Bottleneck):  # blocks begin as identities, so that this deep small network trains faster
-            nn.init.zeros_(module.bn3.weight)
+            nn.init.zeros_(module.bn3.get_parameter("weight"))
     with torch.no_grad():
         head = network.action_distribution.get_parameter("linear.bias")
         head[len(INDEX) :] = -4.0

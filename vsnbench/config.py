@@ -186,11 +186,9 @@ def read_config_file(file: Path) -> Config:
 
 
 def config_defaults(directory: Path | None = None, environment: Mapping[str, str] = os.environ) -> list[ConfigDefault]:
-    """Return every top-level key with its value and source.
+    """Return every top-level key with its value and source, for a directory (default: the working directory).
 
-    Args:
-        directory: where the command runs (default: the working directory).
-        environment: environment variables; they override the file.
+    Environment variables override the file.
 
     Raises:
         UsageError: the file cannot be read, or has an unknown key or an invalid value.

@@ -1,6 +1,6 @@
 """Modules that were documented in version 0.1 and have moved: importing them works with a warning.
 
-Removed in the next version, together with `vsnbench.models.duck_typed`.
+Removed in version 2, together with `vsnbench.models.duck_typed`.
 """
 
 import sys

@@ -5,13 +5,13 @@ import importlib
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from importlib.metadata import distributions, entry_points
 from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.text.sanitize import error_line
+from vsnbench.text.suggestions import closest
 
 
 def plug_ins(group: str) -> dict[str, str]:
@@ -84,15 +84,11 @@ def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
     own = file_of_module(sys.modules.get(name))
     if own is None:
         return
-    single = not hasattr(sys.modules.get(top), "__path__")
     installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
+    alone = not installed and not hasattr(sys.modules.get(top), "__path__")
     for other, module in list(sys.modules.items()):
-        if other == "__main__":
-            continue
-        of_package = other == name or other.partition(".")[0] == top
-        neighbour = single and not installed and str(getattr(module, "__file__", None)).startswith(f"{own.parent}/")
-        file = file_of_module(module) if of_package or neighbour else None
-        if file is not None and (of_package or file.parent == own.parent):
+        file = None if other == "__main__" else file_of_module(module)
+        if file is not None and (other.partition(".")[0] == top or (alone and file.parent == own.parent)):
             yield other, file
 
 
@@ -118,8 +114,8 @@ def file_of_module(module: object) -> Path | None:
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
     """Return the error for a name that does not exist, with the nearest name and all names."""
     names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=0.6)
-    suggestion = f"did you mean {near[0]}? " if near else ""
+    near = closest(name, names)
+    suggestion = f"did you mean {near}? " if near else ""
     return UsageError(
         f"no {kind} {name!r}",
         advice=f"{suggestion}Known: {', '.join(names)}, or your own as package.module:Class",

@@ -185,10 +185,9 @@ class DetectorTarget(_Checkpoint):
                 raise
 
     def read(self) -> None:
-        from vsnbench.models.vlv.detectors.coco import CLASSES_91
-        from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
+        from vsnbench.models.vlv.detectors.mask_rcnn import read_mask_rcnn_weights
 
-        read_mask_rcnn_weights(self.path, len(CLASSES_91))
+        read_mask_rcnn_weights(self.path)
 
 
 class ONNXTarget:

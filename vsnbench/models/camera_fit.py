@@ -19,7 +19,7 @@ from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.movement import Movement, Pixel
-from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
+from vsnbench.values.observation import InstanceImage, Observation, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
@@ -93,13 +93,7 @@ class CroppedPolicy(Policy):
     """A policy that receives cropped images and their camera. Depth guard, judge and record use the robot's images."""
 
     def __init__(self, policy: Policy, camera: Camera, crop: Camera) -> None:
-        """Wrap a policy.
-
-        Args:
-            policy: the policy.
-            camera: the robot's camera.
-            crop: the part of its view that the policy receives.
-        """
+        """Wrap a policy, which receives the part `crop` of the view of the robot's camera."""
         self._policy, self._camera, self._crop = policy, camera, crop
         self.card, self.needs_survey = policy.card, policy.needs_survey
 
@@ -132,20 +126,14 @@ class CroppedPolicy(Policy):
         self._policy.close()
 
     def _cropped(self, observation: Observation, camera: Camera) -> Observation:
-        measured: dict[str, Any] = {"depth_stamp_s": observation.depth_stamp_s, "budget": observation.budget}
-        sensors = observation.sensors
-        if Sensor.RGB in sensors:
-            measured["rgb"] = self._part(observation.rgb)
-        if Sensor.DEPTH in sensors and observation.depth_m is not None:
-            measured["depth_m"] = self._part(observation.depth_m)
-            if observation.beyond_range is not None:
-                measured["beyond_range"] = self._part(observation.beyond_range)
-        if Sensor.ODOMETRY in sensors:
-            measured["pose"] = observation.pose
-        if Sensor.INSTANCES in sensors and observation.instances is not None:
-            labels = observation.instances
-            measured["instances"] = InstanceImage(self._part(labels.ids), labels.categories)
-        return observation_of(observation.stamp_s, camera, **measured)
+        given = observation.__getstate__()
+        changes: dict[str, Any] = {"camera": camera}
+        for name in ("rgb", "depth_m", "beyond_range"):
+            if given.get(name) is not None:
+                changes[name] = self._part(given[name])
+        if (labels := given.get("instances")) is not None:
+            changes["instances"] = InstanceImage(self._part(labels.ids), labels.categories)
+        return with_changes(observation, **changes)
 
     def _part(self, image: Array) -> Array:
         """Return the central part of an image (H, W, ...), which may have another resolution than the camera."""

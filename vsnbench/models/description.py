@@ -8,6 +8,7 @@ from pydantic import BaseModel
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.names import is_address
 from vsnbench.models.registry import card_problem, keywords_of, locate
 from vsnbench.values.observation import Sensor
 
@@ -42,7 +43,7 @@ def describe_model(name: str) -> ModelDescription:
         ModelError: its module cannot be imported, its card is invalid, or its server refuses.
         ModelLostError: no server answers.
     """
-    if name.startswith(("ws://", "wss://")):
+    if is_address(name):
         return _describe_server(name)
     where, factory = locate(name)
     text = inspect.getdoc(inspect.getmodule(factory)) or inspect.getdoc(factory) or ""

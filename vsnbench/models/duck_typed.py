@@ -1,4 +1,4 @@
-"""Models that do not inherit from `Policy`, as version 0.1 allowed; removed in the next version."""
+"""Models that do not inherit from `Policy`, as version 0.1 allowed; deprecated until version 2."""
 
 import inspect
 import warnings
@@ -52,5 +52,5 @@ def _warn(kind: type) -> None:
         file, line = inspect.getsourcefile(kind) or "", inspect.getsourcelines(kind)[1]
     except (OSError, TypeError):
         file, line = "", 0
-    message = f"write `class {kind.__name__}(vsnbench.Policy)`: the next version refuses a model without this base"
+    message = f"write `class {kind.__name__}(vsnbench.Policy)`: version 2 refuses a model without this base"
     warnings.warn_explicit(message, DeprecationWarning, file or kind.__module__, line)

@@ -17,7 +17,7 @@ BUILT_IN: dict[str, str] = {
 
 
 def known_models() -> list[str]:
-    """Return the names that `create_policy` knows: built-in models, then plug-ins."""
+    """Return the names that `create_policy` accepts: built-in models, then plug-ins."""
     return [*BUILT_IN, *sorted(set(plug_ins(ENTRY_POINT_GROUP)) - set(BUILT_IN))]
 
 
@@ -28,6 +28,9 @@ def class_of(name: str) -> str:
 
 def is_third_party(name: str) -> bool:
     """Return whether a name stands for code outside vsnbench. A server describes its model itself."""
-    if name.startswith(("ws://", "wss://")):
-        return False
-    return class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
+    return not is_address(name) and class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
+
+
+def is_address(name: str) -> bool:
+    """Return whether a name is the address of a model's server."""
+    return name.startswith(("ws://", "wss://"))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.duck_typed import DuckTypedPolicy
-from vsnbench.models.names import class_of, known_models
+from vsnbench.models.names import class_of, is_address, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.plugins import import_factory, unknown_name
@@ -97,18 +97,13 @@ def card_problem(card: ModelCard) -> str:
     texts: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
     if not all(isinstance(text, str) for text in texts) or not card.name.strip():
         return "name, weights_sha256 and weights_label must be strings, and the name must not be empty"
-    sensors: object = card.sensors
-    if not isinstance(sensors, frozenset) or not all(isinstance(sensor, Sensor) for sensor in sensors):
+    if not _is_set_of(card.sensors, Sensor):
         return "sensors must be a frozenset of Sensor: frozenset({Sensor.RGB})"
-    kinds: object = card.action_kinds
-    if not (isinstance(kinds, frozenset) and kinds and all(isinstance(kind, ActionKind) for kind in kinds)):
+    if not _is_set_of(card.action_kinds, ActionKind) or not card.action_kinds:
         return "action_kinds must be a frozenset of ActionKind: frozenset({ActionKind.WAYPOINT})"
-    goals: object = card.goals
-    if goals is not None and not (isinstance(goals, frozenset) and all(isinstance(goal, str) for goal in goals)):
+    if card.goals is not None and not _is_set_of(card.goals, str):
         return "goals must be None or a frozenset of categories: frozenset({'chair'})"
-    goal_kinds: object = card.goal_kinds
-    fits = isinstance(goal_kinds, frozenset) and all(isinstance(kind, GoalKind) for kind in goal_kinds)
-    if not fits or not goal_kinds:
+    if not _is_set_of(card.goal_kinds, GoalKind) or not card.goal_kinds:
         return "goal_kinds must be a frozenset of GoalKind: frozenset({GoalKind.TEXT})"
     mapped: object = card.action_map
     if not isinstance(mapped, Mapping) or not all(can_replace(*pair) for pair in mapped.items()):
@@ -121,6 +116,10 @@ def card_problem(card: ModelCard) -> str:
         return "camera must be None or a TrainedCamera: TrainedCamera(mount_height_m=0.88, horizontal_fov_deg=79)"
     settings: object = card.settings
     return _not_serializable(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
+
+
+def _is_set_of(value: object, kind: type) -> bool:
+    return isinstance(value, frozenset) and all(isinstance(item, kind) for item in value)
 
 
 def _not_serializable(value: object, where: str) -> str:
@@ -144,7 +143,7 @@ def locate(name: str) -> tuple[str, Any]:
         UsageError: the model does not exist.
         ModelError: the class cannot be imported.
     """
-    if name.startswith(("ws://", "wss://")):
+    if is_address(name):
         from vsnbench.models.remote.policy import RemotePolicy
 
         return name, partial(RemotePolicy, name)

@@ -1,4 +1,4 @@
-"""What a policy is told when an episode begins: goal, protocol, robot and seed."""
+"""What a policy receives when an episode begins: goal, protocol, robot and seed."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from vsnbench.values.robot_profile import RobotProfile
 
 @dataclass(frozen=True, slots=True)
 class ProtocolFacts:
-    """The part of the protocol that a policy is told."""
+    """The part of the protocol that a policy receives."""
 
     name: str
     forward_m: float
@@ -27,7 +27,7 @@ class ProtocolFacts:
 
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
-    """The part of the robot's profile that a policy is told."""
+    """The part of the robot's profile that a policy receives."""
 
     name: str
     radius_m: float

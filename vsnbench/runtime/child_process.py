@@ -58,11 +58,7 @@ def hide_memory() -> None:
 
 
 def adopt_orphans(*, wanted: bool = True) -> None:
-    """Become the parent of every orphaned descendant, so that `end_descendants` finds it; Linux only.
-
-    Args:
-        wanted: False returns orphans to the system.
-    """
+    """Become the parent of every orphaned descendant, so that `end_descendants` finds it; Linux only."""
     ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, int(wanted), 0, 0, 0)
 
 
@@ -116,11 +112,8 @@ def command_that_ends_with_parent(command: Sequence[str], *, unprivileged: bool 
 def python_like_this(module: str, *arguments: str) -> list[str]:
     """Return a command that runs one of our modules with this interpreter and its module path.
 
-    The program ends with the thread that starts it (`command_that_ends_with_parent`).
-
-    Args:
-        module: dotted name; its `main` gets the arguments.
-        arguments: arguments as text.
+    The module's `main` gets the arguments. The program ends with the thread that starts it
+    (`command_that_ends_with_parent`).
     """
     path = json.dumps(sys.path)
     program = (

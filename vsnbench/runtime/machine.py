@@ -7,13 +7,12 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
-from importlib.util import find_spec
 
 from packaging.requirements import Requirement
 
 from vsnbench import __version__
 from vsnbench.runtime.resources import available_memory, granted_cores, processor, total_memory
-from vsnbench.runtime.ros_version import RosGeneration
+from vsnbench.runtime.ros_version import RosGeneration, has_module
 
 EXTRAS: Mapping[str, str] = {
     "neural": "the model vlv, Mask R-CNN, pirlnav on a GPU",
@@ -98,7 +97,10 @@ def gather_machine_facts() -> MachineFacts:
     """Describe this machine and installation."""
     requirements = _requirements()
     gpus = _gpus()
-    extras = (Extra(name, text, *_installed(requirements.get(name, ()))) for name, text in EXTRAS.items())
+    extras = []
+    for name, purpose in EXTRAS.items():
+        packages = requirements.get(name, ())
+        extras.append(Extra(name, purpose, bool(packages) and all(package.installed for package in packages), packages))
     return MachineFacts(
         vsnbench=__version__,
         python=f"{platform.python_implementation()} {platform.python_version()}",
@@ -114,7 +116,7 @@ def gather_machine_facts() -> MachineFacts:
         torch_uses_gpu=_torch_uses_gpu() if gpus else None,
         browser=next((name for name in BROWSERS if shutil.which(name)), None),
         display=any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")),
-        ros=tuple(version.label for version in RosGeneration if _has_module(version.value)),
+        ros=tuple(version.label for version in RosGeneration if has_module(version.value)),
         packages=requirements.get("", ()),
         extras=tuple(extras),
     )
@@ -151,17 +153,6 @@ def _package(requirement: Requirement) -> Package:
     return Package(requirement.name, str(requirement.specifier), version, fits)
 
 
-def _installed(packages: tuple[Package, ...]) -> tuple[bool, tuple[Package, ...]]:
-    return bool(packages) and all(package.installed for package in packages), packages
-
-
-def _has_module(name: str) -> bool:
-    try:
-        return find_spec(name) is not None
-    except (ImportError, ValueError):
-        return False
-
-
 def _gpus() -> tuple[Gpu, ...]:
     query = ["nvidia-smi", "--query-gpu=name,memory.total,driver_version", "--format=csv,noheader,nounits"]
     try:
@@ -176,7 +167,7 @@ def _gpus() -> tuple[Gpu, ...]:
 
 
 def _torch_uses_gpu() -> bool | None:
-    if not _has_module("torch"):
+    if not has_module("torch"):
         return None
     try:
         import torch

@@ -30,28 +30,28 @@ class RosGeneration(StrEnum):
 
 _SHARED = re.compile(r"[a-z0-9_]+_(msgs|srvs)|message_filters")
 """Packages that exist in both versions."""
-_spoken: RosGeneration | None = None
+_selected: RosGeneration | None = None
 
 
-def speak(generation: RosGeneration) -> bool:
+def select_generation(generation: RosGeneration) -> bool:
     """Select the ROS version of this process; returns whether it is installed.
 
     Raises:
         RobotError: the process uses the other version already.
     """
-    global _spoken
-    if _spoken is generation:
+    global _selected
+    if _selected is generation:
         return True
     home = _home_of(generation)
     if home is None:
         return False
     other = next(candidate for candidate in RosGeneration if candidate is not generation)
-    if _spoken is not None or other.value in sys.modules:
+    if _selected is not None or other.value in sys.modules:
         raise RobotError(
-            f"this process speaks {other.label} already, whose messages have the names of {generation.label}'s",
+            f"this process already uses {other.label}, whose messages have the names of {generation.label}'s",
             advice="use another process",
         )
-    _spoken = generation
+    _selected = generation
     elsewhere = _home_of(other)
     if elsewhere not in (None, home):
         sys.meta_path.insert(0, _MessagesOf(generation, home, str(elsewhere)))
@@ -59,19 +59,20 @@ def speak(generation: RosGeneration) -> bool:
 
 
 def missing_packages(generation: RosGeneration, needed: Sequence[str]) -> list[str]:
-    """Return the Python packages that cannot be imported, after `speak`.
+    """Return the Python packages that cannot be imported, after `select_generation`.
 
     Raises:
         RobotError: the process uses the other version already.
     """
-    speak(generation)
-    return [name for name in needed if not _is_there(name)]
+    select_generation(generation)
+    return [name for name in needed if not has_module(name)]
 
 
-def _is_there(name: str) -> bool:
+def has_module(name: str) -> bool:
+    """Return whether a module can be found, without importing it."""
     try:
         return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
+    except (ImportError, ValueError):
         return False
 
 

@@ -34,11 +34,7 @@ class LogOutput:
     """The log handlers of this process."""
 
     def __init__(self, describe: Callable[[], str] = str) -> None:
-        """Log warnings to stderr.
-
-        Args:
-            describe: returns the first message in a new log file.
-        """
+        """Log warnings to stderr. `describe` returns the first message in a new log file."""
         self._describe = describe
         self._stderr = logging.StreamHandler(sys.stderr)
         self._stderr.setFormatter(logging.Formatter("vsnbench: %(levelname)s: %(message)s"))
@@ -113,8 +109,7 @@ _current: LogOutput | None = None
 def opened_log(describe: Callable[[], str] = str) -> Iterator[LogOutput]:
     """Log as the environment asks for while this is entered.
 
-    Args:
-        describe: returns the first message in a log file, such as the command line.
+    `describe` returns the first message in a log file, such as the command line.
 
     Raises:
         UsageError: the level is unknown, or the file cannot be written.

@@ -3,23 +3,14 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-_CUTOFF = 0.6
-
 
 def closest(name: str, known: Iterable[str]) -> str:
     """Return the known name closest to a name, or an empty string if none is close."""
-    return next(iter(get_close_matches(name, sorted(set(known)), n=1, cutoff=_CUTOFF)), "")
+    return next(iter(get_close_matches(name, sorted(set(known)), n=1)), "")
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
-    """Return the message for an unknown name, with a suggestion or the known names.
-
-    Args:
-        kind: kind of the name: `goal`, `model`, ...
-        name: the unknown name.
-        known: the known names.
-        where: place with these names: `this record`, ...
-    """
+    """Return the message for an unknown name, with a suggestion or the known names; `where` is like `this record`."""
     names = sorted(set(known))
     suggestion = closest(name, names)
     advice = f"Did you mean {suggestion!r}?" if suggestion else f"It has {', '.join(names) or 'none'}."

@@ -21,7 +21,7 @@ class Action(StrEnum):
     """This and the four before it have parameters: see `vsnbench.values.movement`."""
     LOOK_UP = "LOOK_UP"
     LOOK_DOWN = "LOOK_DOWN"
-    """No robot executes this and the one before it: the model's card says which action replaces them. Never recorded as
+    """No robot executes this and the one before it: the model's card states what replaces them. Never recorded as
     the action, only as the model's own name for it."""
 
     @property

@@ -91,7 +91,7 @@ class Decision:
             given = self.parts[0]
         if type(given) in KIND_OF and not isinstance(given, Chunk):
             object.__setattr__(self, "movement", given)
-            given = action_of(given)  # type: ignore[arg-type]  # a movement, as KIND_OF says
+            given = action_of(given)  # type: ignore[arg-type]  # its type is in KIND_OF
         if isinstance(given, Action):
             object.__setattr__(self, "action", given)
             if not self.raw_action:

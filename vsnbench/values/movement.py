@@ -116,11 +116,7 @@ KIND_OF: Final[Mapping[type, ActionKind]] = {
     Chunk: ActionKind.CHUNK,
 }
 _CLASS_OF: Final[Mapping[str, type[Movement]]] = {
-    "move": Move,
-    "waypoint": Waypoint,
-    "velocity": Velocity,
-    "trajectory": Trajectory,
-    "pixel": Pixel,
+    KIND_OF[kind].value: kind for kind in (Move, Waypoint, Trajectory, Velocity, Pixel)
 }
 DRIVE_KINDS: Final = frozenset({ActionKind.MOVE, ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY})
 """Kinds that a robot executes as one movement."""

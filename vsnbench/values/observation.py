@@ -172,9 +172,8 @@ def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observati
         ValueError: an array has the wrong shape or type.
     """
     made = object.__new__(Observation)
-    absent: dict[str, Any] = {"depth_stamp_s": None, "beyond_range": None, "sensing": {}, "depth_frame_digest": None}
-    absent["budget"] = None
-    for name, value in {**absent, "stamp_s": stamp_s, "camera": camera, **measured}.items():
+    absent = dict.fromkeys(("depth_stamp_s", "beyond_range", "depth_frame_digest", "budget"))
+    for name, value in {**absent, "sensing": {}, "stamp_s": stamp_s, "camera": camera, **measured}.items():
         object.__setattr__(made, name, value)
     made.__post_init__()
     return made

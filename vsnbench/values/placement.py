@@ -1,7 +1,7 @@
 """Measured placement of a robot at the start of an episode: pose, covariance, and advice for the operator."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from enum import StrEnum
 from typing import Any, Self
 
@@ -55,7 +55,7 @@ class PoseCovariance:
     @property
     def values(self) -> tuple[float, ...]:
         """The six numbers: xx, xy, xh, yy, yh, hh."""
-        return (self.xx, self.xy, self.xh, self.yy, self.yh, self.hh)
+        return astuple(self)
 
     @classmethod
     def of(cls, matrix: npt.NDArray[np.float64]) -> Self:

@@ -81,11 +81,7 @@ class RobotProfile(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _from_older_form(cls, content: Any) -> Any:
-        """Accept the older form with `ros:` instead of `interface:`.
-
-        Raises:
-            ValueError: the profile has both forms.
-        """
+        """Accept the older form with `ros:` instead of `interface:`."""
         if isinstance(content, Mapping) and "ros" in content and "interface" in content:
             raise ValueError("the profile has both `ros:` and `interface:`: make one profile for each interface")
         if isinstance(content, Mapping) and "ros" in content:

@@ -16,9 +16,8 @@ from torch import Tensor
 from tests.models.vlv.conftest import DATA, load_module
 from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
-from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
+from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector, read_mask_rcnn_weights
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN
-from vsnbench.models.vlv.detectors.mask_rcnn_weights import read_mask_rcnn_weights
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.camera import Camera
@@ -99,21 +98,21 @@ def test_knows_the_goals_by_coco_s_names(released_file: Path) -> None:
 
 def test_reads_the_names_of_later_versions_too(stand_in: Mapping[str, Tensor], tmp_path: Path) -> None:
     torch.save({"model": dict(stand_in)}, tmp_path / "trained.pth")
-    assert read_mask_rcnn_weights(tmp_path / "trained.pth", 91).tensors.keys() == stand_in.keys()
+    assert read_mask_rcnn_weights(tmp_path / "trained.pth").keys() == stand_in.keys()
 
 
 def test_refuses_weights_for_other_classes(stand_in: Mapping[str, Tensor], tmp_path: Path) -> None:
     other = dict(stand_in) | {"roi_heads.box_predictor.cls_score.weight": torch.zeros(21, 1024)}
     torch.save(other, tmp_path / "voc.pth")
     with pytest.raises(ModelError, match="trained for 21 classes"):
-        read_mask_rcnn_weights(tmp_path / "voc.pth", 91)
+        read_mask_rcnn_weights(tmp_path / "voc.pth")
 
 
 def test_refuses_numbers_that_float32_does_not_have(stand_in: Mapping[str, Tensor], tmp_path: Path) -> None:
     name = "roi_heads.box_predictor.cls_score.bias"
     torch.save(dict(stand_in) | {name: torch.full((91,), 1e300, dtype=torch.float64)}, tmp_path / "large.pth")
     with pytest.raises(ModelError, match=f"{name} contains NaN or infinite numbers"):
-        read_mask_rcnn_weights(tmp_path / "large.pth", 91)
+        read_mask_rcnn_weights(tmp_path / "large.pth")
 
 
 def test_refuses_the_value_network_in_its_place(value_file: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.models.vlv.planner import Planner, Route, path_of
+from vsnbench.models.vlv.planner import Planner, Route, path_of, value_at
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.values.action import Action
@@ -62,7 +62,7 @@ def test_a_path_avoids_obstacles_and_is_never_shorter_than_the_straight_line(
             cell = grid.cell_at(x_m, y_m)
             assert not grid.occupied[cell.row, cell.column]
     assert length_m >= math.dist(path[0], path[-1]) - 1e-9
-    assert route.way_m(pose) >= math.dist(start, end) - 1.5 * grid.resolution_m
+    assert value_at(route.field_m, grid, pose.position) >= math.dist(start, end) - 1.5 * grid.resolution_m
 
 
 @settings(deadline=None, max_examples=60)

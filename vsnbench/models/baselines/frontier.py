@@ -38,11 +38,7 @@ class Frontier(ModularPolicy):
     default_card: ClassVar = ModelCard("frontier", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
 
     def __init__(self, model_config: str | Path | VLVSettings | None = None, device: str = "auto") -> None:
-        """Open the detector.
-
-        Args:
-            model_config: YAML file of `VLVSettings`, or the settings.
-            device: auto, cpu, cuda or mps.
+        """Open the detector that the settings choose.
 
         Raises:
             UsageError: a setting is invalid.

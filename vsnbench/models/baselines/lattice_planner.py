@@ -14,6 +14,7 @@ from vsnbench.values.pose import Pose
 _NARROW_M = 0.15
 """Moves with less spare width than this on a side cost extra, so that the path passes doors in the middle."""
 _NARROW_COST = 1.5
+_FORBIDDEN_WITHIN_M = 0.10
 _MAX_EXPANSIONS = 200_000
 
 
@@ -59,21 +60,13 @@ class LatticePlanner:
         self._turn_rad = turn_rad
         self._spare_m = clearance.spare_m
         blocked = (space.clearance_m < RESOLUTION_M / 2).astype(np.uint8)
-        self._may_move: npt.NDArray[np.bool_] = np.stack(
+        self.allowed_moves: BoolGrid = np.stack(
             [_free_under(blocked, _swath(self.heading_rad(k), forward_m, clearance)) for k in range(self.headings)]
         )
-        to_spare = np.maximum(space.clearance_m - space.robot_radius_m, 0.0)
-        self._extra_cost = _NARROW_COST * np.maximum(0.0, 1.0 - to_spare / _NARROW_M)
-
-    @property
-    def allowed_moves(self) -> BoolGrid:
         """(headings, rows, columns): whether a forward move is allowed there."""
-        return self._may_move
-
-    @property
-    def extra_cost(self) -> npt.NDArray[np.float64]:
+        to_spare = np.maximum(space.clearance_m - space.robot_radius_m, 0.0)
+        self.extra_cost: npt.NDArray[np.float64] = _NARROW_COST * np.maximum(0.0, 1.0 - to_spare / _NARROW_M)
         """(rows, columns): additional cost of a move that ends there."""
-        return self._extra_cost
 
     def heading_rad(self, k: int) -> float:
         """Return the heading with number `k`."""
@@ -87,10 +80,10 @@ class LatticePlanner:
         """Return the angle between a heading and the nearest of the planner's headings."""
         return abs(math.remainder(heading_rad - self._base_heading_rad, self._turn_rad))
 
-    def forbid(self, pose: Pose, within_m: float = 0.10) -> None:
+    def forbid(self, pose: Pose) -> None:
         """Forbid forward moves near this pose, whatever the map shows."""
-        near = np.hypot(self._space.x_m - pose.x_m, self._space.y_m - pose.y_m) <= within_m
-        self._may_move[self.nearest_heading(pose.heading_rad)][near] = False
+        near = np.hypot(self._space.x_m - pose.x_m, self._space.y_m - pose.y_m) <= _FORBIDDEN_WITHIN_M
+        self.allowed_moves[self.nearest_heading(pose.heading_rad)][near] = False
 
     def follow(self, pose: Pose, actions: tuple[Action, ...]) -> tuple[Pose, ...]:
         """Return the poses of `actions` from `pose`, including it; fewer if a move is not allowed."""
@@ -98,7 +91,7 @@ class LatticePlanner:
         for action in actions:
             if action is Action.MOVE_FORWARD:
                 cell = self._space.cell_of(*pose.position)
-                if not self._may_move[(self.nearest_heading(pose.heading_rad), *cell)]:
+                if not self.allowed_moves[(self.nearest_heading(pose.heading_rad), *cell)]:
                     break
                 pose = pose.compose(Pose(self._forward_m, 0.0))
             elif action.turns:
@@ -119,10 +112,10 @@ class LatticePlanner:
         field = distance_field_m(roomy, np.where(targets.any(axis=0), -0.5, 0.5) * RESOLUTION_M)
         field[~roomy] = np.inf
         remaining = (field / self._forward_m).ravel().tolist()
-        extra = self._extra_cost.ravel().tolist()
+        extra = self.extra_cost.ravel().tolist()
         rows, columns = space.cells.shape
         area = rows * columns
-        may_move, is_target = self._may_move.tobytes(), targets.tobytes()
+        may_move, is_target = self.allowed_moves.tobytes(), targets.tobytes()
         headings = self.headings
         steps = [
             (self._forward_m * math.cos(self.heading_rad(k)), self._forward_m * math.sin(self.heading_rad(k)))

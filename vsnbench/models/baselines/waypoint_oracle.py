@@ -24,22 +24,20 @@ class WaypointOracle(Oracle):
             return decision
         here = self._start.compose(observation.pose)
         plan = (decision.action, *self._actions)
-        straight = sum(1 for _ in _straight_on(plan))
-        pose = self._planner.follow(here, plan[:straight])[-1].relative_to(here)
-        self._actions = plan[straight:]
-        moves = Action.MOVE_FORWARD in plan[:straight]
+        straight = _straight_on(plan)
+        pose = self._planner.follow(here, straight)[-1].relative_to(here)
+        self._actions = plan[len(straight) :]
+        moves = Action.MOVE_FORWARD in straight
         self._before_move = here if moves else None
         waypoint = Waypoint(pose.x_m, pose.y_m, None if moves else pose.heading_rad)
         return Decision(waypoint, diagnostics=decision.diagnostics)
 
 
-def _straight_on(plan: tuple[Action, ...]) -> list[Action]:
+def _straight_on(plan: tuple[Action, ...]) -> tuple[Action, ...]:
     """Return the turns at the beginning of a plan, and the forward moves after them that one waypoint can cover."""
-    taken: list[Action] = []
     moves = 0
-    for action in plan:
+    for count, action in enumerate(plan):
         if (action.turns and moves) or action is Action.STOP or moves * 0.5 > MAX_DISTANCE_M:
-            break
+            return plan[:count]
         moves += action is Action.MOVE_FORWARD
-        taken.append(action)
-    return taken
+    return plan

@@ -1,1 +1,1 @@
-"""Model weights: finding, hashing and loading them safely."""
+"""What models with neural networks share: finding, hashing and loading weights safely, runtimes, and layers."""

@@ -28,14 +28,8 @@ def fetch(
 ) -> bool:
     """Download a file.
 
-    A partial download stays in `<name>.<hash>.part` next to the destination, and the next call continues it.
-
-    Args:
-        url: address of the file.
-        destination: path of the file.
-        sha256: its hash.
-        progress: called with the received bytes.
-        known_digits: number of digits of the hash; fewer than 64 if only its beginning is published.
+    A partial download stays in `<name>.<hash>.part` next to the destination, and the next call continues it. The hash
+    has `known_digits` digits; fewer than 64 if only its beginning is published.
 
     Returns:
         False if the file was already there.

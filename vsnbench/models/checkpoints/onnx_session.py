@@ -5,15 +5,11 @@ from pathlib import Path
 from typing import Any
 
 
-def open_session(network: bytes | Path, threads: int | None = None) -> Any:
-    """Return an `onnxruntime.InferenceSession`.
+def open_session(network: bytes | Path, threads: int | None) -> Any:
+    """Return an `onnxruntime.InferenceSession` of an ONNX file or of its content.
 
     onnxruntime (1.32) stores a device id in the user's cache and uploads usage data unless this is switched off before
-    it is imported.
-
-    Args:
-        network: an ONNX file, or its content.
-        threads: number of threads of an operator; None for onnxruntime's default.
+    it is imported. An operator has a number of threads; None for onnxruntime's default.
 
     Raises:
         Exception: onnxruntime cannot open it; its errors have no common base class.

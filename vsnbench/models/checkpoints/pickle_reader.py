@@ -54,7 +54,7 @@ _VALUES = {
     "SHORT_BINSTRING",
     "BINSTRING",
 }
-_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
+_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
 _CONTAINERS: Final[dict[str, type[Any]]] = {"EMPTY_DICT": dict, "EMPTY_LIST": list, "EMPTY_SET": set}
 _FILLED: Final[dict[str, type[Any]]] = {"SETITEMS": dict, "APPENDS": list, "ADDITEMS": set}
 _SHORT_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
@@ -87,7 +87,7 @@ class _Name:
 
 
 class _Tuple(tuple[Any, ...]):
-    """A tuple that knows how deeply tuples are nested in it."""
+    """A tuple with the depth of the tuples nested in it."""
 
     depth: int
 
@@ -135,10 +135,7 @@ class _Machine:
     """The stack machine. Every instruction moves values or is refused."""
 
     def __init__(
-        self,
-        allowed_classes: frozenset[str],
-        origin: str,
-        stored: Callable[[DeclaredStorage], npt.NDArray[Any]],
+        self, allowed_classes: frozenset[str], origin: str, stored: Callable[[DeclaredStorage], npt.NDArray[Any]]
     ) -> None:
         self.classes = _DICTIONARIES | allowed_classes
         self.allowed = _FUNCTIONS | _DTYPES.keys() | self.classes
@@ -162,7 +159,9 @@ class _Machine:
         if name in _VALUES:
             self.stack.append(argument)
         elif name in _CONSTANTS:
-            self.stack.append(_tuple(()) if name == "EMPTY_TUPLE" else _CONSTANTS[name])
+            self.stack.append(_CONSTANTS[name])
+        elif name == "EMPTY_TUPLE":
+            self.stack.append(_tuple(()))
         elif name in _CONTAINERS:
             self.stack.append(_CONTAINERS[name]())
         elif name == "MARK":
@@ -171,7 +170,7 @@ class _Machine:
             self.stack.append(_tuple(tuple(self._to_mark())))
         elif name in _SHORT_TUPLES:
             self.stack.append(_tuple(tuple(self._pop() for _ in range(_SHORT_TUPLES[name]))[::-1]))
-        elif name in ("APPENDS", "SETITEMS", "ADDITEMS"):
+        elif name in _FILLED:
             self._fill(name, self._to_mark())
         elif name == "APPEND":
             self._fill("APPENDS", [self._pop()])
@@ -288,7 +287,7 @@ class _Machine:
         )
 
 
-def numbers_of(storage: DeclaredStorage, record: bytes, *, big_endian: bool = False) -> npt.NDArray[Any]:
+def numbers_of(storage: DeclaredStorage, record: bytes, *, big_endian: bool) -> npt.NDArray[Any]:
     """Return the numbers of a record; those of bfloat16, which numpy does not have, as float32."""
     numbers = np.frombuffer(record, storage.dtype.newbyteorder(">" if big_endian else "<"))
     if storage.kind == _BFLOAT16:

@@ -32,13 +32,6 @@ def torch_is_installed() -> bool:
     return True
 
 
-def torch_version() -> str:
-    """Return PyTorch's version."""
-    import torch
-
-    return torch.__version__
-
-
 def require_torch() -> None:
     """Check that PyTorch is installed.
 
@@ -70,13 +63,6 @@ def available_device(requested: str) -> str:
     if not available[requested]:
         raise ModelError(f"PyTorch {torch.__version__} finds no {requested} device", advice="use --device auto or cpu")
     return requested
-
-
-def gpu_name(device: str) -> str:
-    """Return the GPU's name, or an empty string for other devices."""
-    import torch
-
-    return torch.cuda.get_device_name() if device == "cuda" else ""
 
 
 def gpu_memory() -> GpuMemory | None:

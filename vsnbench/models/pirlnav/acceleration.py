@@ -17,13 +17,7 @@ import psutil
 
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.files.disk_cache import cached_array, found_array, key_of
-from vsnbench.models.checkpoints.torch_runtime import (
-    available_device,
-    gpu_name,
-    require_torch,
-    torch_is_installed,
-    torch_version,
-)
+from vsnbench.models.checkpoints.torch_runtime import available_device, require_torch, torch_is_installed
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
 from vsnbench.models.pirlnav.engine import (
     GPU_TOLERANCE,
@@ -91,7 +85,10 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
 
 def _on_the_faster(gpu: str, checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
     """Return the faster engine, measured once per machine; the GPU's if the result cannot be cached."""
-    key = key_of(checkpoint.sha256, _processor(), threads, settings.runtime.value, torch_version(), gpu, gpu_name(gpu))
+    import torch
+
+    name = torch.cuda.get_device_name() if gpu == "cuda" else ""
+    key = key_of(checkpoint.sha256, _processor(), threads, settings.runtime.value, torch.__version__, gpu, name)
     place = ("devices", key, np.float64, (2,))
     if found_array(*place) is None:
         engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, threads, half=False).engine)

@@ -78,14 +78,9 @@ _FIELDS: dict[str, tuple[str, ...]] = {
 
 
 def architecture_of(config: Mapping[str, Any], *, actions: int, goals: int, critic: bool, origin: str) -> Architecture:
-    """Read the network's sizes from a checkpoint's configuration.
+    """Read the network's sizes from a checkpoint's configuration, which has neither actions nor goals nor critic.
 
-    Args:
-        config: the configuration as plain mappings, as saved by the authors' training code.
-        actions: size of the action head, which is not in the configuration.
-        goals: number of goal categories, which is not in the configuration.
-        critic: whether the checkpoint has a critic.
-        origin: names the file in errors.
+    `origin` names the file in errors.
 
     Raises:
         ModelError: the configuration lacks a size or has an unsupported one.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
+from vsnbench.models.checkpoints.state_dict import fitting_weights, only_tensors
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.architecture import Architecture, architecture_of
 from vsnbench.models.pirlnav.weight_shapes import expected_shapes
@@ -100,40 +101,20 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 
 def _fitting(
-    named: dict[str, Any], config: Mapping[str, Any], origin: str
+    named: Mapping[str, Any], config: Mapping[str, Any], origin: str
 ) -> tuple[dict[str, npt.NDArray[np.float32]], Architecture]:
     """Return the weights as float32 and the architecture they fill exactly."""
-    broken = next((name for name, weight in named.items() if not isinstance(weight, np.ndarray)), None)
-    if broken is not None:
-        raise ModelError(f"{origin}: {broken[:_LONGEST_NAME]} is not a tensor")
+    named = only_tensors(named, origin)
     critic = named.keys() >= _LINEAR_CRITIC
     if not critic:  # another kind of critic: no decision depends on it
         named = {name: weight for name, weight in named.items() if not name.startswith(_CRITIC)}
     architecture = architecture_of(
         config, actions=_rows(named, _ACTION_HEAD), goals=_rows(named, _GOAL_EMBEDDING), critic=critic, origin=origin
     )
-    shapes = expected_shapes(architecture)
-    missing, surplus = sorted(shapes.keys() - named.keys()), sorted(named.keys() - shapes.keys())
-    if missing:
-        raise ModelError(f"{origin}: {len(missing)} of {len(shapes)} weights are missing, first {missing[0]}")
-    if surplus:
-        raise ModelError(
-            f"{origin}: {len(surplus)} weights do not belong to this network, first {surplus[0][:_LONGEST_NAME]}"
-        )
-    for name, shape in shapes.items():
-        if tuple(named[name].shape) != shape:
-            raise ModelError(
-                f"{origin}: {name} has shape {tuple(named[name].shape)}, its configuration requires {shape}"
-            )
-    with np.errstate(over="ignore"):
-        weights = {name: named[name].astype(np.float32, order="C") for name in shapes}
-    invalid = next((name for name, weight in weights.items() if not np.isfinite(weight).all()), None)
-    if invalid is not None:
-        raise ModelError(f"{origin}: {invalid} contains NaN or infinite numbers; the file is damaged")
-    return weights, architecture
+    return fitting_weights(named, expected_shapes(architecture), origin), architecture
 
 
-def _rows(named: dict[str, Any], name: str) -> int:
+def _rows(named: Mapping[str, npt.NDArray[Any]], name: str) -> int:
     """Return the first dimension of a weight; 1 if it is missing, which is reported later."""
     weight = named.get(name)
-    return int(weight.shape[0]) if weight is not None and weight.ndim else 1
+    return weight.shape[0] if weight is not None and weight.ndim else 1

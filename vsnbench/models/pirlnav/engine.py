@@ -1,8 +1,9 @@
 """Interface of engines that run the network step by step, and comparison of two engines."""
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,12 +62,7 @@ class Engine(ABC):
         """Run one step. The first step of an episode clears the memory."""
 
     def step_together(self, steps: Sequence[StepInput], memories: Sequence[Any]) -> list[tuple[StepOutput, Any]]:
-        """Run a step of several episodes. Returns the output and the memory of each.
-
-        Args:
-            steps: inputs of the episodes.
-            memories: their memories; None at the first step of an episode.
-        """
+        """Run a step of several episodes; a memory is None at the first step. Returns output and memory of each."""
         answers = []
         for step, memory in zip(steps, memories, strict=True):
             if memory is not None:
@@ -95,17 +91,13 @@ class Agreement:
 def compare(reference: Engine, candidate: Engine, architecture: Architecture, tolerance: float) -> Agreement:
     """Run both engines over the same two short synthetic episodes.
 
-    Args:
-        reference: the engine that is correct by definition.
-        candidate: the engine to be compared.
-        architecture: the network's sizes.
-        tolerance: allowed difference of logits, relative to the largest logit if that is over 1.
+    The tolerance is the allowed difference of logits, relative to the largest logit if that is over 1.
     """
     largest, scale, different, previous = 0.0, 1.0, 0, 0
     steps = synthetic_steps(architecture)
     answers = []
     for step in steps:
-        step = StepInput(step.image, step.gps_m, step.compass_rad, step.goal, previous, step.begins)  # noqa: PLW2901
+        step = replace(step, previous_action=previous)  # noqa: PLW2901
         expected, got = reference.step(step).logits, candidate.step(step).logits
         difference = float(np.abs(expected - got).max())
         largest = max(largest, difference if np.isfinite(difference) else np.inf)
@@ -117,24 +109,23 @@ def compare(reference: Engine, candidate: Engine, architecture: Architecture, to
     return Agreement(len(steps), largest, tolerance * scale, different)
 
 
-def synthetic_steps(architecture: Architecture, episodes: int = 2, steps: int = 3) -> list[StepInput]:
-    """Return fixed synthetic steps that resemble driving: smooth images, plausible positions."""
+def synthetic_steps(architecture: Architecture) -> list[StepInput]:
+    """Return two fixed synthetic episodes of three steps that resemble driving: smooth images, plausible positions."""
     random = np.random.default_rng(20250)
     size = architecture.image_size_px
     inputs = []
-    for episode in range(episodes):
-        for index in range(steps):
-            coarse = random.random((8, 8, 3), np.float32)
-            image = np.kron(coarse, np.ones((size // 8, size // 8, 1), np.float32))
-            noise = random.random((size, size, 3), np.float32)
-            inputs.append(
-                StepInput(
-                    image=(0.9 * image + 0.1 * noise).astype(np.float32),
-                    gps_m=(float(random.uniform(-4, 4)), float(random.uniform(-4, 4))),
-                    compass_rad=float(random.uniform(-np.pi, np.pi)),
-                    goal=episode % architecture.goals,
-                    previous_action=0,
-                    begins=index == 0,
-                )
+    for episode, step in itertools.product(range(2), range(3)):
+        coarse = random.random((8, 8, 3), np.float32)
+        image = np.kron(coarse, np.ones((size // 8, size // 8, 1), np.float32))
+        noise = random.random((size, size, 3), np.float32)
+        inputs.append(
+            StepInput(
+                image=(0.9 * image + 0.1 * noise).astype(np.float32),
+                gps_m=(float(random.uniform(-4, 4)), float(random.uniform(-4, 4))),
+                compass_rad=float(random.uniform(-np.pi, np.pi)),
+                goal=episode % architecture.goals,
+                previous_action=0,
+                begins=step == 0,
             )
+        )
     return inputs

@@ -4,15 +4,17 @@ Module names follow the authors' checkpoints, so that a state dict without its p
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
+from vsnbench.models.checkpoints.residual_network import Bottleneck, ResidualNetwork
 from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
 from vsnbench.models.pirlnav.onnx_graph import VARIANCE_FLOOR, Weights
-from vsnbench.models.pirlnav.weight_shapes import BLOCKS, EXPANSION
+from vsnbench.models.pirlnav.weight_shapes import BLOCKS
 
 
 class NetworkOutput(NamedTuple):
@@ -24,62 +26,6 @@ class NetworkOutput(NamedTuple):
     """(1, 1); NaN without a critic."""
     hidden: Tensor
     """(layers, 1, hidden): the state after the step."""
-
-
-class Bottleneck(nn.Module):
-    """Residual block of 1x1, 3x3 and 1x1 convolutions; the 3x3 carries the stride."""
-
-    def __init__(self, channels: int, planes: int, groups: int, stride: int) -> None:
-        super().__init__()
-        wide = planes * EXPANSION
-        self.conv1 = nn.Conv2d(channels, planes, 1, bias=False)
-        self.bn1 = nn.GroupNorm(groups, planes)
-        self.conv2 = nn.Conv2d(planes, planes, 3, stride, 1, bias=False)
-        self.bn2 = nn.GroupNorm(groups, planes)
-        self.conv3 = nn.Conv2d(planes, wide, 1, bias=False)
-        self.bn3 = nn.GroupNorm(groups, wide)
-        self.relu = nn.ReLU()
-        self.downsample: nn.Module | None = None
-        if stride != 1 or channels != wide:
-            self.downsample = nn.Sequential(
-                nn.Conv2d(channels, wide, 1, stride, bias=False), nn.GroupNorm(groups, wide)
-            )
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Return (1, 4 * planes, H / stride, W / stride) features."""
-        identity = x if self.downsample is None else self.downsample(x)
-        out: Tensor = self.relu(self.bn1(self.conv1(x)))
-        out = self.relu(self.bn2(self.conv2(out)))
-        out = self.bn3(self.conv3(out))
-        return torch.relu(out + identity)
-
-
-class Backbone(nn.Module):
-    """ResNet-50 with group norm instead of batch norm. The groups are half the base planes in every layer."""
-
-    def __init__(self, base_planes: int) -> None:
-        super().__init__()
-        groups = base_planes // 2
-        self.conv1 = nn.Conv2d(3, base_planes, 7, 2, 3, bias=False)
-        self.bn1 = nn.GroupNorm(groups, base_planes)
-        self.maxpool = nn.MaxPool2d(3, 2, 1)
-        channels = base_planes
-        for level, blocks in enumerate(BLOCKS):
-            planes = base_planes * 2**level
-            layer = []
-            for block in range(blocks):
-                stride = 2 if level > 0 and block == 0 else 1
-                layer.append(Bottleneck(channels, planes, groups, stride))
-                channels = planes * EXPANSION
-            self.add_module(f"layer{level + 1}", nn.Sequential(*layer))
-        self.final_channels = channels
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Return (1, 32 * base planes, H / 32, W / 32) features of a (1, 3, H, W) image."""
-        out: Tensor = self.maxpool(torch.relu(self.bn1(self.conv1(x))))
-        for level in range(len(BLOCKS)):
-            out = self.get_submodule(f"layer{level + 1}")(out)
-        return out
 
 
 class RunningMeanAndVar(nn.Module):
@@ -104,10 +50,13 @@ class VisualEncoder(nn.Module):
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
+        planes = architecture.base_planes
         self.running_mean_and_var = RunningMeanAndVar()
-        self.backbone = Backbone(architecture.base_planes)
+        # Group norm instead of batch norm; the groups are half the base planes in every layer.
+        self.backbone = ResidualNetwork(Bottleneck, BLOCKS, partial(nn.GroupNorm, planes // 2), planes)
+        channels = planes * 2 ** (len(BLOCKS) - 1) * Bottleneck.expansion
         self.compression = nn.Sequential(
-            nn.Conv2d(self.backbone.final_channels, architecture.compressed_channels, 3, padding=1, bias=False),
+            nn.Conv2d(channels, architecture.compressed_channels, 3, padding=1, bias=False),
             nn.GroupNorm(1, architecture.compressed_channels),
             nn.ReLU(),
         )
@@ -115,7 +64,7 @@ class VisualEncoder(nn.Module):
     def forward(self, image: Tensor) -> Tensor:
         """Return (1, C, S / 32, S / 32) features of a (1, S, S, 3) image in [0, 1]."""
         x = self.running_mean_and_var(image.permute(0, 3, 1, 2))
-        features: Tensor = self.compression(self.backbone(x.to(self.backbone.conv1.weight.dtype)))
+        features: Tensor = self.compression(self.backbone(x.to(self.backbone.conv1.weight.dtype))[-1])
         return features
 
 

@@ -250,11 +250,9 @@ class PIRLNav(BatchPolicy):
 
 
 def _settings_from(given: str | Path | PIRLNavSettings | None) -> PIRLNavSettings:
-    if given is None:
-        return PIRLNavSettings()
-    if isinstance(given, PIRLNavSettings):
-        return given
-    return read_settings(Path(given), PIRLNavSettings, UsageError, "PIRLNav settings")
+    if isinstance(given, str | Path):
+        return read_settings(Path(given), PIRLNavSettings, UsageError, "PIRLNav settings")
+    return given or PIRLNavSettings()
 
 
 def _checkpoint_at(weights: str | Path | None) -> Checkpoint:

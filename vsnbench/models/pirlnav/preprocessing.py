@@ -17,17 +17,10 @@ _LUMA: Final = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
-    """Convert a camera image to the network's input.
+    """Convert a camera image (H, W, 3) to the network's input: (size_px, size_px, 3) float32 in [0, 1].
 
     The shorter side is resized to `size_px` bilinearly WITHOUT antialiasing, rounded to whole levels, and the centre is
     cropped.
-
-    Args:
-        rgb: (H, W, 3) uint8.
-        size_px: the side of the network's square image.
-
-    Returns:
-        (size, size, 3) float32 in [0, 1].
     """
     from vsnbench.models.pirlnav.resampling import crop_of_resized
 
@@ -35,11 +28,9 @@ def preprocess(rgb: npt.NDArray[np.uint8], size_px: int) -> Image:
 
 
 def augment(image: Image, random: np.random.Generator) -> Image:
-    """Apply the colour jitter and shift of training, which the published code also used in evaluation.
+    """Apply the colour jitter and shift of training to an image (S, S, 3) in [0, 1].
 
-    Args:
-        image: (S, S, 3) float32 in [0, 1].
-        random: random number generator.
+    The published code also used them in evaluation.
     """
     changes = [_brighten, _contrast, _saturate, _turn_hue]
     for index in random.permutation(len(changes)):

@@ -17,15 +17,7 @@ Indices = npt.NDArray[np.int64]
 
 
 def crop_of_resized(rgb: npt.NDArray[np.uint8], size_px: int) -> npt.NDArray[np.uint8]:
-    """Resize the shorter side of an image to `size_px`, and return the central square.
-
-    Args:
-        rgb: (H, W, 3) uint8.
-        size_px: the side of the square.
-
-    Returns:
-        (size, size, 3) uint8.
-    """
+    """Resize the shorter side of an image (H, W, 3) to `size_px`. Returns the central square (size_px, size_px, 3)."""
     height, width = rgb.shape[:2]
     shorter = min(height, width)
     rows, columns = _samples(height, shorter, size_px), _samples(width, shorter, size_px)

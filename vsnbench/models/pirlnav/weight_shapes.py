@@ -6,7 +6,7 @@ from typing import Final
 
 from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
 
-EXPANSION: Final = 4
+_EXPANSION: Final = 4
 """Ratio of the channels after and inside a block."""
 BLOCKS: Final = (3, 4, 6, 3)
 """Blocks of each layer of the ResNet-50."""
@@ -28,7 +28,7 @@ class Block:
     @property
     def wide(self) -> int:
         """Channels of its output."""
-        return self.planes * EXPANSION
+        return self.planes * _EXPANSION
 
     @property
     def resized(self) -> bool:

@@ -1,6 +1,7 @@
 """Validates the card that a model's server sends (docs/wire.md)."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
 from typing import Any, TypeVar
 
@@ -28,11 +29,7 @@ _NOT_IDENTITY = ("runs_on", "forward_m", "turn_deg", "camera")
 
 
 def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
-    """Return the card of a server's first message.
-
-    Args:
-        greeting: the message.
-        lost: lossy encodings of the sensors, which become part of the settings.
+    """Return the card of a server's first message. Lossy encodings of sensors become part of the settings.
 
     Raises:
         ModelError: the card is missing or invalid; the caller puts the model's address in front of the message.
@@ -96,18 +93,14 @@ def _kinds(card: Mapping[str, Any], name: str, kinds: type[Kind]) -> frozenset[K
 
 def _action_map(given: object) -> dict[Action, Action]:
     """Return the actions that replace LOOK_UP and LOOK_DOWN."""
-    problem = ModelError("its card's action_map does not map LOOK_UP and LOOK_DOWN to other actions")
     if given is None:
         return {}
-    if not isinstance(given, dict):
-        raise problem
-    try:
-        found = {Action(action): Action(replacement) for action, replacement in given.items()}
-    except ValueError:
-        raise problem from None
-    if not all(can_replace(*pair) for pair in found.items()):
-        raise problem
-    return found
+    if isinstance(given, dict):
+        with suppress(ValueError):
+            found = {Action(action): Action(replacement) for action, replacement in given.items()}
+            if all(can_replace(*pair) for pair in found.items()):
+                return found
+    raise ModelError("its card's action_map does not map LOOK_UP and LOOK_DOWN to other actions")
 
 
 def _step_size(card: Mapping[str, Any], name: str) -> float | None:

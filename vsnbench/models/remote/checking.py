@@ -22,7 +22,6 @@ from vsnbench.models.contract_check import (
     try_each,
     unknown_goal,
 )
-from vsnbench.models.remote.connection import Connection
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -81,23 +80,15 @@ def _unknown_question(policy: RemotePolicy, goal: str) -> str:
 
 
 def _second_client(policy: RemotePolicy) -> str:
-    connection: Connection | None = None
     try:
-        connection = policy.connect()
+        policy.connect().close()
     except ModelError as error:
         return f"a second client is refused: {error.statement.split('refuses: ')[-1]}"
-    finally:
-        if connection is not None:
-            connection.close()
     raise ModelError("a second client is accepted during the first: their episodes would mix")
 
 
 def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, goal: str) -> str:
-    """Run an episode again, with another client's episode at the same time.
-
-    Raises:
-        ModelError: the actions differ although the model is deterministic.
-    """
+    """Run an episode again, with another client's episode at the same time."""
     alone, together = episode(policy, goal, SEED), []
     other = RemotePolicy(url, model_config)
     try:

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
@@ -25,7 +24,7 @@ from vsnbench.models.remote.vsnbench_policy import (
     pack,
     unpack,
 )
-from vsnbench.text.sanitize import sanitize
+from vsnbench.text.sanitize import error_line, sanitize
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -35,6 +34,8 @@ logger = logging.getLogger(__name__)
 MAX_ANSWER_BYTES = 8 * 2**20
 """An answer has an action and diagnostics; the largest of a built-in model, VLV's map, has 40 kB."""
 CONNECT_TIMEOUT_S = 5.0
+REPLACE_STUB = "replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`"
+"""Advice for a server whose version of the protocol is too old."""
 _MAX_LATE_ANSWERS = 100
 _FRAGMENT_BYTES = 120 * 2**10
 """Size of the fragments of a request. The server reads a fragment while the next is masked, and fragments are below the
@@ -102,7 +103,7 @@ class Answer:
 
 
 class Connection:
-    """An open connection; a context manager. Not thread-safe.
+    """An open connection. Not thread-safe.
 
     `greeting` is the server's first message, with the model's card. `version` is the version of the protocol in use.
     """
@@ -135,14 +136,6 @@ class Connection:
             self.close()
             raise
         self.version = _checked_version(self.greeting, address)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def ask(self, request: Mapping[str, Any], timeout_s: float) -> Answer:
         """Send a request and return its answer. Answers to older requests are dropped.
@@ -191,11 +184,7 @@ class Connection:
                 early.append(self._socket.recv(timeout=0))
 
     def _check_early(self, early: list[object]) -> None:
-        """Refuse an answer that arrived before its request was sent.
-
-        Raises:
-            ModelError: there is such an answer, or too many old ones.
-        """
+        """Refuse an answer that arrived before its request was sent."""
         for received in early:
             if self._answered(self._received(received)) == self._number:
                 raise ModelError(
@@ -206,11 +195,7 @@ class Connection:
             raise self._flood()
 
     def _answered(self, message: Mapping[str, Any]) -> int:
-        """Return the number of the request that a message answers: this one or an older one.
-
-        Raises:
-            ModelError: the message has no number, or that of a later request.
-        """
+        """Return the number of the request that a message answers: this one or an older one."""
         number = message.get("seq")
         if isinstance(number, bool) or not isinstance(number, int) or number > self._number:
             raise ModelError(
@@ -261,7 +246,8 @@ class Connection:
             if passed.is_set():
                 raise TimeoutError from error
             raise ModelLostError(
-                f"{what}: the connection to {self.address} broke: {_text(error)}", code="connection-lost"
+                f"{what}: the connection to {self.address} broke: {error_line(error, named=False)}",
+                code="connection-lost",
             ) from error
         finally:
             timer.cancel()
@@ -299,7 +285,8 @@ def _open(address: Address) -> "ClientConnection":
                 code="not-a-model-server",
             ) from error
         raise ModelError(
-            f"the server at {address} is not a model's server: {_text(error)}", code="not-a-model-server"
+            f"the server at {address} is not a model's server: {error_line(error, named=False)}",
+            code="not-a-model-server",
         ) from error
     except TimeoutError as error:
         raise ModelLostError(
@@ -309,7 +296,7 @@ def _open(address: Address) -> "ClientConnection":
         ) from error
     except OSError as error:
         raise ModelLostError(
-            f"no model at {address}: {error.strerror or _text(error)}",
+            f"no model at {address}: {error.strerror or error_line(error, named=False)}",
             advice="start its server (`vsnbench models serve …` or vsnbench_policy.py), and check host and port",
             code="no-server",
         ) from error
@@ -318,11 +305,7 @@ def _open(address: Address) -> "ClientConnection":
 
 
 def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
-    """Return the version of the protocol that the server chose.
-
-    Raises:
-        ModelError: the greeting is not a card, or has a version that was not offered.
-    """
+    """Return the version of the protocol that the server chose."""
     if greeting.get("type") == "error":
         statement = f"the model at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
         if greeting.get("code") == "busy":
@@ -340,11 +323,7 @@ def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
         raise ModelError(
             f"the model at {address} uses version {version!r:.20} of the protocol, "
             f"not {OLDEST_WIRE_VERSION} to {WIRE_VERSION}",
-            advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+            advice=REPLACE_STUB,
             code="wrong-protocol-version",
         )
     return int(version)
-
-
-def _text(error: BaseException) -> str:
-    return sanitize(" ".join(str(error).split())[:200]) or type(error).__name__

@@ -25,6 +25,7 @@ import psutil
 
 from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
@@ -66,19 +67,9 @@ class IsolatedProcess:
 
     @classmethod
     def start(
-        cls,
-        model: str,
-        options: Mapping[str, Any],
-        isolation: Isolation,
-        timeout_s: float = START_TIMEOUT_S,
+        cls, model: str, options: Mapping[str, Any], isolation: Isolation, timeout_s: float = START_TIMEOUT_S
     ) -> Self:
-        """Start a model's server and wait until it listens.
-
-        Args:
-            model: a built-in model or `package.module:Class`.
-            options: arguments of its constructor; none with another interpreter.
-            isolation: interpreter and limits.
-            timeout_s: time to load.
+        """Start a model's server and wait until it listens. Options are the arguments of the model's constructor.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.
@@ -132,7 +123,7 @@ class IsolatedProcess:
         if code is None:
             return None
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        last = f"; last line of stderr: {self._last_lines[-1]}" if self._last_lines else ""
+        last = f"; last line of stderr: {self.last_line}" if self.last_line else ""
         return f"the process of model {self._name} ended with {how}{last}"
 
     @property
@@ -162,11 +153,7 @@ class IsolatedProcess:
         self.kill(started)
 
     def kill(self, started: Sequence[psutil.Process] = ()) -> None:
-        """Kill the process and all processes that it started.
-
-        Args:
-            started: processes that it started, found while it was running.
-        """
+        """Kill the process and all processes that it started; `started` were found while it was running."""
         for process in (*started, *self._started()):
             with contextlib.suppress(psutil.NoSuchProcess):
                 process.kill()
@@ -199,7 +186,7 @@ class IsolatedProcess:
         while not socket_file.exists():
             if self._process.poll() is not None:
                 self._reader.join(1.0)
-                last = self._last_lines[-1] if self._last_lines else f"exit code {self._process.returncode}"
+                last = self.last_line or f"exit code {self._process.returncode}"
                 raise ModelError(
                     f"model {self._name} did not start in a separate process: {last}", advice=self._start_advice(last)
                 )
@@ -228,16 +215,13 @@ class IsolatedPolicy(RemotePolicy):
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
 
-        Args:
-            model: a built-in model or `package.module:Class`.
-            options: arguments of its constructor, and `act_timeout` for the connection.
-            isolation: interpreter and limits.
+        Options are the arguments of the model's constructor, and `act_timeout` for the connection.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.
             ModelError: the model cannot be started.
         """
-        if model.startswith(("ws://", "wss://")):
+        if is_address(model):
             raise UsageError(f"model {model} already runs in another process", advice="leave --isolate out")
         own = {name: value for name, value in options.items() if name != "act_timeout"}
         self._start = partial(IsolatedProcess.start, model, own, isolation)
@@ -304,17 +288,8 @@ class IsolatedPolicy(RemotePolicy):
 def _command(model: str, options: Mapping[str, Any], python: Path | None, socket_file: Path) -> list[str]:
     if python is None:
         # -P: the working directory is searched last, and only for a class named by the user
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "vsnbench.cli.main",
-            "models",
-            "serve",
-            model,
-            "--unix-path",
-            str(socket_file),
-        ]
+        command = [sys.executable, "-P", "-m", "vsnbench.cli.main", "models", "serve", model]
+        command += ["--unix-path", str(socket_file)]
         for name, value in options.items():
             command += [f"--{name.replace('_', '-')}", str(value)]
         return command

@@ -14,7 +14,7 @@ from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.connection import REPLACE_STUB, Address, Answer, Connection, ModelBusyError
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
@@ -151,8 +151,8 @@ class RemotePolicy(Policy):
         answer = self._ask(connection, {"type": "act", **content}, "decision", self.settings.act_timeout_s)
         if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
             raise ModelError(
-                f"the server at {self._address} speaks version 1 of the protocol, which has no movements",
-                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                f"the server at {self._address} uses version 1 of the protocol, which has no movements",
+                advice=REPLACE_STUB,
                 code="wrong-protocol-version",
             )
         return _decision(answer, self.settings.act_timeout_s)
@@ -175,11 +175,7 @@ class RemotePolicy(Policy):
                 time.sleep(_RETRY_PERIOD_S / 5)
 
     def _reconnect(self) -> Connection:
-        """Connect again, for up to `patience_s` seconds.
-
-        Raises:
-            ModelLostError: no server answers, or it refuses.
-        """
+        """Connect again, for up to `patience_s` seconds."""
         give_up = time.monotonic() + self.settings.patience_s
         while True:
             try:
@@ -231,11 +227,7 @@ class RemotePolicy(Policy):
         return answer
 
     def _card_of(self, connection: Connection) -> ModelCard:
-        """Return the card of the greeting.
-
-        Raises:
-            ModelError: the card is invalid, or the server cannot decode JPEG.
-        """
+        """Return the card of the greeting."""
         if self.settings.rgb == "jpeg" and connection.greeting.get("jpeg") is not True:
             raise ModelError(
                 f"the model at {self._address} cannot decode JPEG", advice="install opencv or pillow there"
@@ -253,11 +245,7 @@ class RemotePolicy(Policy):
 
 
 def _decision(answer: Answer, act_timeout_s: float) -> Decision:
-    """Return the decision of an answer, with the duration and size of the transfer among its details.
-
-    Raises:
-        ModelError: the answer has no action, or invalid diagnostics.
-    """
+    """Return the decision of an answer, with the duration and size of the transfer among its details."""
     message = answer.message
     decision = decision_from_message(message)
     seconds = message.get("seconds")

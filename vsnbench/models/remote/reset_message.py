@@ -5,34 +5,34 @@ from dataclasses import asdict
 from typing import Any
 
 from vsnbench.errors import ModelError
+from vsnbench.models.remote.connection import REPLACE_STUB
 from vsnbench.models.task import Task
 from vsnbench.values.goal import Goal, GoalKind
 
 
 def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict[str, Any]:
-    """Return a `reset` request without its number.
+    """Return a `reset` request without its number, for the server's version of the protocol.
 
-    Args:
-        goal: the goal.
-        seed: seed of the episode.
-        task: what the policy receives beyond goal and seed.
-        version: version of the protocol that the server speaks; version 1 has neither goal fields nor a task.
+    Version 1 has neither goal fields nor a task.
 
     Raises:
         ModelError: version 1 cannot express the goal.
     """
     opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
-    message = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
+    message: dict[str, Any] = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
     if version == 1:
         if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
             raise ModelError(
-                f"the model's server speaks version 1 of the protocol, which has no goals of kind {goal.kind}",
-                advice="replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`",
+                f"the model's server uses version 1 of the protocol, which has no goals of kind {goal.kind}",
+                advice=REPLACE_STUB,
                 code="wrong-protocol-version",
             )
         return message
     message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
-    return message if task is None else {**message, "task": _task_fields(task)}
+    if task is not None:
+        robot = {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")}
+        message["task"] = {"protocol": asdict(task.protocol), "robot": robot}
+    return message
 
 
 def _goal_fields(goal: Goal) -> dict[str, Any]:
@@ -41,12 +41,3 @@ def _goal_fields(goal: Goal) -> dict[str, Any]:
         height, width = goal.image.shape[:2]
         fields["image"] = {"encoding": "raw", "height": height, "width": width, "data": goal.image.tobytes()}
     return fields
-
-
-def _task_fields(task: Task) -> dict[str, Any]:
-    """Return the protocol and the robot; goal and seed have keys of their own."""
-    robot = {name: getattr(task.robot, name) for name in task.robot.__dataclass_fields__}
-    return {
-        "protocol": asdict(task.protocol),
-        "robot": {**robot, "camera": task.robot.camera.model_dump(mode="json")},
-    }

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
@@ -23,12 +24,7 @@ class ServedPolicy:
     """A policy in the form that `vsnbench_policy.serve` expects."""
 
     def __init__(self, policy: Policy, name: str = "", options: Mapping[str, Any] = MappingProxyType({})) -> None:
-        """Wrap a policy.
-
-        Args:
-            policy: the policy.
-            name: its name and
-            options: the arguments of its constructor, as for `create_policy`; part of its identity.
+        """Wrap a policy. Name and options are those of `create_policy`; files among them are part of its identity.
 
         Raises:
             UsageError: the policy needs the site or the simulator's labels, which are not transferred.
@@ -48,22 +44,9 @@ class ServedPolicy:
             )
         self._policy = policy
         self._sensors = frozenset(card.sensors)
-        self.card = {
-            "name": card.name,
-            "goals": None if card.goals is None else sorted(card.goals),
-            "sensors": sorted(sensor.value for sensor in card.sensors),
-            "weights_sha256": card.weights_sha256,
-            "weights_label": card.weights_label,
-            "settings": dict(card.settings),
-            "stand_in": card.stand_in,
-            "action_kinds": sorted(card.action_kinds),
-            "goal_kinds": sorted(card.goal_kinds),
-            "action_map": {action.value: replaced.value for action, replaced in card.action_map.items()},
-            **{name: size for name in ("forward_m", "turn_deg") if (size := getattr(card, name)) is not None},
-            **({} if card.camera is None else {"camera": card.camera.model_dump(mode="json", exclude_none=True)}),
+        self.card = {item.name: getattr(card, item.name) for item in fields(card)} | {
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
-            "runs_on": dict(card.runs_on),
         }
 
     def reset(self, goal: wire.Goal, seed: int) -> None:
@@ -113,11 +96,7 @@ def served(policy: Policy, name: str, options: Mapping[str, Any], sessions: int)
 
 @contextmanager
 def _exits_as_errors() -> Iterator[None]:
-    """Convert an attempt to end this process to an error.
-
-    Raises:
-        ModelError: the model called a function that ends the process.
-    """
+    """Convert an attempt to end this process to an error."""
     with suppress(ProcessExitError):
         yield
     if refused_exit := take_refused_exit():
@@ -136,11 +115,7 @@ def _goal(goal: wire.Goal) -> Goal:
 
 
 def _task(given: wire.Task) -> Task:
-    """Return the task of a message; unknown facts of a later client are ignored.
-
-    Raises:
-        WireError: a fact is missing.
-    """
+    """Return the task of a message; unknown facts of a later client are ignored."""
     robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
     protocol = _known(ProtocolFacts, vars(given.protocol))
     try:

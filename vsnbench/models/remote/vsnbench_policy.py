@@ -48,7 +48,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -66,7 +66,7 @@ TOKEN_VARIABLE = "VSNBENCH_TOKEN"  # noqa: S105 - the name of a variable
 ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "NOOP")
 """NOOP counts as an action and does not move the robot."""
 TILTS = ("LOOK_UP", "LOOK_DOWN")
-"""No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, says what replaces them."""
+"""No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel")
 GOAL_KINDS = ("category", "text", "image", "instruction")
@@ -102,11 +102,15 @@ class Pose:
         self.x_m, self.y_m, self.heading_rad = float(x_m), float(y_m), float(heading_rad)
 
 
-class Camera:
-    """The pinhole camera: `width`, `height` in pixels, `horizontal_fov_deg`, mount and depth range in metres."""
+class Facts:
+    """Numbers and names of a protocol or a robot, as attributes."""
 
     def __init__(self, values: dict[str, Any]) -> None:
         self.__dict__.update(values)
+
+
+class Camera(Facts):
+    """The pinhole camera: `width`, `height` in pixels, `horizontal_fov_deg`, mount and depth range in metres."""
 
 
 class Goal(str):
@@ -141,13 +145,6 @@ class Goal(str):
             goal.category = goal.category or str(goal)
         goal.image = None if fields.get("image") is None else _rgb_of(fields["image"])
         return goal
-
-
-class Facts:
-    """Numbers and names of a protocol or a robot, as attributes."""
-
-    def __init__(self, values: dict[str, Any]) -> None:
-        self.__dict__.update(values)
 
 
 class Task:
@@ -187,13 +184,18 @@ class Observation:
     remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
     """
 
-    budget: dict[str, Any] | None = None
-
     def __init__(
-        self, rgb: Any, depth_m: Any, pose: Pose | None, stamp_s: float, camera: Camera, beyond_range: Any = None
+        self,
+        rgb: Any,
+        depth_m: Any,
+        pose: Pose | None,
+        stamp_s: float,
+        camera: Camera,
+        beyond_range: Any = None,
+        budget: dict[str, Any] | None = None,
     ) -> None:
         self.rgb, self.depth_m, self.pose, self.stamp_s, self.camera = rgb, depth_m, pose, stamp_s, camera
-        self.beyond_range = beyond_range
+        self.beyond_range, self.budget = beyond_range, budget
 
 
 def serve(  # noqa: PLR0913 - what its command line has
@@ -499,20 +501,13 @@ def checked_card(policy: Any) -> dict[str, Any]:
     name = given.get("name")
     if not isinstance(name, str) or not name.strip():
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
-    unknown = sorted(set(given) - set(_CARD_FIELDS))
-    if unknown:
-        raise ValueError(
-            "unknown fields on the card: {}; known: {}".format(", ".join(unknown), ", ".join(_CARD_FIELDS))
-        )
-    sensors = sorted(str(getattr(sensor, "value", sensor)) for sensor in given.get("sensors") or ())
-    unknown = [sensor for sensor in sensors if sensor not in SENSORS]
-    if unknown:
-        raise ValueError("unknown sensors: {}; known: {}".format(", ".join(unknown), ", ".join(SENSORS)))
+    _known(given, _CARD_FIELDS, "fields on the card")
     goals = given.get("goals")
+    own_process = {"host": platform.node(), "python": platform.python_version()}
     return {
         "name": name,
         "goals": None if goals is None else sorted(str(goal) for goal in goals),
-        "sensors": sensors,
+        "sensors": _known(given.get("sensors") or (), SENSORS, "sensors"),
         "weights_sha256": str(given.get("weights_sha256") or ""),
         "weights_label": str(given.get("weights_label") or ""),
         "settings": plain(dict(given.get("settings") or {})),
@@ -520,9 +515,9 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "stand_in": bool(given.get("stand_in", False)),
         "code": plain(dict(code_of(policy) if given.get("code") is None else given["code"])),
         "files": plain(dict(given.get("files") or {})),
-        "runs_on": dict(_this_process(), **plain(dict(given.get("runs_on") or {}))),
-        "action_kinds": _kinds(given.get("action_kinds"), ACTION_KINDS, "action kinds"),
-        "goal_kinds": _kinds(given.get("goal_kinds"), GOAL_KINDS, "goal kinds"),
+        "runs_on": dict(own_process, **plain(dict(given.get("runs_on") or {}))),
+        "action_kinds": _known(given.get("action_kinds") or ("discrete",), ACTION_KINDS, "action kinds"),
+        "goal_kinds": _known(given.get("goal_kinds") or ("category",), GOAL_KINDS, "goal kinds"),
         "action_map": _action_map(given.get("action_map")),
         **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
         **({} if given.get("camera") is None else {"camera": plain(_camera(given["camera"]))}),
@@ -540,12 +535,13 @@ def _camera(given: Any) -> Any:
     return given if isinstance(given, dict) else given.model_dump(mode="json", exclude_none=True)
 
 
-def _kinds(given: Any, known: tuple[str, ...], name: str) -> list[str]:
-    kinds = sorted(str(getattr(kind, "value", kind)) for kind in given or known[:1])
-    unknown = [kind for kind in kinds if kind not in known]
+def _known(given: Iterable[Any], known: Iterable[str], what: str) -> list[str]:
+    """Return sorted names. Raises ValueError if one of them is not known."""
+    names = sorted(str(getattr(item, "value", item)) for item in given)
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise ValueError("unknown {}: {}; known: {}".format(name, ", ".join(unknown), ", ".join(known)))
-    return kinds
+        raise ValueError("unknown {}: {}; known: {}".format(what, ", ".join(unknown), ", ".join(known)))
+    return names
 
 
 def _action_map(given: Any) -> dict[str, str]:
@@ -607,10 +603,6 @@ def _hash_of(files: list[tuple[str, Path]]) -> str:
     for name, file in files:
         digest.update("{}\0{}\n".format(name, hashlib.sha256(file.read_bytes()).hexdigest()).encode())
     return digest.hexdigest()
-
-
-def _this_process() -> dict[str, Any]:
-    return {"host": platform.node(), "python": platform.python_version()}
 
 
 def plain(value: Any, depth: int = 0) -> Any:
@@ -844,16 +836,15 @@ def observation_of(message: dict[str, Any]) -> Observation:
     budget = message.get("budget")
     if budget is not None and (not isinstance(budget, dict) or set(budget) != set(_BUDGET)):
         raise WireError("`budget` must be a mapping with {}".format(", ".join(_BUDGET)))
-    observation = Observation(
+    return Observation(
         rgb=None if rgb is None else _rgb_of(rgb),
         depth_m=None if depth is None else _depth_of(depth),
         pose=pose,
         stamp_s=float(stamp_s),
         camera=Camera(camera),
         beyond_range=None if depth is None else _beyond_range_of(depth),
+        budget=budget,
     )
-    observation.budget = budget
-    return observation
 
 
 def _is_finite(value: Any) -> bool:
@@ -1007,18 +998,13 @@ class HabitatAgent:
     """Kinds of goals by the name of the agent's observation."""
 
     def __init__(self, factory: Callable[..., Any], settings: dict[str, Any] | None = None) -> None:
-        settings = settings or {}
-        unknown = sorted(set(settings) - set(self.DEFAULTS))
-        if unknown:
-            raise ValueError("unknown settings: {}; known: {}".format(", ".join(unknown), ", ".join(self.DEFAULTS)))
-        self.settings = dict(self.DEFAULTS, **settings)
+        _known(settings or (), self.DEFAULTS, "settings")
+        self.settings = dict(self.DEFAULTS, **(settings or {}))
         if self.settings["gps"] not in ("forward-right", "forward-left"):
             raise ValueError("gps must be forward-right or forward-left")
         if self.settings["goal"] not in self.GOALS:
             raise ValueError("goal must be one of {}".format(", ".join(self.GOALS)))
-        unknown = sorted({str(name).upper() for name in self.settings["actions"].values()} - set(ACTIONS))
-        if unknown:
-            raise ValueError("unknown actions: {}; known: {}".format(", ".join(unknown), ", ".join(ACTIONS)))
+        _known({str(name).upper() for name in self.settings["actions"].values()}, ACTIONS, "actions")
         self.agent = factory(**self.settings["arguments"])
         self.card = {
             "name": self.settings["name"] or getattr(factory, "__name__", "habitat-agent").lower(),

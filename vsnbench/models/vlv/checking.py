@@ -37,8 +37,6 @@ def check_weights(weights: Path | None, settings: VLVSettings, device: str) -> M
     detector = open_detector(settings, device)
     view = _synthetic_view()
     engine = f"PyTorch on {available_device(device)}"
-    timings = [_timing(f"value network, {engine}", lambda: value.of(view.rgb, VALUE_CLASSES[0]), _TIMED_VIEWS)]
-    timings.append(_timing(detector.name, lambda: detector.detect(view), _TIMED_DETECTIONS))
     return ModelCheck(
         model="vlv",
         weights=path,
@@ -61,7 +59,10 @@ def check_weights(weights: Path | None, settings: VLVSettings, device: str) -> M
         },
         chosen_engine=engine,
         parity=None,
-        timings=tuple(timings),
+        timings=(
+            _timing(f"value network, {engine}", lambda: value.of(view.rgb, VALUE_CLASSES[0]), _TIMED_VIEWS),
+            _timing(detector.name, lambda: detector.detect(view), _TIMED_DETECTIONS),
+        ),
     )
 
 

@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
+from vsnbench.models.vlv.planner import Point
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-
-Point = tuple[float, float]
 
 _SAME_PLACE_M: Final = 1.0
 _SAME_SPOT_M: Final = 0.6
@@ -79,13 +78,9 @@ class Place:
 
 
 def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> Sighting:
-    """Return the position of a detected object.
+    """Return the position of a detected object, whose mask has the size of the depth image (H, W).
 
-    Args:
-        detection: its mask has the depth image's size.
-        depth_m: (H, W) metres along the optical axis, NaN where invalid.
-        camera: the camera and its mount.
-        pose: pose of the base in the start's frame.
+    `pose` is that of the base in the start's frame.
     """
     height, width = depth_m.shape
     rays = camera.rays(width, height)
@@ -125,11 +120,9 @@ class GoalMemory:
         return [place for place, views in zip(self.places, evidence, strict=True) if views >= least]
 
     def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
-        """Update the places with an observation.
+        """Update the places with an observation. Sightings without depth are ignored.
 
-        Args:
-            sightings: sightings of the goal; those without depth are ignored.
-            should_see: whether a goal at a point should be detected in this observation.
+        `should_see` returns whether a goal at a point should be detected in this observation.
         """
         with_depth = [item for item in sightings if item.points.shape[0]]
         seen: set[int] = set()

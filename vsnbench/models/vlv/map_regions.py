@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.models.vlv.planner import BoolGrid, Point
 from vsnbench.sensing.occupancy_map import OccupancyMap
@@ -31,13 +30,9 @@ def disk(grid: OccupancyMap, point: Point, radius_m: float) -> BoolGrid:
 def frontier_away_from(
     grid: OccupancyMap, visited: Iterable[Point], radius_m: float, smallest_cells: int = 1
 ) -> BoolGrid:
-    """Return the free cells next to unknown cells, without those near visited points.
+    """Return the free cells next to unknown cells, without those within a radius of visited points.
 
-    Args:
-        grid: the map.
-        visited: visited points.
-        radius_m: distance from those within which cells are left out.
-        smallest_cells: side of the smallest unknown square that counts.
+    Unknown areas count from a square with a side of `smallest_cells`.
     """
     import cv2
 
@@ -54,12 +49,6 @@ def frontier_away_from(
     for point in visited:
         frontier &= ~disk(grid, point, radius_m)
     return frontier
-
-
-def value_at(field: npt.NDArray[np.float64], grid: OccupancyMap, point: Point) -> float:
-    """Return a field's value at a point; infinity outside the map."""
-    cell = grid.cell_at(*point)
-    return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
 def in_sight(grid: OccupancyMap, obstacles: BoolGrid, start: Point, end: Point, length_m: float) -> bool:

@@ -70,11 +70,6 @@ class Route:
     field_m: FloatGrid
     """(rows, columns): path cost to the target in metres; infinite if there is no path."""
 
-    def way_m(self, pose: Pose) -> float:
-        """Return the path cost from a pose to the target."""
-        cell = self.terrain.map.cell_at(pose.x_m, pose.y_m)
-        return float(self.field_m[cell.row, cell.column]) if self.terrain.map.holds(cell) else math.inf
-
 
 class Planner:
     """Plans for one robot."""
@@ -109,12 +104,9 @@ class Planner:
         return Terrain(grid, obstacles, away_m, open_cells, slowness.astype(np.float32))
 
     def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> Route | None:
-        """Return path costs to the nearest target cell, or None if none can be reached from `pose`.
+        """Return path costs to the nearest target cell that is open, or None if none can be reached from `pose`.
 
-        Args:
-            terrain: free space for the robot.
-            targets: (rows, columns): target cells; those that are not open are ignored.
-            pose: pose of the robot; the field is computed only as far as needed.
+        The field is computed only as far as the robot needs it.
         """
         sources = np.flatnonzero(targets & terrain.open_cells)
         if sources.size == 0:
@@ -122,8 +114,7 @@ class Planner:
         here = terrain.map.cell_at(pose.x_m, pose.y_m)
         wanted = here.row * terrain.map.shape[1] + here.column
         field = self._march(terrain.slowness, sources, wanted, _FIELD_MARGIN_M)
-        route = Route(terrain, field)
-        return route if math.isfinite(route.way_m(pose)) else None
+        return Route(terrain, field) if math.isfinite(value_at(field, terrain.map, pose.position)) else None
 
     def lengths_from(self, terrain: Terrain, pose: Pose) -> FloatGrid:
         """Return (rows, columns): length in metres of the shortest path from `pose` to each cell."""
@@ -180,6 +171,12 @@ class Planner:
         field = np.empty(slowness.shape)
         march(slowness, sources.astype(np.int64), wanted, margin_m, field, self._keys, self._cells)
         return field
+
+
+def value_at(field: FloatGrid, grid: OccupancyMap, point: Point) -> float:
+    """Return a field's value at a point; infinity outside the map."""
+    cell = grid.cell_at(*point)
+    return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
 def path_of(route: Route, pose: Pose) -> tuple[Point, ...]:

@@ -3,7 +3,6 @@
 RGB, depth and odometry in, one of the protocol's actions out; no site, no true pose.
 """
 
-import logging
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,9 +24,6 @@ from vsnbench.models.vlv.value.estimate import Value, open_value
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.decision import Box, Decision, Diagnostics
 from vsnbench.values.observation import Observation, Sensor
-
-logger = logging.getLogger(__name__)
-
 
 HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_deg=90, width=224, height=224)
 """Camera that the published navigation ran with, in github.com/MatthewChang/video-dqn: image size and height in
@@ -115,7 +111,7 @@ class ModularPolicy(Policy):
             map=search.map.grid_map(),
             sub_goal=move.sub_goal,
             path=move.path,
-            nodes=tuple(node.point for node in search.graph.nodes),
+            nodes=tuple(search.graph.nodes),
             scalars={"value": value, "open_candidates": float(len(search.graph.open_candidates))},
             note=f"{move.mode}: {move.note}",
             details={"mode": move.mode.value, "detector": self._detector.name, **search.details()},
@@ -186,8 +182,6 @@ class VLV(ModularPolicy):
 
 
 def _settings_from(given: str | Path | VLVSettings | None) -> VLVSettings:
-    if given is None:
-        return VLVSettings()
-    if isinstance(given, VLVSettings):
-        return given
-    return read_settings(Path(given), VLVSettings, UsageError, "VLV settings")
+    if isinstance(given, str | Path):
+        return read_settings(Path(given), VLVSettings, UsageError, "VLV settings")
+    return given or VLVSettings()

@@ -8,13 +8,13 @@ import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
-from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight, value_at
+from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight
 from vsnbench.models.vlv.move import Mode, Move
-from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of
+from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of, value_at
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
-from vsnbench.models.vlv.topological_graph import Candidate, Ranked, TopologicalGraph, View
+from vsnbench.models.vlv.topological_graph import Candidate, TopologicalGraph, View
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.values.action import Action
 from vsnbench.values.observation import Observation
@@ -38,20 +38,14 @@ class Search:
     """The state of an episode, from odometry, depth, detections and the value network only."""
 
     def __init__(
-        self,
-        settings: VLVSettings,
-        planner: Planner,
-        seed: int,
-        reliability: Reliability | None = None,
-        *,
-        with_value: bool = False,
+        self, settings: VLVSettings, planner: Planner, seed: int, reliability: Reliability, *, with_value: bool = False
     ) -> None:
         """Start an episode. Without a value network, candidates near unknown space are preferred."""
         self.settings = settings
         self._novelty_weight = 0.0 if with_value else settings.novelty_weight
         self.map = OccupancyMap(settings.mapping)
         self.graph = TopologicalGraph(settings)
-        self.memory = GoalMemory(reliability or Reliability(settings.detector_threshold))
+        self.memory = GoalMemory(reliability)
         self._planner = planner
         self._random = np.random.default_rng(seed)
         self._confirmed = 0
@@ -65,10 +59,8 @@ class Search:
     def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Move:
         """Return the next action.
 
-        Args:
-            observation: with a depth image.
-            detections: detections of the goal's class above the threshold, best first.
-            value: value of the view; 0 without a value network.
+        Detections are those of the goal's class above the threshold, best first. The value is that of the view; 0
+        without a value network.
         """
         depth_m = observation.depth_m
         if depth_m is None:
@@ -142,7 +134,8 @@ class Search:
 
     def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         believed = self.memory.believed
-        if believed and self.settings.seek_on_sight and (self._turns_left is None or self._may_end_scan()):
+        may_seek = self._turns_left in (None, 0) or self.settings.scan_ends_on_goal
+        if believed and self.settings.seek_on_sight and may_seek:
             move = self._seek(believed, observation, depth_m)
             if move is not None:
                 self._turns_left = None
@@ -159,9 +152,6 @@ class Search:
                 return self._scan_turn()
             self._finish_scan(observation.pose)
         return self._travel(observation, depth_m)
-
-    def _may_end_scan(self) -> bool:
-        return self.settings.scan_ends_on_goal or self._turns_left == 0
 
     def _begin_scan(self) -> Move:
         self._views = []
@@ -188,25 +178,14 @@ class Search:
             point = sub_goal_of(pose.position, view.heading_rad, terrain, lengths_m, self.settings, self._random)
             if point is not None and not self.graph.is_visited(point):
                 candidates.append(Candidate(point, node, view, view.score(self.settings)))
-        self.graph.add_node(pose.position, tuple(self._views), tuple(candidates))
+        self.graph.add_node(pose.position, candidates)
         self._choose(pose)
 
     def _choose(self, pose: Pose) -> None:
         """Make the best open candidate the target; None if there is none."""
-        ranked = self._ranked(pose)
-        self._target = ranked[0].candidate if ranked else None
-        if ranked:
-            self.graph.close(ranked[0].candidate)
-            self._set_budget(ranked[0].way_m)
-
-    def _set_budget(self, way_m: float) -> None:
-        self._budget = math.ceil(
-            self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
-        )
-
-    def _ranked(self, pose: Pose) -> list[Ranked]:
+        self._target = None
         if not self.graph.open_candidates:
-            return []
+            return
         terrain = self._planner.terrain(self.map, pose, 0.0)
         lengths_m = self._planner.lengths_from(terrain, pose)
         known, obstacles = self.map.known, terrain.obstacles
@@ -215,7 +194,15 @@ class Search:
             self._novelty_weight * unknown_around(point, self.map, known, obstacles) if self._novelty_weight else 0.0
             for point in points
         ]
-        return self.graph.ranked([value_at(lengths_m, self.map, point) for point in points], novelty)
+        best = self.graph.take_best([value_at(lengths_m, self.map, point) for point in points], novelty)
+        if best is not None:
+            self._target, way_m = best
+            self._set_budget(way_m)
+
+    def _set_budget(self, way_m: float) -> None:
+        self._budget = math.ceil(
+            self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
+        )
 
     def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
         """Drive to the target, or to another one if that fails; scan if there is none."""
@@ -330,7 +317,7 @@ class Search:
                     :_MAX_RECORDED_CANDIDATES
                 ]
             ],
-            "edges": [list(edge) for edge in self.graph.edges],
+            "edges": [[node, node + 1] for node in range(len(self.graph.nodes) - 1)],
             "goal_places": [
                 {"x_m": round(place.centre[0], 3), "y_m": round(place.centre[1], 3)}
                 | {"observations": place.observations, "misses": place.misses}

@@ -24,13 +24,8 @@ def sub_goal_of(
 ) -> Point | None:
     """Return a sub-goal in a direction from a node, or None if nothing there is free.
 
-    Args:
-        node: position of the robot.
-        heading_rad: heading of the view in the start's frame.
-        terrain: free space for the robot.
-        lengths_m: (rows, columns) path lengths from the node.
-        settings: rule of the distance: fixed (paper, Section 3.2.1) or sampled as in the original source.
-        random: random number generator of the sampled rule.
+    The settings have the rule of the distance: fixed (paper, Section 3.2.1) or sampled as in the original source.
+    `lengths_m` (rows, columns) are path lengths from the node.
     """
     if settings.sub_goal is SubGoalRule.SAMPLED:
         half_rad = math.radians(settings.sub_goal_half_angle_deg)
@@ -56,14 +51,7 @@ def sub_goal_of(
 
 
 def unknown_around(point: Point, grid: OccupancyMap, known: BoolGrid, obstacles: BoolGrid) -> float:
-    """Return the share of unknown cells among those visible from a point, up to 3 m.
-
-    Args:
-        point: point in the start's frame.
-        grid: the map.
-        known: (rows, columns) known cells.
-        obstacles: (rows, columns) obstacle cells.
-    """
+    """Return the share of unknown cells among those visible from a point, up to 3 m."""
     angles = np.arange(_RAYS) * (2 * math.pi / _RAYS)
     far_m = np.arange(1, int(_LOOK_M / grid.resolution_m) + 1) * grid.resolution_m
     columns = np.floor((point[0] + np.outer(np.cos(angles), far_m) - grid.origin_x_m) / grid.resolution_m).astype(int)

@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.models.vlv.planner import Point
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-
-Point = tuple[float, float]
 
 _SIDE_MARGIN_M: Final = 0.02
 _LOWEST_M, _HIGHEST_M = 0.04, 1.2
@@ -20,13 +19,9 @@ _MIN_PIXELS: Final = 40
 def obstacles_ahead(
     depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose, settings: VLVSettings
 ) -> tuple[Point, ...]:
-    """Return points in the start's frame, a few centimetres apart, that block a forward move.
+    """Return points in the start's frame, a few centimetres apart, that block a forward move from a pose.
 
-    Args:
-        depth_m: (H, W) metres along the optical axis, NaN where invalid.
-        camera: the camera and its mount.
-        pose: pose of the base in the start's frame.
-        settings: radius and required free distance ahead.
+    `depth_m` (H, W) is in metres along the optical axis, NaN where invalid.
     """
     rays = camera.rays(depth_m.shape[1], depth_m.shape[0])
     rows, columns = rays.pixels_nearer(depth_m, settings.robot_radius_m + settings.look_ahead_m)

@@ -5,11 +5,11 @@ a bonus if the goal is seen. Near candidates are preferred; visited candidates a
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from vsnbench.models.vlv.planner import Point
 from vsnbench.models.vlv.settings import VLVSettings
-
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,41 +40,21 @@ class Candidate:
     score: float
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A place where the robot scanned."""
-
-    point: Point
-    views: tuple[View, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ranked:
-    """A candidate with its current rank."""
-
-    candidate: Candidate
-    way_m: float
-    total: float
-
-
 @dataclass(slots=True)
 class TopologicalGraph:
     """The memory of the high level."""
 
     settings: VLVSettings
-    nodes: list[Node] = field(default_factory=list)
-    edges: list[tuple[int, int]] = field(default_factory=list)
+    nodes: list[Point] = field(default_factory=list)
+    """Places where the robot scanned; an edge leads from each to the next."""
     open_candidates: list[Candidate] = field(default_factory=list)
     visited: list[Point] = field(default_factory=list)
 
-    def add_node(self, point: Point, views: tuple[View, ...], candidates: tuple[Candidate, ...]) -> int:
-        """Add a place with its views and candidates. Returns its index."""
-        self.nodes.append(Node(point, views))
-        if len(self.nodes) > 1:
-            self.edges.append((len(self.nodes) - 2, len(self.nodes) - 1))
+    def add_node(self, point: Point, candidates: Iterable[Candidate]) -> None:
+        """Add a place where the robot scanned, with its candidates."""
+        self.nodes.append(point)
         self.open_candidates.extend(candidates)
         self.visit(point)
-        return len(self.nodes) - 1
 
     def visit(self, point: Point) -> None:
         """Mark a point as visited, and drop the candidates near it."""
@@ -87,21 +67,20 @@ class TopologicalGraph:
         """Return whether the robot has been near a point."""
         return any(math.dist(point, visited) < self.settings.visited_radius_m for visited in self.visited)
 
-    def close(self, candidate: Candidate) -> None:
-        """Remove a candidate from the open list."""
-        self.open_candidates = [item for item in self.open_candidates if item is not candidate]
-
-    def ranked(self, ways_m: list[float], novelty: list[float]) -> list[Ranked]:
-        """Return the open candidates that can be reached, best first.
+    def take_best(self, ways_m: list[float], novelty: list[float]) -> tuple[Candidate, float] | None:
+        """Remove the best open candidate that can be reached. Returns it with its path length; None without any.
 
         Args:
             ways_m: path length from the robot to each open candidate; infinite if there is no path.
             novelty: weighted share of unknown space around each candidate.
         """
-        reach_m = self.settings.nearness_reach_m
-        ranked = [
-            Ranked(item, way_m, item.score + new + self.settings.nearness_weight * max(reach_m - way_m, 0.0) / reach_m)
-            for item, way_m, new in zip(self.open_candidates, ways_m, novelty, strict=True)
+        weight, reach_m = self.settings.nearness_weight, self.settings.nearness_reach_m
+        totals = [
+            (item.score + new + weight * max(reach_m - way_m, 0.0) / reach_m, index)
+            for index, (item, way_m, new) in enumerate(zip(self.open_candidates, ways_m, novelty, strict=True))
             if math.isfinite(way_m)
         ]
-        return sorted(ranked, key=lambda item: -item.total)
+        if not totals:
+            return None
+        _, best = max(totals, key=lambda pair: pair[0])  # the first of equal ones
+        return self.open_candidates.pop(best), ways_m[best]

@@ -27,13 +27,7 @@ from vsnbench.values.decision_check import (
     checked_decision,
     checked_diagnostics,
 )
-from vsnbench.values.encoding.images import (
-    decode_picture,
-    depth_millimetres,
-    encode_jpeg,
-    encode_png,
-    picture_size,
-)
+from vsnbench.values.encoding.images import decode_picture, depth_millimetres, encode_jpeg, encode_png, picture_size
 from vsnbench.values.movement import MAX_PARTS, Chunk, Movement, movement_from_json, movement_to_json
 from vsnbench.values.observation import Observation, Sensor
 
@@ -47,26 +41,19 @@ def decision_to_message(decision: Decision) -> dict[str, Any]:
     """Return a decision as values for JSON."""
     diagnostics = decision.diagnostics
     details = {"details": dict(diagnostics.details)} if diagnostics.details else {}
+    parts = [part.value if isinstance(part, Action) else movement_to_json(part) for part in decision.parts]
     return {
         "action": decision.action.value,
         "raw_action": decision.raw_action,
         "probabilities": dict(diagnostics.probabilities),
         "diagnostics": _shown(diagnostics) | details,
         **({} if decision.movement is None else {"movement": movement_to_json(decision.movement)}),
-        **({"parts": [_part_to_json(part) for part in decision.parts]} if decision.parts else {}),
+        **({"parts": parts} if parts else {}),
     }
 
 
-def _part_to_json(part: Action | Movement) -> Any:
-    return part.value if isinstance(part, Action) else movement_to_json(part)
-
-
 def _answer_of(message: Mapping[str, Any]) -> Action | Movement | Chunk:
-    """Return the action, the movement or the chunk of a message.
-
-    Raises:
-        DecisionError: it has none of them, or one that cannot be read.
-    """
+    """Return the action, the movement or the chunk of a message."""
     try:
         if parts := message.get("parts"):
             if not isinstance(parts, list) or len(parts) > MAX_PARTS:

@@ -84,11 +84,9 @@ def _encoded(suffix: str, pixels: npt.NDArray[Any], options: list[int]) -> bytes
 
 
 def decode_picture(content: bytes, flags: int) -> npt.NDArray[Any] | None:
-    """Return an image's pixels, (H, W) or (H, W, 3) BGR; None if it is not an image, damaged, or too large.
+    """Return a file's pixels, (H, W) or (H, W, 3) BGR; None if it is not an image, damaged, or too large.
 
-    Args:
-        content: content of the file.
-        flags: flags of OpenCV, such as `cv2.IMREAD_COLOR`.
+    Flags are OpenCV's, such as `cv2.IMREAD_COLOR`.
     """
     import cv2
 

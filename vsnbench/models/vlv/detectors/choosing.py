@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from vsnbench.errors import ModelError
-from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.checkpoints.torch_runtime import available_device, require_torch
 from vsnbench.models.checkpoints.weights import find_weights, weights_directory
 from vsnbench.models.vlv.detectors.contract import Detector
 from vsnbench.models.vlv.detectors.simulated import SimulatedDetector
@@ -40,7 +40,6 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
         is_chosen = "detector_threshold" in settings.model_fields_set
         return ONNXDetector(_file(given, ONNX_FILE), settings.detector_threshold, threshold_for_all=is_chosen)
     require_torch()
-    from vsnbench.models.checkpoints.torch_runtime import available_device
     from vsnbench.models.vlv.detectors.mask_rcnn import MaskRCNNDetector
 
     return MaskRCNNDetector(_file(given, MASK_RCNN_FILE), available_device(device), settings.detector_threshold)

@@ -11,9 +11,9 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
+from vsnbench.models.checkpoints.residual_network import Bottleneck, ResidualNetwork
 from vsnbench.models.vlv.detectors.boxes import anchors, best_of_overlapping, clip, decode, large
 from vsnbench.models.vlv.detectors.region_pooling import pool_regions
-from vsnbench.models.vlv.residual_network import Bottleneck, ResidualNetwork
 
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 _SHORT_SIDE_PX, _LONG_SIDE_PX, _MULTIPLE_PX = 800.0, 1333.0, 32

@@ -46,10 +46,7 @@ class ONNXDetector(Detector):
     def __init__(self, path: Path, threshold: float, *, threshold_for_all: bool = False) -> None:
         """Load the file.
 
-        Args:
-            path: the file.
-            threshold: minimum score of a detection, for classes without one in the file.
-            threshold_for_all: the threshold is for the other classes, too.
+        The threshold is for classes without one in the file; with `threshold_for_all`, for all classes.
 
         Raises:
             ModelError: the file is not such a detector.
@@ -137,11 +134,7 @@ class _Outputs:
 
 
 def _checked(named: Mapping[str, Any], name: str) -> _Outputs:
-    """Validate the outputs.
-
-    Raises:
-        ModelError: a shape or number is invalid.
-    """
+    """Validate the outputs."""
     for output in _OUTPUTS[: 4 if "masks" in named else 3]:
         if not isinstance(named[output], np.ndarray) or named[output].dtype.kind not in "fiub":
             raise ModelError(f"{name}: its output {output} is not an array of numbers")
@@ -198,13 +191,7 @@ def _inner(
 
 
 def _reliability_of(metadata: Mapping[str, str], path: Path, threshold: float | None) -> dict[str, Reliability]:
-    """Return the measured reliability of classes.
-
-    Args:
-        metadata: the file's metadata.
-        path: the file, for the message.
-        threshold: minimum score for all classes; None for the file's own.
-    """
+    """Return the measured reliability of classes; none if the user set a threshold for all classes."""
     text = metadata.get(_RELIABILITY_KEY)
     if text is None or threshold is not None:
         return {}

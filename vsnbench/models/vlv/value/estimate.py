@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
-from vsnbench.models.checkpoints.torch_runtime import require_torch
+from vsnbench.models.checkpoints.torch_runtime import available_device, require_torch
 from vsnbench.models.checkpoints.weights import find_weights, weights_directory
 from vsnbench.models.vlv.goals import VALUE_CLASSES
 
@@ -86,7 +86,6 @@ def open_value(weights: str | Path | None, device: str) -> Value:
         return NoValue()
     path = find_weights("vlv", FILE_NAME, Path(weights) if weights is not None else None)
     require_torch()
-    from vsnbench.models.checkpoints.torch_runtime import available_device
     from vsnbench.models.vlv.value.weights import read_value_weights
 
     return LearnedValue(read_value_weights(path), available_device(device))

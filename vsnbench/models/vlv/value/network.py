@@ -11,8 +11,8 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from vsnbench.models.checkpoints.residual_network import BasicBlock, ResidualNetwork
 from vsnbench.models.vlv.goals import VALUE_CLASSES
-from vsnbench.models.vlv.residual_network import BasicBlock, ResidualNetwork
 
 IMAGE_SIZE_PX: Final = 224
 ACTIONS: Final = 3
@@ -23,19 +23,19 @@ _STD = (0.229, 0.224, 0.225)
 class ValueNetwork(nn.Module):
     """The original's network, without its duplicate and unused tensors."""
 
-    def __init__(self, classes: int = len(VALUE_CLASSES), actions: int = ACTIONS) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.classes, self.actions = classes, actions
         self.resnet = ResidualNetwork(BasicBlock, (2, 2, 2, 2))
         self.squeeze = nn.Conv2d(512, 64, 3)
+        outputs = len(VALUE_CLASSES) * ACTIONS
         self.top = nn.Sequential(
-            nn.Linear(1600, 512), nn.ReLU(), nn.Linear(512, 256), nn.ReLU(), nn.Linear(256, classes * actions)
+            nn.Linear(1600, 512), nn.ReLU(), nn.Linear(512, 256), nn.ReLU(), nn.Linear(256, outputs)
         )
 
     def forward(self, images: Tensor) -> Tensor:
         """Return Q values (N, classes, actions) of normalised images (N, 3, 224, 224)."""
         features = torch.relu(self.squeeze(self.resnet(images)[3]))
-        q: Tensor = self.top(features.flatten(1)).unflatten(1, (self.classes, self.actions))
+        q: Tensor = self.top(features.flatten(1)).unflatten(1, (len(VALUE_CLASSES), ACTIONS))
         return q
 
 

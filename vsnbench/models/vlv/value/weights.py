@@ -3,19 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+import torch
+from torch import Tensor
 
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.safe_checkpoint import load_checkpoint
+from vsnbench.models.checkpoints.state_dict import fitting_weights, only_tensors
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.checkpoint import CONFIG_CLASSES
 from vsnbench.models.vlv.goals import VALUE_CLASSES
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from vsnbench.models.vlv.value.network import ACTIONS, ValueNetwork, names_in_file
 
 _HEAD: Final = "top.4.weight"
 _LANDMARK: Final = "resnet.conv1.weight"
@@ -29,7 +30,7 @@ class ValueWeights:
 
     path: Path
     sha256: str
-    tensors: "Mapping[str, Tensor]"
+    tensors: Mapping[str, Tensor]
     """float32 tensors of the network, by their names in the file."""
 
 
@@ -43,35 +44,25 @@ def read_value_weights(path: Path) -> ValueWeights:
     state = content.get("model_state_dict") if isinstance(content, Mapping) else None
     if not isinstance(state, Mapping):
         raise ModelError(f"{path}: {_describe_content(content)}; VLV's value network is vlv_model.torch")
-    named: dict[str, Any] = {str(key).removeprefix("module."): tensor for key, tensor in state.items()}
-    broken = next((name for name, tensor in named.items() if not isinstance(tensor, np.ndarray)), None)
-    if broken is not None:
-        raise ModelError(f"{path}: {broken} is not a tensor")
+    named = only_tensors({str(key).removeprefix("module."): tensor for key, tensor in state.items()}, str(path))
     if _LANDMARK not in named:
         raise ModelError(f"{path}: not VLV's value network: {_LANDMARK} is missing among its {len(named)} tensors")
     return ValueWeights(path, file_sha256(path), _fitting(named, str(path)))
 
 
-def _fitting(named: dict[str, npt.NDArray[Any]], origin: str) -> "dict[str, Tensor]":
+def _fitting(named: Mapping[str, npt.NDArray[Any]], origin: str) -> dict[str, Tensor]:
     """Return the tensors that the network needs, and check their shapes."""
-    import torch
-
-    from vsnbench.models.vlv.value.network import ACTIONS, ValueNetwork, names_in_file
-
+    in_file = names_in_file()
     with torch.device("meta"):
-        shapes = {names_in_file()[name]: tuple(t.shape) for name, t in ValueNetwork().state_dict().items()}
-    missing = sorted(shapes.keys() - named.keys())
-    if missing:
-        raise ModelError(f"{origin}: {len(missing)} of {len(shapes)} weights are missing, first {missing[0]}")
-    outputs = named[_HEAD].shape[0] if named[_HEAD].ndim else 0
-    if outputs != len(VALUE_CLASSES) * ACTIONS:
+        shapes = {in_file[name]: tuple(tensor.shape) for name, tensor in ValueNetwork().state_dict().items()}
+    head = named.get(_HEAD)
+    outputs = head.shape[0] if head is not None and head.ndim else 0
+    if head is not None and outputs != len(VALUE_CLASSES) * ACTIONS:
         raise ModelError(
             f"{origin}: trained for other classes: it has {outputs} numbers as output, VLV has "
             f"{len(VALUE_CLASSES)} classes ({', '.join(VALUE_CLASSES)}) x {ACTIONS} actions"
         )
-    for name, shape in shapes.items():
-        if tuple(named[name].shape) != shape:
-            raise ModelError(f"{origin}: {name} has shape {tuple(named[name].shape)}, the network needs {shape}")
+    weights = fitting_weights(named, shapes, origin, surplus_allowed=True)
     for name, tensor in named.items():
         first, _, rest = name.partition(".")
         layer, _, inner = rest.partition(".")
@@ -81,14 +72,7 @@ def _fitting(named: dict[str, npt.NDArray[Any]], origin: str) -> "dict[str, Tens
                 raise ModelError(
                     f"{origin}: {name} differs from {duplicate}, which is the same tensor in VLV's network"
                 )
-    with np.errstate(over="ignore"):
-        arrays = {
-            name: named[name].astype(np.float32 if named[name].dtype.kind == "f" else np.int64) for name in shapes
-        }
-    invalid = next((name for name, array in arrays.items() if not np.isfinite(array).all()), None)
-    if invalid is not None:
-        raise ModelError(f"{origin}: {invalid} contains NaN or infinite numbers; the file is damaged")
-    return {name: torch.from_numpy(array) for name, array in arrays.items()}
+    return {name: torch.from_numpy(weight) for name, weight in weights.items()}
 
 
 def _describe_content(content: object) -> str:

@@ -59,14 +59,23 @@ class ResidualNetwork(nn.Module):
         block: type[BasicBlock] | type[Bottleneck],
         depths: Sequence[int],
         norm: Normalisation = nn.BatchNorm2d,
+        base_planes: int = 64,
     ) -> None:
+        """Build the network.
+
+        Args:
+            block: kind of the blocks.
+            depths: number of blocks of each layer.
+            norm: returns the normalisation of a number of channels.
+            base_planes: channels of the stem, and planes of the first layer's blocks; each layer has twice as many.
+        """
         super().__init__()
-        self.conv1 = nn.Conv2d(3, 64, 7, 2, 3, bias=False)
-        self.bn1 = norm(64)
-        inputs = 64
+        self.conv1 = nn.Conv2d(3, base_planes, 7, 2, 3, bias=False)
+        self.bn1 = norm(base_planes)
+        inputs = base_planes
         layers = []
         for index, depth in enumerate(depths):
-            planes = 64 * 2**index
+            planes = base_planes * 2**index
             blocks: list[nn.Module] = []
             for k in range(depth):
                 blocks.append(block(inputs, planes, 2 if index and k == 0 else 1, norm))
