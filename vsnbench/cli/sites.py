@@ -1,11 +1,16 @@
 """`vsnbench sites`: list, show, check, draw, render, generate, edit and export sites."""
 
+import signal
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import SiteError, UsageError
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -13,8 +18,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="""List, show, check, draw and edit sites: surveyed places, one YAML file each.
 
     vsnbench sites list
@@ -48,8 +51,6 @@ def _site(name: str) -> "Site":
 @app.command("list")
 def list_sites(as_json: Json = False) -> None:
     """List the embedded sites."""
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.sites.site import embedded_sites, load_site
 
     sites = [(load_site(name), path) for name, path in embedded_sites().items()]
@@ -82,8 +83,6 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
 
     vsnbench sites show apartment
     """
-    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.sites.categories import GOAL_CATEGORIES
     from vsnbench.sites.targets import targets_of
     from vsnbench.text.terminal import Console
@@ -138,7 +137,6 @@ def check(
 
     vsnbench sites check my-flat.yaml
     """
-    from vsnbench.errors import SiteError
     from vsnbench.robots.profiles import load_profile
     from vsnbench.site_checks.check import check_site, check_site_file
     from vsnbench.site_checks.finding import Severity, SiteFinding
@@ -191,7 +189,6 @@ def draw(
 
     vsnbench sites draw apartment --output plan.pdf --goal chair
     """
-    from vsnbench.errors import UsageError
     from vsnbench.protocol.judge import success_region
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan
@@ -225,7 +222,6 @@ def render(
 
     vsnbench sites render apartment --output apartment.png
     """
-    from vsnbench.errors import UsageError
     from vsnbench.simulator.rendering.contact_sheet import contact_sheet, save_image
 
     site = _site(site_name)
@@ -258,7 +254,6 @@ def generate(
     vsnbench sites generate --seed 7
     vsnbench run --model oracle --goal chair --site flat-7.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.interop.site_file import site_yaml, write_site
     from vsnbench.simulator.generated_sites.generate import generate_site
 
@@ -288,10 +283,6 @@ def edit(
 
     vsnbench sites edit lab.yaml --underlay map.yaml
     """
-    import signal
-    import threading
-
-    from vsnbench.errors import UsageError
     from vsnbench.robots.profiles import load_profile
     from vsnbench.sites.site import embedded_sites
     from vsnbench.web.site_editor.editor import MAX_BODY_BYTES, SiteEditor
@@ -333,7 +324,6 @@ def export_site(
 
     vsnbench sites export apartment --map apartment-map.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.interop.ros_map import write_ros_map
     from vsnbench.interop.site_map import map_of_site
 

@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.options import Database, Results, results_directory
 from vsnbench.cli.support.output import Json, is_quiet, print_json
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
@@ -96,11 +100,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench judge 17 --void "a visitor moved the chair" --yes
         vsnbench judge --second Grace --sample 40
     """
-    from vsnbench.errors import UsageError
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.judging.decision import Answer, AnswerKind
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     given = {
         "--distance": (AnswerKind.MEASURED, distance),
         "--collision": (AnswerKind.COLLISION, collision),
@@ -137,7 +139,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
 
 def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: bool, as_json: bool) -> None:
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.reading.queries import episode_details
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
@@ -160,9 +161,7 @@ def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: boo
 
 def _decided(case: "Case", answer: "Answer") -> "Judgement":
     """Return the judgement; ask for a confirmation on a terminal if the answer needs one."""
-    from vsnbench.errors import UsageError
     from vsnbench.runner.judging.decision import UnconfirmedAnswerError, decide
-    from vsnbench.text.sanitize import sanitize
 
     try:
         return decide(case, answer)
@@ -176,8 +175,6 @@ def _decided(case: "Case", answer: "Answer") -> "Judgement":
 
 
 def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.protocol.judge import EndReason
     from vsnbench.results.reading.queries import pending_episodes
     from vsnbench.results.schema.migrate import open_record

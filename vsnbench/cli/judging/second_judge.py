@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from vsnbench.cli.support.output import print_json
+from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -59,7 +60,6 @@ def judge_second(
 
 def _answer(place: "ResultsDirectory", rater: str, number: int, answer: "Answer | None", *, as_json: bool) -> None:
     """Record an answer, or retract the rater's answer if there is none."""
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.reading.queries import episode_details
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal

@@ -1,5 +1,6 @@
 """Kinds of goals and answers and assumed step sizes of a model, as rows and as JSON fields."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ def comparison_rows(card: "ModelCard | None", profile: "RobotProfile | None") ->
 
 def comparison_json(card: "ModelCard | None", profile: "RobotProfile | None") -> dict[str, Any]:
     """Return the same as JSON fields; None if the cameras were not compared."""
-    from dataclasses import asdict
-
     from vsnbench.models.camera_fit import camera_differences
 
     if card is None or card.camera is None or profile is None:

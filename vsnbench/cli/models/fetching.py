@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.output import Json, is_quiet, print_files
+from vsnbench.errors import UsageError
 from vsnbench.text.terminal import Console
 
 
@@ -45,7 +46,6 @@ def fetch(
         vsnbench models fetch mask-rcnn
         vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
     """
-    from vsnbench.errors import UsageError
     from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
     from vsnbench.models.vlv.detectors.centernet import package as coco_package
     from vsnbench.models.vlv.detectors.choosing import ONNX_FILE
@@ -77,7 +77,6 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
     """Download a file. Returns its path, its licence, the next command, and whether it is new."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 
-    from vsnbench.errors import UsageError
     from vsnbench.models.checkpoints.fetching import fetch as download
     from vsnbench.models.checkpoints.published import PUBLISHED
     from vsnbench.models.checkpoints.weights import weights_directory

@@ -16,6 +16,7 @@ from vsnbench.cli.support.options import Protocol
 from vsnbench.cli.support.output import Json, print_files, print_json
 from vsnbench.cli.support.terminal import safe
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.errors import ModelError
 from vsnbench.text.terminal import Console
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from vsnbench.models.description import ModelDescription
     from vsnbench.values.robot_profile import RobotProfile
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 ModelName = Annotated[str, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")]
 
@@ -63,7 +64,6 @@ def list_models(as_json: Json = False) -> None:
         vsnbench models list
         vsnbench models list --json
     """
-    from vsnbench.errors import ModelError
     from vsnbench.models.description import describe_model
     from vsnbench.models.names import known_models
 

@@ -1,6 +1,7 @@
 """`vsnbench models serve`, and the checks of `models check` for classes and servers."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +9,7 @@ import typer
 
 from vsnbench.cli.support.output import print_json
 from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.models.contract_check import ContractFinding
@@ -143,12 +145,9 @@ def check_against_contract(
 
 def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
     """Print the results of checks; exit code 1 if a check failed."""
-    from dataclasses import asdict
-
     from rich.markup import escape
     from rich.table import Table
 
-    from vsnbench.text.sanitize import sanitize
     from vsnbench.text.terminal import Console
 
     if as_json:
@@ -164,7 +163,6 @@ def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> N
 
 
 def _write_stub(directory: Path) -> None:
-    from vsnbench.errors import UsageError
     from vsnbench.models.remote import vsnbench_policy
 
     source = Path(vsnbench_policy.__file__)

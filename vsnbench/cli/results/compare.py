@@ -1,14 +1,17 @@
 """`vsnbench compare`: tests of the differences between models."""
 
+import json
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites, results_directory
 from vsnbench.cli.support.output import Json
+from vsnbench.cli.support.terminal import page
 
 if TYPE_CHECKING:
     from vsnbench.report.analysis.episodes_frame import ReportData
@@ -69,7 +72,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.report.build import read
     from vsnbench.report.comparison.compare import compare, find_condition
     from vsnbench.report.comparison.ranking import ranking_of
-    from vsnbench.results.files.directory import ResultsDirectory
 
     published, place = published_results(), None
     if all(name.startswith("paper:") for name in models):
@@ -77,7 +79,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
         record = empty_report_data()
     else:
-        place = ResultsDirectory.locate(results, db)
+        place = results_directory(results, db)
         selection = Selection(
             goals=split_list(goal),
             sites=split_list(site),
@@ -98,8 +100,6 @@ def _with_courses(
     record: "ReportData", chosen: "Sequence[ConditionSummary]", place: "ResultsDirectory"
 ) -> "ReportData":
     """Return the record with the courses of the chosen conditions measured."""
-    from dataclasses import replace
-
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.report.analysis.courses import measure_courses
     from vsnbench.results.schema.migrate import open_record
@@ -122,8 +122,6 @@ def _print_comparisons(
     record: "ReportData",
 ) -> None:
     """Print comparisons as tables, or with the results of the models as one JSON object."""
-    import json
-
     from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
 
     if form == "json":
@@ -143,7 +141,6 @@ def _print_comparisons(
     tables = [ranking_table(ranking)] if ranking else []
     tables += [table for comparison in comparisons for table in comparison_tables(comparison)]
     if form == "table":
-        from vsnbench.cli.support.terminal import page
         from vsnbench.report.tables.report_table import print_tables
 
         print_tables(tables, page())

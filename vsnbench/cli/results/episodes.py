@@ -1,13 +1,17 @@
 """`vsnbench episodes`: list and show recorded episodes."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Goals, Models, Results
+from vsnbench.cli.support.options import Database, Goals, Models, Results, results_directory
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import page, safe
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -16,7 +20,7 @@ if TYPE_CHECKING:
     from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
     from vsnbench.values.step import StepRecord
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 _TABLE_ROWS = 50
 
@@ -62,11 +66,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
     from vsnbench.cli.results.episode_page import COLORS, metres
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
-    from vsnbench.errors import UsageError
     from vsnbench.results.annotations import read_tag
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import count_episodes, list_episodes
     from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
     from vsnbench.results.schema.migrate import open_record
@@ -82,7 +82,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         note=note,
     )
     maximum = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_record(results_directory(results, db).database_url) as engine:
         episodes = list_episodes(engine, selected, maximum)
         if not episodes:
             _refuse_unknown(engine, selected)
@@ -130,7 +130,6 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
     Raises:
         UsageError: there is one.
     """
-    from vsnbench.errors import UsageError
     from vsnbench.models.names import known_models
     from vsnbench.results.reading.queries import campaign_states, count_episodes
     from vsnbench.results.reading.recorded_names import recorded_goals, recorded_models
@@ -170,13 +169,11 @@ def show(
     [bold]vsnbench episodes show 17 --json | jq '.steps[].raw_action'[/bold]
     """
     from vsnbench.cli.results.episode_page import print_page
-    from vsnbench.cli.support.terminal import page
     from vsnbench.report.analysis.courses import measures_of
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_details, episode_steps
     from vsnbench.results.schema.migrate import open_record
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     with open_record(place.database_url) as engine:
         details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
         measures = measures_of(engine, details)
@@ -224,7 +221,6 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 def _details_object(
     details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
 ) -> dict[str, object]:
-    from dataclasses import asdict
 
     fields = asdict(details)
     del fields["summary"]
@@ -246,8 +242,6 @@ def _thinking_s(steps: "tuple[StepRecord, ...]") -> float | None:
 
 def _step_object(step: "StepRecord") -> dict[str, object]:
     """Return a step as JSON fields; they are stable. Unknown values are null."""
-    from dataclasses import asdict
-
     from vsnbench.results.schema.row_encoding import number
     from vsnbench.values.movement import movement_to_json
 

@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Goals, Models, Results
+from vsnbench.cli.support.options import Database, Goals, Models, Results, results_directory
 from vsnbench.cli.support.output import Json, print_files
 from vsnbench.text.sanitize import counted
 
 logger = logging.getLogger(__name__)
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 Numbers = Annotated[list[int] | None, typer.Argument(show_default="all that have ended", help="Numbers of episodes.")]
 
@@ -31,12 +31,11 @@ def tum(
     Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
     """
     from vsnbench.interop.episodes import read_episodes, write_tum
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
     from vsnbench.results.schema.migrate import open_record
 
     written = []
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_record(results_directory(results, db).database_url) as engine:
         for episode in read_episodes(engine, numbers or (), split_list(model)):
             path = directory / f"{episode.id:06d}.tum"
             write_tum(episode, episode_steps(engine, episode.id), path)
@@ -59,10 +58,9 @@ def habitat(
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.habitat import write_habitat
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.migrate import open_record
 
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_record(results_directory(results, db).database_url) as engine:
         written = write_habitat(read_episodes(engine, numbers or (), split_list(model)), directory)
     files = [directory / name for name in ("episode_results.json", "aggregated_results.json")]
     if as_json:
@@ -86,11 +84,10 @@ def csv_(
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.step_csv import write_steps
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
     from vsnbench.results.schema.migrate import open_record
 
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_record(results_directory(results, db).database_url) as engine:
         episodes = read_episodes(engine, numbers or (), split_list(model))
         written = write_steps(episodes, lambda episode: episode_steps(engine, episode.id), file)
     if as_json:
@@ -114,11 +111,10 @@ def bag(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.recorded_messages import COLOR
     from vsnbench.interop.rosbag import write_bag
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
     from vsnbench.results.schema.migrate import open_record
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     with open_record(place.database_url) as engine:
         (episode,) = read_episodes(engine, [number])
         messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
@@ -147,11 +143,10 @@ def mcap(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.mcap_file import write_mcap
     from vsnbench.interop.recorded_messages import COLOR
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
     from vsnbench.results.schema.migrate import open_record
 
-    place, written = ResultsDirectory.locate(results, db), []
+    place, written = results_directory(results, db), []
     with open_record(place.database_url) as engine, ProgressBars() as progress:
         episodes = read_episodes(engine, numbers or (), split_list(model))
         for done, episode in enumerate(episodes):
@@ -184,10 +179,9 @@ def lerobot(
     Example: [bold]vsnbench export lerobot dataset/ --model oracle --goal chair[/bold]
     """
     from vsnbench.cli.results.lerobot_export import LeRobotRequest, export_lerobot
-    from vsnbench.results.files.directory import ResultsDirectory
 
     request = LeRobotRequest(directory, tuple(numbers or ()), split_list(model), split_list(goal), depth)
-    done = export_lerobot(ResultsDirectory.locate(results, db), request)
+    done = export_lerobot(results_directory(results, db), request)
     if as_json:
         print_files([directory], as_json=True, episodes=done.episodes, frames=done.frames, left_out=done.left_out)
     else:
@@ -209,9 +203,8 @@ def episodes_(
     """
     from vsnbench.files.atomic import atomic_file
     from vsnbench.report.frames import Results as Record
-    from vsnbench.results.files.directory import ResultsDirectory
 
-    frame = Record(ResultsDirectory.locate(results, db).database_url).episodes()
+    frame = Record(results_directory(results, db).database_url).episodes()
     with atomic_file(file) as part:
         frame.to_csv(part, index=False)
     if as_json:
@@ -250,9 +243,8 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench export video --model vlv --goal chair --montage
     """
     from vsnbench.cli.results.video_export import VideoRequest, export_videos
-    from vsnbench.results.files.directory import ResultsDirectory
 
     request = VideoRequest(
         tuple(numbers or ()), split_list(model), split_list(goal), failures, pair, montage, output, size, speed
     )
-    print_files(export_videos(ResultsDirectory.locate(results, db), request), as_json=as_json)
+    print_files(export_videos(results_directory(results, db), request), as_json=as_json)

@@ -5,8 +5,10 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.options import Database, Results, results_directory
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.errors import UsageError
+from vsnbench.text.number_ranges import read_numbers
 
 
 def command(
@@ -29,14 +31,11 @@ def command(
         vsnbench note 17 --untag chair-moved
         vsnbench episodes list --tag chair-moved
     """
-    from vsnbench.errors import UsageError
     from vsnbench.results.annotations import read_annotation, tags_of
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.engine import reading, transaction
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
     from vsnbench.results.writing.provenance import gather_provenance
-    from vsnbench.text.number_ranges import read_numbers
 
     numbers = read_numbers(episodes, "episode", "12,15-18")
     annotation = read_annotation(note, split_list(tag), split_list(untag))
@@ -44,7 +43,7 @@ def command(
         raise UsageError(
             "nothing to add", advice="give a text, --tag or --untag, like `vsnbench note 17 --tag chair-moved`"
         )
-    place, provenance = ResultsDirectory.locate(results, db), gather_provenance()
+    place, provenance = results_directory(results, db), gather_provenance()
     with open_record(place.database_url):  # refuses a missing record, which the journal would create
         pass
     with Journal.open(place.database_url, provenance) as journal:

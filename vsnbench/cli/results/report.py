@@ -3,6 +3,7 @@
 import logging
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import Campaigns, Database, Goals, Models, Results, Robots, Sites
-from vsnbench.cli.support.output import Json, print_files
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Models, Results, Robots, Sites, results_directory
+from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import page
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -93,7 +95,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import build
-    from vsnbench.results.files.directory import ResultsDirectory
 
     form = Format.JSON if as_json else form
     if output is not None and output.suffix in _FILES and not output.is_dir():
@@ -114,7 +115,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         robots=split_list(robot),
         campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
     )
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     if website is not None:
         _write_website(place, selection, website, with_videos=not without_videos, as_json=as_json)
         return
@@ -134,9 +135,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 def _write_website(
     place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
 ) -> None:
-    from dataclasses import asdict
 
-    from vsnbench.cli.support.output import print_json
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.web.results_browser.website import write_website
 
@@ -153,8 +152,6 @@ def _write_website(
 
 def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
     """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
-    from dataclasses import replace
-
     from vsnbench.report.analysis.published import published_results
 
     results = report.results
@@ -174,7 +171,6 @@ def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
 def _print_tables_as(form: str, tables: "list[ReportTable]", results: "Numbers") -> None:
     """Print tables as `table`, `markdown` or `latex`, or the results in them as `json` or `csv`."""
     if form == "table":
-        from vsnbench.cli.support.terminal import page
         from vsnbench.report.tables.report_table import print_tables
 
         print_tables(tables, page())

@@ -1,11 +1,12 @@
 """`vsnbench doctor`: check this machine, and a robot, before a session."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.options import Database, Results, results_directory
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.config import BUILT_IN_ROBOT, VARIABLE_OF
 from vsnbench.errors import UsageError
@@ -60,10 +61,7 @@ def command(
         vsnbench doctor --robot turtlebot4@robot1
         vsnbench doctor --robot turtlebot2 --model pirlnav
     """
-    from dataclasses import asdict
-
     from vsnbench.models.description import describe_model
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.robots.checkup.check_up import check_up
     from vsnbench.robots.checkup.machine import check_installation, check_results
     from vsnbench.robots.checkup.result import Health
@@ -79,7 +77,7 @@ def command(
     facts = gather_machine_facts()
     checks = [
         *(check_installation(facts) if profile is None else ()),
-        *check_results(ResultsDirectory.locate(results, db)),
+        *check_results(results_directory(results, db)),
     ]
     if profile is not None:
         checks += check_up(profile, move=move)

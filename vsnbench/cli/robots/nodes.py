@@ -7,6 +7,7 @@ import typer
 
 from vsnbench.cli.support.options import Rehearse, SimulatedSite
 from vsnbench.config import BUILT_IN_SITE
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.simulator.robot_player import SimulationOptions
@@ -130,7 +131,6 @@ def _uses_ros1(profile: "RobotProfile", ros_arguments: list[str] | None) -> bool
         RobotError: the profile has no ROS interface.
         UsageError: there are ROS 1 arguments for a ROS 2 robot.
     """
-    from vsnbench.errors import UsageError
     from vsnbench.robots.ros.interface_kinds import kind_of
     from vsnbench.values.robot_identity import ROS1
 

@@ -7,12 +7,13 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.robots import nodes
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import UsageError
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="""List and check robot profiles; run the ROS nodes of a robot.
 
     vsnbench robots list
@@ -30,8 +31,6 @@ RobotArgument = Annotated[str, typer.Argument(help="Name of a profile, or path o
 @app.command("list")
 def list_robots(as_json: Json = False) -> None:
     """List the values of --robot."""
-    from vsnbench.cli.support.listing import name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
     from vsnbench.robots.ros.interface_kinds import INTERFACE_KINDS
@@ -66,7 +65,6 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Print a profile as YAML, with all defaults filled in."""
-    from vsnbench.errors import UsageError
     from vsnbench.robots.profiles import ANNOTATED_EXAMPLE, load_profile, profile_path
     from vsnbench.settings.yaml_text import dump_yaml
 
@@ -121,7 +119,6 @@ def calibrate(
 
         vsnbench robots calibrate turtlebot4 --output my-turtlebot4.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.robots.calibration import calibrate as measure
     from vsnbench.robots.calibration import write_corrections
     from vsnbench.robots.profiles import embedded_profiles, load_profile, profile_path

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results, RobotOrProfile
+from vsnbench.cli.support.options import Database, Results, RobotOrProfile, results_directory
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.errors import RobotError
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -55,9 +56,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
         vsnbench place --start 3 --robot simulated --picture look.png
     """
-    from vsnbench.errors import RobotError
     from vsnbench.protocol.parameters import ProtocolParameters
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.files.mark_photos import MarkPhotos
     from vsnbench.robots.registry import is_simulated, open_robot
     from vsnbench.runner.operator.placing import Placing
@@ -75,7 +74,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     parameters = ProtocolParameters(placement=tolerance)
     place = named_site(site)
     mark = place.start(start)
-    where = ResultsDirectory.locate(results, db)
+    where = results_directory(results, db)
     with (
         StopRequests() as stop,
         open_robot(robot, place, parameters, rehearsal=is_simulated(robot)) as opened,

@@ -18,6 +18,7 @@ from vsnbench.cli.support.options import (
     fit_of,
     operator_page,
     requested_workers,
+    results_directory,
     sites_of,
     what_to_keep,
 )
@@ -132,7 +133,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
@@ -141,7 +141,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
-        results=ResultsDirectory.locate(results, db),
+        results=results_directory(results, db),
         site=sites[0],
         robot=robot,
         starts=",".join(starts) if starts else None,

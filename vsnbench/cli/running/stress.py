@@ -13,6 +13,7 @@ from vsnbench.cli.support.options import (
     Protocol,
     Results,
     requested_workers,
+    results_directory,
     sites_of,
     what_to_keep,
 )
@@ -105,7 +106,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.stress_summary import check_figure, run_stress
     from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.stress import check_robot, conditions_of
     from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
@@ -119,7 +119,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
-        results=ResultsDirectory.locate(results, db),
+        results=results_directory(results, db),
         robot=robot,
         starts=",".join(starts) if starts else None,
         repetitions=repetitions,

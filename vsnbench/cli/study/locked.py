@@ -1,16 +1,19 @@
 """Commands for a locked study: run, status, amend, unblind, report."""
 
 import sys
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.study.report import StudyFormat
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list
 from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
 from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import safe
 from vsnbench.config import load_config
+from vsnbench.errors import StudyError, UsageError
 
 if TYPE_CHECKING:
     from vsnbench.cli.study.file import OpenedStudy
@@ -45,7 +48,6 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
     from vsnbench.cli.study.file import open_study
     from vsnbench.cli.study.running import StudyRunOptions, run_and_report
-    from vsnbench.errors import StudyError
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
 
     page = operator_page(console)
@@ -68,10 +70,6 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
 
 def _next_time(text: str) -> datetime | None:
     """Return the next occurrence of a time of day, as an aware datetime; None for an empty text."""
-    from datetime import timedelta
-
-    from vsnbench.errors import UsageError
-
     if not text:
         return None
     try:
@@ -89,8 +87,6 @@ def status(file: File = _DEFAULT, results: Results = None, db: Database = None, 
     [bold]vsnbench study status study.yaml[/bold]
     """
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.studies.entries import AMEND
     from vsnbench.results.studies.queries import trials_of
@@ -144,7 +140,6 @@ def amend(
     [bold]vsnbench study amend study.yaml --reason "the second operator is ill"[/bold]
     """
     from vsnbench.cli.study.file import open_study, write_lock_file
-    from vsnbench.errors import StudyError, UsageError
     from vsnbench.results.studies.entries import StudyChange
     from vsnbench.results.writing.journal import Journal
     from vsnbench.study.file import parse_study, read_text
@@ -185,7 +180,6 @@ def unblind(
     [bold]vsnbench study unblind study.yaml --reason "all trials are done"[/bold]
     """
     from vsnbench.cli.study.file import open_study, remove_blind_copies
-    from vsnbench.errors import UsageError
     from vsnbench.results.studies.entries import OVER
     from vsnbench.results.studies.queries import trials_of
     from vsnbench.results.writing.journal import Journal

@@ -4,6 +4,8 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from vsnbench.errors import RecordError
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
 
 def recorded_pairs(place: "StudyPlace", results: "ResultsDirectory") -> "tuple[PilotPair, ...]":
     """Return the recorded pairs for a study on progress; none for other studies, or without a record."""
-    from vsnbench.errors import RecordError
     from vsnbench.report.analysis.episodes_frame import read_report_data
     from vsnbench.report.study.pilot import pilot_pairs
     from vsnbench.results.schema.migrate import open_record

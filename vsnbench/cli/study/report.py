@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from vsnbench.cli.support.terminal import page, safe
+
 if TYPE_CHECKING:
     from vsnbench.report.study.findings import StudyFindings
 
@@ -33,7 +35,6 @@ def print_findings(form: StudyFormat, found: "StudyFindings") -> None:
         }[form]
         typer.echo(write(found), nl=False)
         return
-    from vsnbench.cli.support.terminal import page, safe
     from vsnbench.report.study.tables import study_tables
     from vsnbench.report.tables.report_table import print_tables
 

@@ -1,8 +1,10 @@
 """Text about a study before it runs: its arms, warnings, power and duration."""
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from vsnbench.errors import RecordError
 from vsnbench.text.sanitize import counted, duration_text
 
 if TYPE_CHECKING:
@@ -40,8 +42,6 @@ def arm_fields(arms: "Sequence[LockedArm]") -> list[dict[str, object]]:
 
 def warnings_of(place: "StudyPlace") -> Iterator[str]:
     """Yield what reveals the arms to an operator, and weaknesses of the design."""
-    import re
-
     study = place.study
     if study.blind:
         names = {name.lower() for name in study.arms} | {arm.model.lower() for arm in study.arms.values()}
@@ -129,7 +129,6 @@ def _stopping_notes(place: "StudyPlace", planned: "PlannedPower") -> "Iterator[s
 
 def duration_line(place: "StudyPlace", results: "ResultsDirectory", seconds: float | None) -> str:
     """Return the duration of the whole plan, from a given duration of a trial or the median in the record."""
-    from vsnbench.errors import RecordError
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.studies.queries import trial_duration_s
 

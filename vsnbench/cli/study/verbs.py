@@ -10,11 +10,13 @@ import typer
 
 from vsnbench.cli.study import locked
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Rehearse, Results, SimulatedSite
+from vsnbench.cli.support.options import Database, Rehearse, Results, SimulatedSite, results_directory
 from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import page
 from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.errors import StudyError, UsageError
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 File = Annotated[Path, typer.Argument(help="Path of the study file.")]
 _DEFAULT = Path("study.yaml")
@@ -77,7 +79,6 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench study new --arm il=pirlnav --arm vlv --goal bed,chair --seed 7[/bold]
     """
-    from vsnbench.errors import StudyError, UsageError
     from vsnbench.files.atomic import write_atomic
     from vsnbench.models.names import class_of
     from vsnbench.study.file import parse_study
@@ -203,16 +204,14 @@ def plan(
     """
     from vsnbench.cli.study.pilot import no_pairs_line, pilot_fields, recorded_pairs
     from vsnbench.cli.study.text import duration_line, power_table
-    from vsnbench.cli.support.terminal import page
     from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.tables.report_table import print_tables
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.study.arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    table, directory = power_table(place, rate), ResultsDirectory.locate(results, db)
+    table, directory = power_table(place, rate), results_directory(results, db)
     pace = duration_line(place, directory, seconds)
     pairs = recorded_pairs(place, directory)
     if as_json:
@@ -243,8 +242,6 @@ def lock(
     """
     from vsnbench.cli.study.file import study_of_file, write_lock_file
     from vsnbench.cli.study.text import warnings_of
-    from vsnbench.errors import StudyError
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.study import locking
     from vsnbench.runner.study.arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
@@ -256,7 +253,7 @@ def lock(
             f"{file} is already locked ({note_path(file)})", advice=f"run it: vsnbench study run {quote(str(file))}"
         )
     study = parse_study(text, str(file))
-    where = ResultsDirectory.locate(results, db)
+    where = results_directory(results, db)
     if known := study_of_file(text, where):
         write_lock_file(file, where, known.uuid)
         typer.echo(f"{file} is already locked: wrote {note_path(file)} again from the record", err=True)

@@ -13,6 +13,8 @@ from typing import Any, get_args
 from typer import Context
 from typer.models import ArgumentInfo, OptionInfo
 
+from vsnbench.cli.support.lists import split_list
+
 logger = logging.getLogger(__name__)
 
 READS_RECORD = frozenset({"report", "compare", "episodes", "export"})
@@ -77,7 +79,6 @@ def goals(context: Context, incomplete: str) -> list[Any]:
 
 def _goals_of_sites(context: Context) -> list[str]:
     """Return what can be a goal at the sites of `--site` or the default one; nothing of a site that cannot be read."""
-    from vsnbench.cli.support.lists import split_list
     from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, apply_config_defaults
     from vsnbench.sites.site import load_site
 

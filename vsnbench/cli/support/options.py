@@ -2,7 +2,8 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,9 +16,11 @@ from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
     from vsnbench.config import Config
     from vsnbench.models.camera_fit import Fit
-    from vsnbench.results.files.directory import KeepFiles
+    from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.web.operator.page import OperatorPage
 
@@ -119,6 +122,27 @@ Rehearse = Annotated[
 _MAX_WORKERS = 4096
 _HOST_AND_PORT = re.compile(r"(?P<host>.*?)(?::(?P<port>\d{1,5}))?")
 _LARGEST_PORT = 65535
+
+
+def results_directory(results: Path | None, db: str | None) -> "ResultsDirectory":
+    """Return the directory and the database of `--results` and `--db`, without accessing them."""
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    return ResultsDirectory.locate(results, db)
+
+
+@contextmanager
+def open_results(results: Path | None, db: str | None) -> "Iterator[tuple[ResultsDirectory, Engine]]":
+    """Open the existing record of `--results` and `--db` for reading.
+
+    Raises:
+        RecordError: no record exists, or its schema is not the current one.
+    """
+    from vsnbench.results.schema.migrate import open_record
+
+    place = results_directory(results, db)
+    with open_record(place.database_url) as engine:
+        yield place, engine
 
 
 def sites_of(values: Sequence[str] | None) -> tuple[str, ...]:
