@@ -8,7 +8,7 @@ import os
 import platform
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
 
@@ -156,19 +156,23 @@ def hide_flag_types(command: Any) -> None:
         hide_flag_types(subcommand)
 
 
-def main() -> None:
-    """Run the command line; known errors become one line on stderr and an exit code."""
+def main(loaded: Callable[[], object] = lambda: None) -> None:
+    """Run the command line; known errors become one line on stderr and an exit code.
+
+    Args:
+        loaded: called when the command is loaded and before it runs.
+    """
     gc.set_threshold(_ALLOCATIONS, *gc.get_threshold()[1:])
     # At exit, Python visits every live object: a second if models are loaded. All resources are closed by then.
     atexit.register(gc.freeze)
     with sanitized_output():
-        _run()
+        _run(loaded)
 
 
-def _run() -> None:
+def _run(loaded: Callable[[], object]) -> None:
     try:
         with opened_log(_describe_command) as log, _logged_end(log):
-            _run_command()
+            _run_command(loaded)
     except VsnbenchError as error:
         sys.stderr.write(f"vsnbench: error: {sanitize(str(error))}\n")
         sys.exit(error.exit_code)
@@ -182,7 +186,7 @@ def _run() -> None:
         sys.exit(VsnbenchError.exit_code)
 
 
-def _run_command() -> None:
+def _run_command(loaded: Callable[[], object]) -> None:
     completing = _COMPLETING in os.environ
     name = _verb()
     warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
@@ -195,6 +199,7 @@ def _run_command() -> None:
     refuse_empty_directories(words)
     refuse_repeated(command, words)
     _print_defaults(name, applied)
+    loaded()
     command(words, prog_name="vsnbench")
 
 

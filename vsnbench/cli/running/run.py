@@ -130,7 +130,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
     pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
@@ -161,17 +161,14 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         attended=page is not None,
         fail_fast=fail_fast,
     )
-    with ThreadsAndProcesses.now() as before:
-        if len(models) * len(seeds) * len(sites) > 1:
-            from vsnbench.cli.running.sweep_summary import run_sweep_and_report
+    if len(models) * len(seeds) * len(sites) == 1:
+        provider = TerminalOperatorProvider(unattended, page)
+        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json))
+    if page is not None:
+        raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
+    from vsnbench.cli.running.sweep_summary import run_sweep_and_report
 
-            if page is not None:
-                raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
-            code = run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json)
-        else:
-            code = _run_and_report(request, TerminalOperatorProvider(unattended, page), live=live, as_json=as_json)
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    run_and_exit(lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json))
 
 
 def _isolation(python: str) -> "Isolation":

@@ -104,7 +104,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     The same command with every trial done prints the result again.
     """
     from vsnbench.cli.running.stress_summary import check_figure, run_stress
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.stress import check_robot, conditions_of
@@ -132,7 +132,4 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         keep=what_to_keep(keep, live=False),
     )
     sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
-    with ThreadsAndProcesses.now() as before:
-        code = run_stress(sweep, request, figure, as_json=as_json)
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json))

@@ -45,27 +45,21 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench study run study.yaml --until 18:00[/bold]
     """
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.running import StudyRunOptions, run_and_report
+    from vsnbench.cli.study.running import place_of, run_and_report
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
+    from vsnbench.runner.study.source import StudyRequest
 
     page = operator_page(console)
     study = open_study(file, results, db)
     if study.refusal:
         raise StudyError(study.refusal)
     memory_gib = load_config().study.model_memory_gib
-    options = StudyRunOptions(
-        only_next=only_next,
-        until=_next_time(until),
-        memory_bytes=None if memory_gib is None else round(memory_gib * 2**30),
-        live=live,
-        as_json=as_json,
-    )
-    with ThreadsAndProcesses.now() as before:
-        code = run_and_report(study, options, TerminalOperatorProvider(unattended, page))
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
+    request = StudyRequest(study.recorded, place_of(study), study.results, only_next, _next_time(until), memory_bytes)
+    provider = TerminalOperatorProvider(unattended, page)
+    run_and_exit(lambda: run_and_report(study.file, request, provider, live=live, as_json=as_json))
 
 
 def _next_time(text: str) -> datetime | None:
